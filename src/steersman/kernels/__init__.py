@@ -1,0 +1,1 @@
+"""Compiled arithmetic: pure functions over arrays, each tested against its Python original."""

@@ -1,0 +1,103 @@
+"""The nouns of Steersman. Whatever fits one of these protocols can take part in a rollout."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+
+import numpy as np
+
+from steersman.types import Command, Decision, Observation, PathPoint, Pose, VehicleState
+
+if TYPE_CHECKING:
+    from steersman.kernels.path import PathTable
+
+
+class Path(Protocol):
+    """A curve to follow, parametrised by arc length s."""
+
+    @property
+    def length(self) -> float:
+        """Arc length [m]."""
+        ...
+
+    @property
+    def closed(self) -> bool:
+        """Whether the end joins the start."""
+        ...
+
+    @property
+    def table(self) -> PathTable:
+        """The path as pieces of linear curvature, as the kernels read it."""
+        ...
+
+    def at(self, s: float) -> PathPoint:
+        """The point at arc length s [m]; closed paths wrap, open ones go on straight."""
+        ...
+
+    def project(self, x: float, y: float, near: float | None = None) -> tuple[float, float]:
+        """Arc length s and signed lateral offset d (left positive) of the closest point [m].
+
+        ``near`` is an arc length to search from; without it the whole path is searched.
+        """
+        ...
+
+
+class Plant(Protocol):
+    """Something that drives: the embedded simulator, or CARLA."""
+
+    @property
+    def dt(self) -> float:
+        """Control period [s]."""
+        ...
+
+    def reset(
+        self, pose: Pose, speed: float, curvature: float, rng: np.random.Generator
+    ) -> VehicleState:
+        """Put the vehicle at ``pose`` in the steady turn of that curvature at that speed."""
+        ...
+
+    def step(self, command: Command) -> VehicleState:
+        """Hold ``command`` for one control period."""
+        ...
+
+    def close(self) -> None:
+        """Release whatever the plant holds; may be called twice."""
+        ...
+
+
+class Controller(Protocol):
+    """A lateral controller: frozen configuration here, everything that changes in ``state``."""
+
+    def init(self, vehicle: Any, dt: float) -> Any:
+        """State before the first step, for a vehicle's nominal parameters."""
+        ...
+
+    def step(self, state: Any, observation: Observation) -> tuple[Decision, Any]:
+        """Decide the steering for the next control period [normalised]."""
+        ...
+
+
+class SpeedSource(Protocol):
+    """The longitudinal side of a run: throttle and brake."""
+
+    def init(self, path: Path, dt: float) -> Any:
+        """State before the first step."""
+        ...
+
+    def step(self, state: Any, vehicle: VehicleState, s: float) -> tuple[float, float]:
+        """Throttle and brake, each in [0, 1]."""
+        ...
+
+
+class Sensor(Protocol):
+    """Makes an observation out of the vehicle's state and the path."""
+
+    def observe(
+        self, state: VehicleState, path: Path, s: float, rng: np.random.Generator
+    ) -> Observation:
+        """Observe the path from the vehicle whose projection lies at arc length ``s`` [m]."""
+        ...
+
+
+Metric: TypeAlias = Callable[[Any], float]

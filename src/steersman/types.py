@@ -1,0 +1,119 @@
+"""What flows through a control loop: named tuples in SI units, ISO 8855 signs.
+
+ISO 8855: x forward, y left, z up. Steering, curvature, yaw and lateral error are positive to
+the left. Angles are radians, lengths metres, times seconds. ``steer`` is the normalised steering
+command in [-1, 1]; 1 is full lock to the left.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray: TypeAlias = NDArray[np.float64]
+
+
+class VehicleState(NamedTuple):
+    """State of the vehicle at its centre of mass."""
+
+    time: float
+    """Time since the start of the run [s]."""
+    x: float
+    """Global position of the centre of mass [m]."""
+    y: float
+    """Global position of the centre of mass [m]."""
+    psi: float
+    """Yaw angle, unwrapped [rad]."""
+    v_x: float
+    """Longitudinal velocity in the vehicle's frame [m/s]."""
+    v_y: float
+    """Lateral velocity in the vehicle's frame, left positive [m/s]."""
+    yaw_rate: float
+    """Yaw rate [rad/s]."""
+    a_x: float
+    """Longitudinal acceleration of the centre of mass in the vehicle's frame [m/s^2]."""
+    a_y: float
+    """Lateral acceleration of the centre of mass in the vehicle's frame [m/s^2]."""
+    steer: float
+    """Actual (rate-limited) normalised steering [-]."""
+    wheel_angle: float
+    """Single-track angle of the front wheels: cot = mean of both wheels' cot [rad]."""
+    throttle: float
+    """Actual throttle [0..1]."""
+    brake: float
+    """Actual brake [0..1]."""
+
+
+class Observation(NamedTuple):
+    """What a controller sees at one control step; may carry sensor and waypoint errors."""
+
+    time: float
+    """Time since the start of the run [s]."""
+    lateral_error: float
+    """Signed distance of the tracked point from the path, left positive [m]."""
+    heading_error: float
+    """Yaw minus path tangent, in (-pi, pi] [rad]."""
+    v_x: float
+    """Longitudinal velocity [m/s]."""
+    v_y: float
+    """Lateral velocity [m/s]."""
+    yaw_rate: float
+    """Yaw rate [rad/s]."""
+    steer: float
+    """Actual normalised steering [-]."""
+    curvature: float
+    """Path curvature beside the tracked point [1/m]."""
+    preview: FloatArray
+    """Waypoints ahead in the vehicle's frame [m], shape (n, 2); row 0 is beside the car."""
+    spacing: float
+    """Distance between waypoints along the path [m]."""
+
+    @property
+    def speed(self) -> float:
+        """Magnitude of the velocity [m/s]."""
+        return float(np.hypot(self.v_x, self.v_y))
+
+
+class Command(NamedTuple):
+    """What a plant takes: normalised steering [-1, 1], throttle [0, 1], brake [0, 1]."""
+
+    steer: float
+    throttle: float
+    brake: float
+
+
+class Status(IntEnum):
+    """How a decision came about."""
+
+    SOLVED = 0
+    SATURATED = 1
+    """The command was clipped to a limit."""
+    FALLBACK = 2
+    """The controller's own method failed (or its input was not finite); its fallback answered."""
+
+
+class Decision(NamedTuple):
+    """A controller's answer: normalised steering command in [-1, 1] and how it came about."""
+
+    steer: float
+    status: Status = Status.SOLVED
+
+
+class Pose(NamedTuple):
+    """Global position of the centre of mass [m] and yaw [rad]."""
+
+    x: float
+    y: float
+    psi: float
+
+
+class PathPoint(NamedTuple):
+    """A point of a path: position [m], tangent direction [rad], curvature [1/m]."""
+
+    x: float
+    y: float
+    psi: float
+    kappa: float
