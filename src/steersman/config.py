@@ -14,13 +14,45 @@ from dataclasses import dataclass
 from functools import cache, partial
 from importlib.metadata import entry_points
 from pathlib import Path as FilePath
-from typing import Any, ClassVar, TypeVar, cast
+from typing import Any, ClassVar, TypeVar, get_args
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, ValidationError
-from pydantic_core import core_schema
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+)
+from pydantic_core import PydanticKnownError, core_schema
 
+from steersman import core_yaml
 from steersman.errors import ConfigError, DataError, suggestion
+from steersman.messages import config_error, field_unit
+
+__all__ = [
+    "ENTRY_POINT_GROUP",
+    "FAMILIES",
+    "Component",
+    "Of",
+    "Settings",
+    "build",
+    "components",
+    "dump",
+    "families",
+    "field_unit",
+    "lookup",
+    "merge",
+    "override",
+    "param",
+    "read_yaml",
+    "register",
+    "required",
+    "resolve",
+    "to_yaml",
+]
 
 C = TypeVar("C", bound="Component")
 M = TypeVar("M", bound=BaseModel)
@@ -42,10 +74,49 @@ FAMILIES: dict[str, str] = {
 _REGISTRY: dict[str, dict[str, type[Component]]] = {family: {} for family in FAMILIES}
 
 
-class Component(BaseModel):
+class Settings(BaseModel):
+    """Base of every group of fields: frozen, no unknown field, numbers finite and no booleans."""
+
+    model_config = ConfigDict(
+        frozen=True,
+        extra="forbid",
+        validate_default=True,
+        allow_inf_nan=False,
+        ser_json_inf_nan="constants",  # where a field may be infinite, null would not read back
+    )
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _check_and_complete(cls, value: Any, info: ValidationInfo) -> Any:
+        field = cls.model_fields[str(info.field_name)]
+        # pydantic takes True for 1.0; where a number is meant, "throttle: yes" is a mistake.
+        types = _types_in(field.annotation)
+        if types & {int, float} and bool not in types and _holds_boolean(value):
+            raise PydanticKnownError("float_type" if float in types else "int_type")
+        # Some fields of a group keep the others as this field's default has them, which need
+        # not be what the group's own class has.
+        if isinstance(value, Mapping):
+            default = field.get_default(call_default_factory=True)
+            if isinstance(default, BaseModel):
+                return merge(dump(default) or {}, value)
+            if any(isinstance(mark, Of) for mark in field.metadata):
+                return merge(_fields(default), value)
+        return value
+
+
+def _types_in(annotation: Any) -> set[Any]:
+    return {annotation}.union(*(_types_in(inner) for inner in get_args(annotation)))
+
+
+def _holds_boolean(value: Any) -> bool:
+    if isinstance(value, list | tuple):
+        return any(_holds_boolean(item) for item in value)
+    return isinstance(value, bool)
+
+
+class Component(Settings):
     """Base of everything that can be named in a configuration."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
     family: ClassVar[str] = ""
     kind: ClassVar[str] = ""
 
@@ -64,14 +135,21 @@ def register(family: str, kind: str) -> Callable[[type[C]], type[C]]:
     """Class decorator: make the component known as ``family=kind``."""
 
     def add(cls: type[C]) -> type[C]:
-        cls.family, cls.kind = family, kind
         other = _REGISTRY.setdefault(family, {}).get(kind)
-        if other is not None and other.__module__ != cls.__module__:
-            raise ConfigError(f"{family} {kind!r} is declared twice: {other} and {cls}")
+        # The same name is the same class, loaded anew.
+        if other is not None and _full_name(other) != _full_name(cls):
+            raise ConfigError(
+                f"{family} {kind!r} is declared twice: {_full_name(other)} and {_full_name(cls)}"
+            )
+        cls.family, cls.kind = family, kind
         _REGISTRY[family][kind] = cls
         return cls
 
     return add
+
+
+def _full_name(cls: type) -> str:
+    return f"{cls.__module__}.{cls.__qualname__}"
 
 
 @cache
@@ -82,7 +160,12 @@ def _import_family(family: str) -> None:
             importlib.import_module(f"{module.__name__}.{info.name}")
     for point in entry_points(group=ENTRY_POINT_GROUP):
         if point.name == family or point.name.startswith(f"{family}."):
-            point.load()
+            try:
+                point.load()
+            except Exception as error:  # another package's code may raise anything
+                raise ConfigError(
+                    f"entry point {point.name} = {point.value} cannot be loaded: {error}"
+                ) from error
 
 
 def families() -> list[str]:
@@ -120,12 +203,16 @@ def resolve(family: str, value: Any, *, optional: bool = False) -> Component | N
         return None
     if isinstance(value, Component):
         if value.family != family:
-            raise ConfigError(f"a {value.family} was given where a {family} is expected")
+            given = value.family or type(value).__name__
+            raise ConfigError(f"a {given} was given where a {family} is expected")
         return value
     if isinstance(value, str):
         value = {"kind": value}
     if not isinstance(value, Mapping) or "kind" not in value:
-        raise ConfigError(f"a {family} is a name or a mapping with 'kind', not {value!r}")
+        raise ConfigError(
+            f"a {family} is a name, or fields among them 'kind'; given {value!r};"
+            f" names: {', '.join(components(family))}"
+        )
     fields = {k: v for k, v in value.items() if k != "kind"}
     return build(lookup(family, str(value["kind"])), fields)
 
@@ -148,7 +235,7 @@ class Of:
 
 
 def dump(model: BaseModel | None) -> dict[str, Any] | None:
-    """A model as plain data; ``resolve(family, dump(x)) == x``."""
+    """A model as plain data, which :func:`resolve` turns into an equal model."""
     if model is None:
         return None
     data = model.model_dump(mode="json")
@@ -164,95 +251,54 @@ def build(cls: type[M], data: Mapping[str, Any]) -> M:
     try:
         return cls.model_validate(dict(data))
     except ValidationError as error:
-        raise ConfigError(_one_line(cls, error)) from None
-
-
-def _one_line(cls: type[BaseModel], error: ValidationError) -> str:
-    first, *rest = error.errors(include_url=False)
-    where = ".".join(str(part) for part in first["loc"])
-    text = _describe(cls, cast("dict[str, Any]", first))
-    more = f" (and {len(rest)} more)" if rest else ""
-    return f"{where}: {text}{more}" if not text.startswith(".") else f"{where}{text}{more}"
-
-
-def _describe(cls: type[BaseModel], error: dict[str, Any]) -> str:
-    name = str(error["loc"][-1]) if error["loc"] else ""
-    owner = getattr(cls, "kind", "") or cls.__name__
-    if error["type"] == "extra_forbidden":
-        return f"unknown field of {owner}{suggestion(name, cls.model_fields)}"
-    if isinstance(error.get("ctx", {}).get("error"), ConfigError):
-        inner = str(error["ctx"]["error"])
-        head = inner.split(": ", 1)[0]
-        return f".{inner}" if head and " " not in head else inner
-    field = cls.model_fields.get(str(error["loc"][0])) if error["loc"] else None
-    unit = field_unit(field) if field is not None else "-"
-    message = error["msg"].removeprefix("Value error, ")
-    message = message[0].lower() + message[1:]
-    given = "" if error["type"] == "missing" else f"; given {error['input']!r}"
-    return f"{message}{given}" + (f" [{unit}]" if unit != "-" else "")
-
-
-def field_unit(field: Any) -> str:
-    """The unit that was declared for a field, "-" if it has none."""
-    extra = getattr(field, "json_schema_extra", None)
-    return str(extra.get("unit", "-")) if isinstance(extra, dict) else "-"
+        raise config_error(cls, error) from None
 
 
 def merge(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
-    """``base`` with ``change`` laid over it; a mapping that names a ``kind`` replaces whole."""
+    """``base`` with ``change`` laid over it, field by field.
+
+    A change that names a ``kind`` replaces the whole, so that no field of one component is ever
+    handed to another.
+
+    >>> merge({"path": "circle"}, {"path": {"radius": 50}})
+    {'path': {'kind': 'circle', 'radius': 50}}
+    >>> merge({"path": {"kind": "circle", "radius": 50}}, {"path": {"kind": "straight"}})
+    {'path': {'kind': 'straight'}}
+    """
+    if "kind" in change:
+        return dict(change)
     out = dict(base)
     for key, value in change.items():
-        old = out.get(key)
-        if isinstance(value, Mapping) and "kind" not in value and isinstance(old, Mapping):
-            out[key] = merge(old, value)
-        else:
-            out[key] = value
+        out[key] = merge(_fields(out.get(key)), value) if isinstance(value, Mapping) else value
     return out
+
+
+def _fields(value: Any) -> Mapping[str, Any]:
+    if isinstance(value, str):
+        return {"kind": value}
+    return value if isinstance(value, Mapping) else {}
 
 
 def override(tree: Mapping[str, Any], assignments: Iterable[str]) -> dict[str, Any]:
-    """Apply ``key.sub=value`` assignments; naming a component replaces its whole subtree.
+    """Apply ``key.sub=value`` assignments in their order, each as :func:`merge` does.
+
+    >>> override({"path": "circle"}, ["path.radius=50", "duration=1e1"])
+    {'path': {'kind': 'circle', 'radius': 50}, 'duration': 10.0}
 
     Raises:
-        ConfigError: an assignment without "=" or into something that has no fields.
+        ConfigError: an assignment is not of the form key=value.
     """
-    out = merge({}, tree)
+    out = dict(tree)
     for text in assignments:
         key, sign, raw = text.partition("=")
-        if not sign or not key:
-            raise ConfigError(f"{text!r} is not an assignment; write key=value")
-        _assign(out, key.split("."), _parse(raw), text)
+        keys = key.strip().split(".")
+        if not sign or not all(keys):
+            raise ConfigError(f"{text!r} is not an assignment; write key=value or key.field=value")
+        value = core_yaml.value(raw)
+        for name in reversed(keys):
+            value = {name: value}
+        out = merge(out, value)
     return out
-
-
-def _assign(tree: dict[str, Any], keys: list[str], value: Any, text: str) -> None:
-    for depth, key in enumerate(keys[:-1]):
-        below = tree.get(key)
-        if below is None:
-            below = {}
-        elif isinstance(below, str):
-            below = {"kind": below}
-        elif not isinstance(below, Mapping):
-            name = ".".join(keys[: depth + 1])
-            raise ConfigError(f"{text!r}: {name} is a value and has no fields")
-        tree[key] = dict(below)
-        tree = tree[key]
-    old = tree.get(keys[-1])
-    is_component = isinstance(old, Mapping) and "kind" in old and isinstance(value, str)
-    tree[keys[-1]] = {"kind": value} if is_component else value
-
-
-def _parse(raw: str) -> Any:
-    try:
-        return float(raw) if "e" in raw.lower() else yaml.safe_load(raw)
-    except ValueError:
-        pass
-    except yaml.YAMLError:
-        return raw
-    try:
-        return yaml.safe_load(raw)
-    except yaml.YAMLError:
-        return raw
 
 
 def read_yaml(file: FilePath) -> dict[str, Any]:
@@ -262,10 +308,14 @@ def read_yaml(file: FilePath) -> dict[str, Any]:
         DataError: the file is missing, not YAML, or not a mapping.
     """
     try:
-        data = yaml.safe_load(file.read_text(encoding="utf-8"))
+        data = core_yaml.load(file.read_text(encoding="utf-8"))
     except OSError as error:
         raise DataError(f"{file}: cannot be read ({error.strerror})") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        line = f"line {mark.line + 1}: " if mark is not None else ""
+        raise DataError(f"{file}: {line}not valid YAML: {error.problem}") from None
+    except (yaml.YAMLError, ValueError) as error:  # not UTF-8, or control characters
         line = " ".join(str(error).split())
         raise DataError(f"{file}: not valid YAML: {line}") from None
     if data is None:
@@ -277,4 +327,4 @@ def read_yaml(file: FilePath) -> dict[str, Any]:
 
 def to_yaml(model: BaseModel) -> str:
     """The resolved configuration as YAML."""
-    return yaml.safe_dump(dump(model), sort_keys=False, allow_unicode=True)
+    return core_yaml.dump(dump(model))

@@ -11,7 +11,25 @@ class SteersmanError(Exception):
 
 
 class ConfigError(SteersmanError, ValueError):
-    """A configuration names something unknown or holds a value that is not allowed."""
+    """A configuration names something unknown or holds a value that is not allowed.
+
+    ``where`` is the path of fields to the fault; whoever catches the error one level up puts
+    the name of its own field in front.
+
+    >>> print(ConfigError("-3 is not allowed; must be greater than 0 [m]", ("path", "radius")))
+    path.radius: -3 is not allowed; must be greater than 0 [m]
+    """
+
+    def __init__(self, what: str, where: tuple[str, ...] = ()) -> None:
+        """``what`` is wrong, ``where`` if it concerns a field."""
+        super().__init__(what, where)  # both are args, so that the error survives pickling
+        self.what = what
+        self.where = where
+
+    def __str__(self) -> str:
+        """Where, then what, on one line."""
+        place = ".".join(self.where)
+        return one_line(f"{place}: {self.what}" if place else self.what)
 
 
 class DataError(SteersmanError, ValueError):
@@ -26,8 +44,25 @@ class TrainingDiverged(SteersmanError, RuntimeError):
     """Training was stopped because going on cannot lead anywhere."""
 
 
+def one_line(text: str) -> str:
+    """``text`` without its line breaks, and without the indentation after them."""
+    return " ".join(line.strip() for line in text.splitlines() if line.strip())
+
+
 def suggestion(word: str, allowed: Iterable[str]) -> str:
-    """``; did you mean 'x'?``, or the list of what is allowed when nothing is close."""
-    names = sorted(allowed)
-    close = difflib.get_close_matches(word, names, n=1, cutoff=0.5)
-    return f"; did you mean {close[0]!r}?" if close else f"; allowed: {', '.join(names)}"
+    """The end of a message about an unknown ``word``: the nearest match, or all that is allowed.
+
+    >>> suggestion("MPC-PID", ["mpc_pid", "stanley"])
+    "; did you mean 'mpc_pid'?"
+    >>> suggestion("x", ["mpc_pid", "stanley"])
+    '; allowed: mpc_pid, stanley'
+    """
+    names = {_plain(name): name for name in sorted(allowed)}
+    close = difflib.get_close_matches(_plain(word), names, n=1, cutoff=0.5)
+    if close:
+        return f"; did you mean {names[close[0]]!r}?"
+    return f"; allowed: {', '.join(names.values())}" if names else "; there are none"
+
+
+def _plain(word: str) -> str:
+    return word.lower().replace("-", "_")
