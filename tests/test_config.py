@@ -1,4 +1,5 @@
 import math
+from datetime import date
 from pathlib import Path as FilePath
 from typing import Annotated, Any, Literal
 
@@ -166,6 +167,15 @@ def test_a_fault_is_told_in_one_line(assignments: list[str], expected: str) -> N
     tree = dump(Run())
     assert tree is not None
     assert complaint(override(tree, assignments)) == expected
+
+
+class Dated(Settings):
+    day: date = param(date(2026, 1, 2), "-", "a type that has no wording of its own")
+
+
+def test_any_other_fault_is_told_in_the_words_of_the_validator() -> None:
+    message = complaint({"day": "soon"}, Dated)
+    assert message.startswith("day: 'soon' is not allowed; input should be a valid date")
 
 
 def test_long_values_and_line_breaks_do_not_spread() -> None:
