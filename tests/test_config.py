@@ -4,7 +4,7 @@ from pathlib import Path as FilePath
 from typing import Annotated, Any, Literal
 
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from pydantic import ValidationError, field_validator
 
@@ -338,6 +338,8 @@ def test_resolve_of_dump_is_the_same(widget: Component) -> None:
 
 
 @given(widgets)
+@example(Outer(length=1, spare=Plain(label="\x85")))
+@example(Plain(label="a  \n b\u2028\ufeff#: 'x\"", by_name={"1e3": Gains(), "no": Gains()}))
 def test_yaml_gives_back_the_same(widget: Component) -> None:
     run = Run(widget=widget)
     assert build(Run, core_yaml.load(to_yaml(run))) == run
@@ -430,6 +432,7 @@ def test_what_is_no_assignment(text: str) -> None:
         ("a: b", "a: b"),
         ("runs/a #1", "runs/a #1"),
         ("a=b", "a=b"),
+        ("<<", "<<"),
         ("!!python/object:os.system", "!!python/object:os.system"),
     ],
 )

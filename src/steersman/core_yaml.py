@@ -25,6 +25,7 @@ _CORE = [
     ),
     (f"{_TAG}merge", r"<<", ["<"]),  # 1.1 only, but people use it
 ]
+_UNFOLDED = 1_000_000
 _FLOW_OR_QUOTED = ("[", "{", '"', "'")
 
 _R = TypeVar("_R", type[yaml.SafeLoader], type[yaml.SafeDumper])
@@ -62,8 +63,13 @@ class _Dumper(yaml.SafeDumper):
     """Quotes whatever either version of YAML would take for something else than text."""
 
 
+def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    # Escape all that is not printable: PyYAML folds lone line separators away.
+    return dumper.represent_scalar(f"{_TAG}str", text, None if text.isprintable() else '"')
+
+
 _with_core_rules(_Loader).add_constructor(f"{_TAG}int", _Loader.construct_int)
-_with_core_rules(_Dumper)
+_with_core_rules(_Dumper).add_representer(str, _represent_text)
 
 
 def load(text: str) -> Any:
@@ -77,7 +83,7 @@ def load(text: str) -> Any:
 
 def dump(data: Any) -> str:
     """Plain data as YAML, in the order given."""
-    return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True)
+    return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=_UNFOLDED)
 
 
 def value(text: str) -> Any:
@@ -92,9 +98,7 @@ def value(text: str) -> Any:
         except yaml.YAMLError:
             return text
     loader = _Loader("")
-    try:
-        tag = loader.resolve(yaml.ScalarNode, text, (True, False))  # type: ignore[no-untyped-call]
-        node = yaml.ScalarNode(tag, text)
-        return loader.construct_object(node)
-    finally:
-        loader.dispose()
+    tag = loader.resolve(yaml.ScalarNode, text, (True, False))  # type: ignore[no-untyped-call]
+    if tag == f"{_TAG}merge":  # means something as a key only
+        return text
+    return loader.construct_object(yaml.ScalarNode(tag, text))
