@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, NamedTuple, Self
 
 from pydantic import ConfigDict
 
@@ -11,6 +14,27 @@ from steersman.config import Component
 from steersman.kernels import path as kernel
 from steersman.kernels.path import PathTable
 from steersman.types import PathPoint
+
+
+class Corner(NamedTuple):
+    """A named stretch of a path."""
+
+    name: str
+    s_start: float
+    """Arc length where it begins [m]."""
+    s_end: float
+    """Arc length where it ends [m]."""
+
+
+@dataclass(eq=False)
+class Geometry:
+    """Holds a table within a component without taking part in its comparison.
+
+    Pydantic first compares all that an instance holds and looks at the fields alone if that
+    differs; arrays cannot be compared so, this object (by identity) can.
+    """
+
+    table: PathTable
 
 
 class PathComponent(Component):
@@ -23,9 +47,14 @@ class PathComponent(Component):
         """The pieces of the path; called once."""
 
     @cached_property
+    def geometry(self) -> Geometry:
+        """What was built when first used."""
+        return Geometry(self.build_table())
+
+    @property
     def table(self) -> PathTable:
         """The path as pieces of linear curvature, one path in the table."""
-        return self.build_table()
+        return self.geometry.table
 
     @property
     def length(self) -> float:
@@ -42,8 +71,23 @@ class PathComponent(Component):
         return PathPoint(*kernel.at(self.table, 0, float(s)))
 
     def project(self, x: float, y: float, near: float | None = None) -> tuple[float, float]:
-        """Arc length s and signed lateral offset d (left positive) of the closest point [m]."""
+        """Arc length s and signed lateral offset d (left positive) of the closest point [m].
+
+        Without ``near`` the whole path is searched; with it, downhill from that arc length,
+        which tells the branches of a path that crosses itself apart.
+        """
         if near is None:
-            return kernel.project(self.table, 0, float(x), float(y))
-        s, d, _, _ = kernel.project_near(self.table, 0, float(x), float(y), float(near))
-        return s, d
+            s, d = kernel.project(self.table, 0, float(x), float(y))
+        else:
+            s, d, _, _ = kernel.project_near(self.table, 0, float(x), float(y), float(near))
+        return float(s), float(d)
+
+    def corners(self) -> list[Corner]:
+        """The named stretches in driving order; none unless the path has names."""
+        return []
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A copy, as pydantic's, that does not inherit geometry built for other fields."""
+        copy = super().model_copy(update=update, deep=deep)
+        copy.__dict__.pop("geometry", None)
+        return copy
