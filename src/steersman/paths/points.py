@@ -1,0 +1,252 @@
+"""Read the points of a path from a CSV file, and refuse what cannot be driven."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path as FilePath
+from typing import NamedTuple
+
+import numpy as np
+
+from steersman.errors import DataError
+from steersman.types import FloatArray
+
+_COLUMNS = {"x": ("x", "x_m"), "y": ("y", "y_m")}
+_CURE = "the header must name the columns x,y or x_m,y_m"
+_MOST_BYTES = 50_000_000
+_FARTHEST = 1e8
+_DUPLICATE = 1e-6
+# So much closer than the median, two points would make the spline bulge.
+_ALMOST = 1e-3
+_LEAST_POINTS = 3
+# A vertex that turns by more goes back where it came from.
+_BACK = math.radians(135.0)
+# Closing a lap whose end runs past its start makes two opposite turns of more than this.
+_KINK = math.radians(60.0)
+_NEAR_JOINT = 10
+
+
+class Points(NamedTuple):
+    """Points of a path and where they stand in their file."""
+
+    file: FilePath
+    x: FloatArray
+    y: FloatArray
+    lines: list[int]
+    closed: bool
+
+    def fault(self, row: int, text: str) -> DataError:
+        """The error to raise about the point ``row``."""
+        return _fault(self.file, self.lines[row % len(self.lines)], text)
+
+
+def read_points(file: FilePath, closed: bool | None = None) -> Points:
+    """The points of a file; a closed path's last point is dropped if it repeats the first.
+
+    Without ``closed`` the path is closed if its end comes near its start: within twice the
+    median spacing, and a tenth of the length.
+
+    Raises:
+        DataError: the file or the course of its points cannot be used; one line says where and
+            what to do.
+    """
+    lines, x, y = _parse(file, _text(file))
+    if len(x) < _LEAST_POINTS:
+        raise DataError(f"{file}: holds {len(x)} points, a path needs at least {_LEAST_POINTS}")
+    points = Points(file, np.array(x), np.array(y), lines, closed is not False)
+    if closed is None:
+        points = points._replace(closed=_ends_meet(points))
+    if points.closed and math.dist((x[0], y[0]), (x[-1], y[-1])) < _DUPLICATE:
+        points = points._replace(x=points.x[:-1], y=points.y[:-1], lines=lines[:-1])
+        if len(lines) - 1 < _LEAST_POINTS:
+            raise DataError(
+                f"{file}: a closed path needs at least {_LEAST_POINTS} different points"
+            )
+    _check_course(points)
+    return points
+
+
+def _fault(file: FilePath, line: int, text: str) -> DataError:
+    return DataError(f"{file}: line {line}: {text}")
+
+
+def _text(file: FilePath) -> str:
+    cure = "give a CSV file with the columns x,y"
+    place = FilePath(os.path.expanduser(file))
+    if place.is_dir():
+        raise DataError(f"{file}: is a folder; {cure}")
+    try:
+        with place.open("rb") as stream:
+            data = stream.read(_MOST_BYTES + 1)
+    except OSError as error:
+        raise DataError(f"{file}: cannot be read ({error.strerror}); {cure}") from None
+    except ValueError:
+        raise DataError(f"{str(file)!r}: is not the name of a file; {cure}") from None
+    if len(data) > _MOST_BYTES:
+        raise DataError(
+            f"{file}: is larger than {_MOST_BYTES // 1_000_000} MB; thin the points out"
+        )
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = "\0"
+    if "\0" in text:
+        raise DataError(f"{file}: is not a text file; {cure}")
+    if not text.strip():
+        raise DataError(f"{file}: is empty; {_CURE}")
+    return text
+
+
+def _parse(file: FilePath, text: str) -> tuple[list[int], list[float], list[float]]:
+    """Line numbers and coordinates of all points."""
+    columns: tuple[int, int] | None = None
+    separator = ","
+    numbers: list[int] = []
+    x: list[float] = []
+    y: list[float] = []
+    for number, raw in enumerate(text.splitlines(), start=1):
+        line = raw.strip()
+        comment = line.startswith("#")
+        if not line or (comment and columns is not None):
+            continue
+        if columns is None:
+            separator = next((mark for mark in (";", "\t") if mark in line), ",")
+            columns = _header(file, number, _cells(line.lstrip("# "), separator), comment)
+            continue
+        cells = _cells(line, separator)
+        numbers.append(number)
+        x.append(_number(file, number, cells, columns[0], "x"))
+        y.append(_number(file, number, cells, columns[1], "y"))
+    if columns is None:
+        raise DataError(f"{file}: has no header; {_CURE}")
+    return numbers, x, y
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    return [cell.strip().strip("\"'") for cell in line.split(separator)]
+
+
+def _header(file: FilePath, number: int, cells: list[str], comment: bool) -> tuple[int, int] | None:
+    """Places of x and y; none if this is a comment that says something else."""
+    names = [cell.lower() for cell in cells]
+    places = [
+        next((names.index(word) for word in words if word in names), None)
+        for words in _COLUMNS.values()
+    ]
+    if places[0] is not None and places[1] is not None:
+        return places[0], places[1]
+    if comment:
+        return None
+    lacking = " and ".join(name for name, at in zip(_COLUMNS, places, strict=True) if at is None)
+    found = ", ".join(cells)
+    raise _fault(file, number, f"no column {lacking} in {found[:60]!r}; {_CURE}")
+
+
+def _number(file: FilePath, number: int, cells: list[str], place: int, name: str) -> float:
+    if place >= len(cells) or not cells[place]:
+        raise _fault(file, number, f"{name} is missing; give every point an x and a y")
+    cell = cells[place]
+    try:
+        value = float(cell)
+    except ValueError:
+        raise _fault(
+            file, number, f"{name} is {cell[:40]!r}, not a number; mend or remove the line"
+        ) from None
+    if not abs(value) <= _FARTHEST:
+        raise _fault(
+            file,
+            number,
+            f"{name} is {cell[:40]}; positions are finite and in metres, mend the line",
+        )
+    return value
+
+
+def _ends_meet(points: Points) -> bool:
+    x, y = points.x, points.y
+    steps = np.hypot(np.diff(x), np.diff(y))
+    near = min(2.0 * float(np.median(steps)), 0.1 * float(np.sum(steps)))
+    if math.hypot(x[-1] - x[0], y[-1] - y[0]) <= near:
+        return True
+    # The end of a lap that was recorded too long passes the start in the same direction.
+    half = len(x) // 2
+    gap = np.hypot(x[half:] - x[0], y[half:] - y[0])
+    row = half + int(np.argmin(gap))
+    if gap[row - half] <= near and row + 1 < len(x):
+        ahead = (x[1] - x[0]) * (x[row + 1] - x[row]) + (y[1] - y[0]) * (y[row + 1] - y[row])
+        if ahead > 0.5 * steps[0] * steps[row]:
+            raise points.fault(
+                row + 1,
+                f"the path runs on past its start (line {points.lines[0]});"
+                f" cut the file off here, or set loop to false",
+            )
+    return False
+
+
+def _check_course(points: Points) -> None:
+    dx, dy = _chords(points)
+    size = np.hypot(dx, dy)
+    same = np.flatnonzero(size < max(_DUPLICATE, _ALMOST * float(np.median(size))))
+    if same.size:
+        row = int(same[0])
+        raise points.fault(
+            row + 1,
+            f"repeats (almost) the point of line {points.lines[row]}; remove one of the two",
+        )
+    # Turning at the end of each chord; a closed path's last is the turn at its first point.
+    ahead, before = slice(1, None), slice(None, -1)
+    if points.closed:
+        dx, dy = np.append(dx, dx[0]), np.append(dy, dy[0])
+    cross = dx[before] * dy[ahead] - dy[before] * dx[ahead]
+    turn = np.arctan2(cross, dx[before] * dx[ahead] + dy[before] * dy[ahead])
+    if points.closed:
+        _check_joint(points, float(turn[-2]), float(turn[-1]))
+    back = np.flatnonzero(np.abs(turn) > _BACK)
+    if back.size:
+        raise points.fault(
+            int(back[0]) + 1,
+            "the path turns back on itself; put the points into driving order",
+        )
+
+
+def _chords(points: Points) -> tuple[FloatArray, FloatArray]:
+    x, y = points.x, points.y
+    if points.closed:
+        x, y = np.append(x, x[0]), np.append(y, y[0])
+    return np.diff(x), np.diff(y)
+
+
+def _check_joint(points: Points, turn_last: float, turn_first: float) -> None:
+    """The chord that closes the path must lead on, and the ends must not cross."""
+    turns_back = max(abs(turn_last), abs(turn_first)) > _BACK
+    kink = turn_last * turn_first < 0.0 and min(abs(turn_last), abs(turn_first)) > _KINK
+    if turns_back or kink or _ends_cross(points):
+        raise points.fault(
+            -1,
+            f"the end overlaps or crosses the start (line {points.lines[0]});"
+            f" cut the surplus points off, or set loop to false",
+        )
+
+
+def _ends_cross(points: Points) -> bool:
+    """Whether chords near the end, the closing one included, cross chords near the start."""
+    count = len(points.x)
+    some = min(_NEAR_JOINT, count // 4)
+    place = np.column_stack((points.x, points.y))
+    for i in range(count - some, count):
+        for j in range(some):
+            # Neighbours share a point and do not cross.
+            if (j - i) % count > 1 and _cross(
+                place[i], place[(i + 1) % count], place[j], place[j + 1]
+            ):
+                return True
+    return False
+
+
+def _cross(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> bool:
+    """Whether the lines a-b and c-d cross between their ends."""
+
+    def side(p: FloatArray, q: FloatArray, r: FloatArray) -> float:
+        return float((q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]))
+
+    return side(a, b, c) * side(a, b, d) < 0.0 and side(c, d, a) * side(c, d, b) < 0.0
