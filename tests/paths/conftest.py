@@ -1,0 +1,78 @@
+"""Every kind of path, in several shapes."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path as FilePath
+
+import pytest
+
+from steersman.config import resolve
+from steersman.paths.base import PathComponent
+
+SHAPES: dict[str, dict[str, object]] = {
+    "straight": {"kind": "straight"},
+    "circle": {"kind": "circle"},
+    "circle-right": {"kind": "circle", "radius": 6.0, "direction": "right"},
+    "training_circuit": {"kind": "training_circuit"},
+    "training_circuit-reverse-mirror": {
+        "kind": "training_circuit",
+        "reverse": True,
+        "mirror": True,
+    },
+    "monza": {"kind": "monza"},
+    "monza-reverse": {"kind": "monza", "reverse": True},
+    "lemniscate": {"kind": "lemniscate"},
+    "lemniscate-small": {"kind": "lemniscate", "size": 8.0},
+    "figure_eight": {"kind": "figure_eight"},
+    "double_lane_change": {"kind": "double_lane_change"},
+    "double_lane_change-right": {"kind": "double_lane_change", "direction": "right"},
+    "random_road": {"kind": "random_road"},
+    "random_road-7": {"kind": "random_road", "seed": 7, "straights": 0.0},
+    "csv-closed": {"kind": "csv", "file": "ellipse.csv"},
+    "csv-open": {"kind": "csv", "file": "wave.csv"},
+    "csv-smooth": {"kind": "csv", "file": "ellipse.csv", "smoothing": 0.05},
+}
+CROSSING = ("lemniscate", "figure_eight")
+
+
+def write_csv(file: FilePath, points: list[tuple[float, float]], header: str = "x,y") -> FilePath:
+    """A CSV file with these points."""
+    rows = [f"{x!r},{y!r}" for x, y in points]
+    file.write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
+    return file
+
+
+def ellipse(count: int = 60) -> list[tuple[float, float]]:
+    """Points of an ellipse of 80 m by 50 m, driven to the left; the first is not repeated."""
+    angles = [math.tau * i / count for i in range(count)]
+    return [(80.0 * math.cos(a), 50.0 * math.sin(a)) for a in angles]
+
+
+@pytest.fixture(scope="session")
+def paths(tmp_path_factory: pytest.TempPathFactory) -> dict[str, PathComponent]:
+    """All shapes, built once."""
+    folder = tmp_path_factory.mktemp("paths")
+    write_csv(folder / "ellipse.csv", ellipse())
+    write_csv(folder / "wave.csv", [(5.0 * i, 10.0 * math.sin(0.25 * i)) for i in range(50)])
+    out = {}
+    for name, fields in SHAPES.items():
+        data = dict(fields)
+        if "file" in data:
+            data["file"] = str(folder / str(data["file"]))
+        path = resolve("path", data)
+        assert isinstance(path, PathComponent)
+        out[name] = path
+    return out
+
+
+@pytest.fixture(params=SHAPES)
+def path(request: pytest.FixtureRequest, paths: dict[str, PathComponent]) -> PathComponent:
+    """Each shape in turn."""
+    return paths[request.param]
+
+
+@pytest.fixture(params=[name for name in SHAPES if not name.startswith(CROSSING)])
+def plain_path(request: pytest.FixtureRequest, paths: dict[str, PathComponent]) -> PathComponent:
+    """Each shape that does not cross itself."""
+    return paths[request.param]
