@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
@@ -47,7 +48,8 @@ COLUMNS: dict[str, str] = {
 }
 # Ways a run can end.
 DURATION, LAPS, END_OF_PATH = "duration", "laps", "end_of_path"
-OFF_TRACK, ROLL_OVER, ERROR, INTERRUPTED = "off_track", "roll_over", "error", "interrupted"
+OFF_TRACK, ROLL_OVER, TIMEOUT = "off_track", "roll_over", "timeout"
+ERROR, INTERRUPTED = "error", "interrupted"
 COMPLETED = frozenset({DURATION, LAPS, END_OF_PATH})
 
 
@@ -94,8 +96,24 @@ class Episode:
             "meta": dict(self.meta),
         }
         text = np.frombuffer(json.dumps(head).encode(), dtype=np.uint8)
+        arrays: dict[str, Any] = {"head": text, **self.columns}
         with replacing(file) as stream:
-            np.savez_compressed(stream, head=text, **dict(self.columns))
+            np.savez_compressed(stream, **arrays)
+
+
+def is_episode(file: FilePath) -> bool:
+    """Whether an ``.npz`` file claims to be an episode; archives of others do not.
+
+    Raises:
+        DataError: the file is missing or not an archive at all.
+    """
+    try:
+        with zipfile.ZipFile(file) as archive:
+            return "head.npy" in archive.namelist()
+    except OSError as error:
+        raise DataError(f"{file}: cannot be read ({error.strerror or error})") from None
+    except (EOFError, ValueError, zipfile.BadZipFile) as error:
+        raise DataError(f"{file}: not an .npz archive ({error})") from None
 
 
 def load_episode(file: FilePath) -> Episode:
@@ -108,8 +126,30 @@ def load_episode(file: FilePath) -> Episode:
         with np.load(file, allow_pickle=False) as data:
             head = json.loads(bytes(data["head"]).decode())
             columns = {name: np.asarray(data[name], dtype=np.float64) for name in COLUMNS}
-        return Episode(columns=columns, **head)
+        episode = Episode(columns=columns, **head)
+        _check(episode)
     except OSError as error:
         raise DataError(f"{file}: cannot be read ({error.strerror or error})") from None
-    except (KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile) as error:
+    except (KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise DataError(f"{file}: not an episode of Steersman ({error})") from None
+    return episode
+
+
+def _check(episode: Episode) -> None:
+    """Refuse what a flipped byte or another program's file would smuggle in."""
+    shapes = {np.shape(column) for column in episode.columns.values()}
+    if len(shapes) != 1 or len(next(iter(shapes))) != 1:
+        raise ValueError("its columns differ in length")
+    allowed: dict[str, type | tuple[type, ...]] = {
+        "end": str,
+        "distance": (int, float),
+        "dt": (int, float),
+        "path_length": (int, float),
+        "closed": bool,
+        "meta": dict,
+    }
+    for name, kind in allowed.items():
+        if not isinstance(getattr(episode, name), kind):
+            raise TypeError(f"{name} is {getattr(episode, name)!r}")
+    if not episode.dt > 0.0:
+        raise ValueError(f"dt is {episode.dt!r}")

@@ -18,10 +18,12 @@ def replacing(file: FilePath) -> Iterator[BinaryIO]:
 
     If the block raises, the temporary file goes and whatever ``file`` held stays.
 
+    A link stays a link: what it points to is replaced.
+
     Raises:
-        DataError: the folder cannot be written.
+        DataError: the folder cannot be written, the disk is full, or ``file`` is a folder.
     """
-    file = FilePath(file)
+    file = FilePath(os.path.realpath(file))
     make_folder(file.parent)
     try:
         handle, name = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}.")
@@ -34,6 +36,9 @@ def replacing(file: FilePath) -> Iterator[BinaryIO]:
             os.fsync(stream.fileno())
         os.chmod(name, 0o644)
         os.replace(name, file)
+    except OSError as error:
+        FilePath(name).unlink(missing_ok=True)
+        raise DataError(f"{file}: cannot be written ({error.strerror or error})") from error
     except BaseException:
         FilePath(name).unlink(missing_ok=True)
         raise

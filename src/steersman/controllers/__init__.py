@@ -1,0 +1,1 @@
+"""Lateral controllers: each a frozen configuration with explicit state."""

@@ -1,0 +1,49 @@
+"""What all lateral controllers of this package share: checked input, limited output."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from typing import Any, final
+
+from steersman.config import Component
+from steersman.types import Decision, Observation, Status
+from steersman.vehicles import Vehicle
+
+
+class ControllerComponent(Component):
+    """A lateral controller. Subclasses decide; this class guards input and output."""
+
+    @abstractmethod
+    def init(self, vehicle: Vehicle, dt: float) -> Any:
+        """State before the first step.
+
+        Args:
+            vehicle: nominal parameters, for controllers that use a model.
+            dt: control period [s].
+        """
+
+    @abstractmethod
+    def decide(self, state: Any, observation: Observation) -> tuple[float, Status, Any]:
+        """Normalised steering (may exceed the limits), how it came about, and the new state."""
+
+    @final
+    def step(self, state: Any, observation: Observation) -> tuple[Decision, Any]:
+        """Decide the steering for the next control period, in [-1, 1].
+
+        An observation that is not finite gets the present steering, marked as a fallback, and
+        leaves the state alone.
+        """
+        if not is_finite(observation):
+            held = observation.steer if math.isfinite(observation.steer) else 0.0
+            return Decision(min(max(held, -1.0), 1.0), Status.FALLBACK), state
+        steer, status, state = self.decide(state, observation)
+        if not -1.0 <= steer <= 1.0:
+            steer = min(max(steer, -1.0), 1.0)
+            status = Status.SATURATED if status == Status.SOLVED else status
+        return Decision(steer, status), state
+
+
+def is_finite(observation: Observation) -> bool:
+    """Whether every number of the observation is finite."""
+    return math.isfinite(sum(observation[:8]) + float(observation.preview.sum()))

@@ -1,0 +1,111 @@
+"""PID on the lateral error, with optional curvature and side-slip feed-forward."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from steersman.config import Settings, param, register
+from steersman.controllers.base import ControllerComponent
+from steersman.types import Observation, Status
+from steersman.vehicles import Vehicle
+
+
+class PidState(NamedTuple):
+    """Integral of the error [m s], filtered derivative [m/s], last error [m] (None at first)."""
+
+    integral: float = 0.0
+    derivative: float = 0.0
+    error: float | None = None
+
+
+class PidGains(Settings):
+    """Gains of a PID controller from lateral error [m] to normalised steering."""
+
+    k_p: float = param(0.1, "1/m", "Proportional gain.", ge=0)
+    k_i: float = param(0.02, "1/(m s)", "Integral gain.", ge=0)
+    k_d: float = param(0.05, "s/m", "Derivative gain.", ge=0)
+    filter_time: float = param(0.1, "s", "Time constant of the derivative's filter.", ge=0)
+    integral_limit: float = param(2.0, "m s", "Bound of the integral.", ge=0)
+
+    def update(self, state: PidState, error: float, dt: float) -> tuple[float, PidState]:
+        """Steering against the error (left of the path steers right) and the new state.
+
+        The integral stands still while the output is saturated in its direction.
+        """
+        slope = 0.0 if state.error is None else (error - state.error) / dt
+        blend = dt / (self.filter_time + dt)
+        derivative = state.derivative + blend * (slope - state.derivative)
+        wanted = state.integral + error * dt
+        wanted = min(max(wanted, -self.integral_limit), self.integral_limit)
+        output = -(self.k_p * error + self.k_i * wanted + self.k_d * derivative)
+        integral = wanted if abs(output) <= 1.0 or output * error > 0.0 else state.integral
+        return output, PidState(integral, derivative, error)
+
+
+class PidControllerState(NamedTuple):
+    """Vehicle and control period, and what the PID carries."""
+
+    vehicle: Vehicle
+    dt: float
+    pid: PidState
+
+
+@register("controller", "pid")
+class Pid(ControllerComponent):
+    """PID on the lateral error; with ``feedforward``, plus the steering of the steady turn.
+
+    Feed-forward (Rajamani, Vehicle Dynamics and Control, 2nd ed., sec. 3.3): wheel angle
+    L kappa + K_us v^2 kappa. The steady side-slip adds its part to the lateral error ahead of
+    the car, so heading is compared with the steady turn's, not with the tangent.
+    """
+
+    gains: PidGains = param(PidGains(), "-", "Gains.")
+    k_heading: float = param(0.0, "1/rad", "Gain on heading error minus its steady value.", ge=0)
+    feedforward: bool = param(False, "-", "Add the steady turn's steering for the curvature.")
+    preview_time: float = param(0.1, "s", "Look-ahead of the feed-forward's curvature.", ge=0)
+
+    def init(self, vehicle: Vehicle, dt: float) -> PidControllerState:
+        """State before the first step."""
+        return PidControllerState(vehicle, dt, PidState())
+
+    def decide(
+        self, state: PidControllerState, observation: Observation
+    ) -> tuple[float, Status, PidControllerState]:
+        """Normalised steering, unclipped."""
+        steer, pid = self.gains.update(state.pid, observation.lateral_error, state.dt)
+        vehicle, v = state.vehicle, observation.v_x
+        steady_slip = 0.0
+        if self.feedforward:
+            kappa = preview_curvature(observation, self.preview_time * v)
+            steer += vehicle.steer_for_wheel_angle(steady_wheel_angle(vehicle, v, kappa), v)
+            steady_slip = steady_side_slip(vehicle, v, observation.curvature)
+        steer -= self.k_heading * (observation.heading_error + steady_slip)
+        return steer, Status.SOLVED, state._replace(pid=pid)
+
+
+def steady_wheel_angle(vehicle: Vehicle, v: float, kappa: float) -> float:
+    """Single-track wheel angle of the steady turn, Rajamani eq. 3.15 [rad]."""
+    load_f = vehicle.mass * vehicle.l_r / vehicle.wheelbase
+    load_r = vehicle.mass * vehicle.l_f / vehicle.wheelbase
+    understeer = load_f / vehicle.c_f - load_r / vehicle.c_r
+    return math.atan(vehicle.wheelbase * kappa) + understeer * v * v * kappa
+
+
+def steady_side_slip(vehicle: Vehicle, v: float, kappa: float) -> float:
+    """Side-slip of the steady turn at the centre of mass, Rajamani eq. 3.20 [rad]."""
+    load_r = vehicle.mass * vehicle.l_f / vehicle.wheelbase
+    return vehicle.l_r * kappa - load_r * v * v * kappa / vehicle.c_r
+
+
+def preview_curvature(observation: Observation, distance: float) -> float:
+    """Curvature of the road ``distance`` ahead, from three waypoints around it [1/m]."""
+    points, spacing = observation.preview, observation.spacing
+    if distance <= 0.0:
+        return observation.curvature
+    i = min(max(round(distance / spacing), 1), len(points) - 2)
+    (x0, y0), (x1, y1), (x2, y2) = points[i - 1 : i + 2].tolist()
+    cross = (x1 - x0) * (y2 - y1) - (y1 - y0) * (x2 - x1)
+    sides = math.hypot(x1 - x0, y1 - y0) * math.hypot(x2 - x1, y2 - y1)
+    # Menger curvature; the third side is nearly the sum of the two others.
+    return 2.0 * cross / max(sides * math.hypot(x2 - x0, y2 - y0), 1e-12)

@@ -1,0 +1,140 @@
+"""A trained policy as a controller: ONNX network, encoding from its card, nothing unpickled."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from steersman.config import register, required, resolve
+from steersman.controllers.base import ControllerComponent
+from steersman.encoding import EncodingComponent
+from steersman.errors import ConfigError, DataError
+from steersman.kernels import encode as kernel
+from steersman.kernels import observe
+from steersman.kernels.encode import EncodingTable
+from steersman.policy_file import PolicyCard, read_policy
+from steersman.types import FloatArray, Observation, Status
+from steersman.vehicles import Vehicle
+
+# Periods [s] and distances [m] that differ by less are the same, written differently.
+_SAME = 1e-9
+
+
+class PolicyState(NamedTuple):
+    """The network, its input's layout, and the little memory that the encoding keeps."""
+
+    run: Any
+    """Maps float32 features (1, n) to an action (1, 1) in [-1, 1]."""
+    table: EncodingTable
+    scale: FloatArray
+    memory: FloatArray
+    rate_step: float
+    """Largest change of steering in one step, 0 for direct actions."""
+    waypoints: int
+
+
+@register("controller", "policy")
+class Policy(ControllerComponent):
+    """A policy exported by ``steersman train``: ``policy.onnx`` with ``policy.json`` beside it."""
+
+    file: str = required("-", "The policy's ONNX file.")
+
+    def init(self, vehicle: Vehicle, dt: float) -> PolicyState:
+        """Load the network and check that it belongs into this loop.
+
+        Raises:
+            DataError: the files are missing or corrupt.
+            ConfigError: the policy was trained for another control period.
+        """
+        data, card = read_policy(FilePath(self.file))
+        if abs(card.dt - dt) > _SAME:
+            raise ConfigError(
+                f"{self.file}: trained for a control period of {card.dt} s, but plant.dt is {dt} s"
+            )
+        table = card_table(card)
+        memory = np.zeros(kernel.memory_size(table))
+        step = 0.0 if card.rate_limit is None else card.rate_limit * dt
+        return PolicyState(
+            load_network(data, self.file),
+            table,
+            np.ones(len(card.scale)),
+            memory,
+            step,
+            card.waypoints,
+        )
+
+    def decide(
+        self, state: PolicyState, observation: Observation
+    ) -> tuple[float, Status, PolicyState]:
+        """Normalised steering, unclipped."""
+        table = state.table
+        row = to_row(observation, state.waypoints, table.spacing)
+        memory = state.memory.copy()
+        features = np.zeros(len(state.scale))
+        kernel.encode(table, row, memory, state.scale, features)
+        action = float(state.run(features.astype(np.float32)[None, :]))
+        steer = action
+        if state.rate_step > 0.0:
+            steer = memory[kernel.LAST_COMMAND] + action * state.rate_step
+        kernel.remember(table, row, memory, min(max(steer, -1.0), 1.0))
+        return float(steer), Status.SOLVED, state._replace(memory=memory)
+
+
+def to_row(observation: Observation, waypoints: int, spacing: float) -> FloatArray:
+    """An observation as the kernels' row.
+
+    Raises:
+        ConfigError: the sensor's waypoints are not those that the policy was trained with.
+    """
+    given = len(observation.preview)
+    if given < waypoints or abs(observation.spacing - spacing) > _SAME:
+        raise ConfigError(
+            f"the policy reads {waypoints} waypoints {spacing:g} m apart, but the sensor gives "
+            f"{given}, {observation.spacing:g} m apart; set sensor.count and sensor.spacing"
+        )
+    row = np.empty(observe.O_PREVIEW + 2 * waypoints)
+    row[: observe.O_PREVIEW] = observation[1:8]
+    row[observe.O_PREVIEW :] = observation.preview[:waypoints].ravel()
+    return row
+
+
+def card_table(card: PolicyCard) -> EncodingTable:
+    """The layout that a card describes.
+
+    Raises:
+        DataError: the card contradicts itself.
+    """
+    encoding = resolve("encoding", card.encoding)
+    assert isinstance(encoding, EncodingComponent)
+    table = encoding.table(card.spacing, card.dt, card.rate_limit is not None)
+    if kernel.feature_count(table) != len(card.scale):
+        raise DataError(
+            f"policy card: {len(card.scale)} scales for {kernel.feature_count(table)} features"
+        )
+    return table
+
+
+def load_network(data: bytes, name: str) -> Any:
+    """The network in an ONNX file as a function.
+
+    Raises:
+        DataError: ONNX Runtime cannot read it.
+    """
+    import onnxruntime
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.log_severity_level = 3
+    try:
+        session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # noqa: BLE001 - its exceptions share no base class
+        line = " ".join(str(error).split())
+        raise DataError(f"{name}: not a network that ONNX Runtime reads: {line[:160]}") from None
+    entry = session.get_inputs()[0].name
+
+    def run(features: Any) -> float:
+        return float(session.run(None, {entry: features})[0][0, 0])
+
+    return run

@@ -1,0 +1,70 @@
+"""Arithmetic of the condensed linear MPC: the reference from waypoints, the QP's gradient."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from steersman.types import FloatArray
+
+
+@njit(cache=True, error_model="numpy")
+def reference(
+    preview: FloatArray, spacing: float, distance: float, out: FloatArray
+) -> None:
+    """Lateral position of the path at distances ``distance``, 2 ``distance``, ... [m].
+
+    Cubic Lagrange interpolation of the waypoints (n, 2) over arc length; beyond the last
+    waypoint the last cubic's end tangent goes on.
+    """
+    n = preview.shape[0]
+    end = (n - 1) * spacing
+    for i in range(out.shape[0]):
+        u = (i + 1) * distance
+        over = max(u - end, 0.0)
+        t = (u - over) / spacing
+        k = min(max(int(t) - 1, 0), n - 4)
+        t -= k
+        y0, y1, y2, y3 = preview[k, 1], preview[k + 1, 1], preview[k + 2, 1], preview[k + 3, 1]
+        a, b, c, d = t, t - 1.0, t - 2.0, t - 3.0
+        y = -b * c * d * y0 / 6.0 + a * c * d * y1 / 2.0 - a * b * d * y2 / 2.0 + a * b * c * y3 / 6.0
+        slope = (11.0 * y3 - 18.0 * y2 + 9.0 * y1 - 2.0 * y0) / (6.0 * spacing)
+        out[i] = y + over * slope
+
+
+@njit(cache=True, error_model="numpy")
+def gradient(
+    preview: FloatArray,
+    spacing: float,
+    distance: float,
+    beta: float,
+    yaw_rate: float,
+    free: FloatArray,
+    weight: FloatArray,
+    ref: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Linear term of the QP: ``weight`` (N, N) times (free response minus reference).
+
+    ``free`` (N, 2) is the response of y to the initial side-slip and yaw rate; y and yaw start
+    at zero because everything is expressed in the vehicle's frame.
+    """
+    reference(preview, spacing, distance, ref)
+    n = ref.shape[0]
+    for i in range(n):
+        ref[i] = free[i, 0] * beta + free[i, 1] * yaw_rate - ref[i]
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            total += weight[i, j] * ref[j]
+        out[i] = total
+
+
+@njit(cache=True, error_model="numpy")
+def all_finite(values: FloatArray) -> bool:
+    """Whether no element is NaN or infinite."""
+    for i in range(values.shape[0]):
+        if not math.isfinite(values[i]):
+            return False
+    return True

@@ -1,0 +1,79 @@
+"""Throttle and brake: constant, or a PI controller on a speed profile capped by the road."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from numba import njit
+
+from steersman.kernels import path as paths
+from steersman.kernels.path import PathTable
+from steersman.kernels.vehicle import interpolate
+from steersman.types import FloatArray
+
+# Columns of SpeedTable.rows.
+IS_PROFILE, CONSTANT_THROTTLE, K_P, K_I, CAP_SCALE = range(5)
+N_COLUMNS = 5
+
+
+class SpeedTable(NamedTuple):
+    """Longitudinal control of N vehicles."""
+
+    rows: FloatArray
+    """(N, 5): 1 to track the profile else 0, constant throttle, gains, factor on the cap."""
+    times: FloatArray
+    """(N, K) times of the profile's breakpoints [s], increasing."""
+    speeds: FloatArray
+    """(N, K) target speeds there [m/s], linear between."""
+    cap: FloatArray
+    """Speed limits along the paths behind each other [m/s]; empty: none."""
+    cap_first: Any
+    """(P,) int64: where each path's limits start in ``cap``."""
+    cap_step: float
+    """Distance between limits [m]."""
+
+
+@njit(cache=True, error_model="numpy")
+def target_speed(
+    speed: SpeedTable, n: int, table: PathTable, p: int, time: float, s: float
+) -> float:
+    """Speed asked for at a time and place [m/s]."""
+    target = interpolate(speed.times[n], speed.speeds[n], time)
+    if speed.cap.shape[0] > 0:
+        first = int(speed.cap_first[p])
+        last = first + int(math.ceil(table.meta[p, paths.LENGTH] / speed.cap_step))
+        i = first + int(max(s, 0.0) / speed.cap_step)
+        w = max(s, 0.0) / speed.cap_step - (i - first)
+        low, high = speed.cap[min(i, last)], speed.cap[min(i + 1, last)]
+        target = min(target, speed.rows[n, CAP_SCALE] * (low + w * (high - low)))
+    return target
+
+
+@njit(cache=True, error_model="numpy")
+def pedals(
+    speed: SpeedTable,
+    n: int,
+    table: PathTable,
+    p: int,
+    time: float,
+    s: float,
+    v: float,
+    integral: float,
+    dt: float,
+) -> tuple[float, float, float]:
+    """Throttle, brake and the new integral (itself in units of pedal travel).
+
+    The sum of both terms is throttle when positive, brake when negative; the integral stops
+    where the pedals do (anti-windup by clamping).
+    """
+    row = speed.rows[n]
+    if row[IS_PROFILE] == 0.0:
+        return row[CONSTANT_THROTTLE], 0.0, integral
+    error = target_speed(speed, n, table, p, time, s) - v
+    wanted = integral + row[K_I] * error * dt
+    raw = row[K_P] * error + wanted
+    if -1.0 < raw < 1.0 or raw * error < 0.0:
+        integral = min(max(wanted, -1.0), 1.0)
+    raw = min(max(row[K_P] * error + integral, -1.0), 1.0)
+    return max(raw, 0.0), max(-raw, 0.0), integral

@@ -1,0 +1,201 @@
+"""One control step of N vehicles on their paths: the one kernel under rollout and environments."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from steersman.kernels import encode as enc
+from steersman.kernels import observe as obs
+from steersman.kernels import vehicle as car
+from steersman.kernels.encode import EncodingTable
+from steersman.kernels.path import CLOSED, LENGTH, PathTable
+from steersman.kernels.reward import RewardTable, combine, track_reward
+from steersman.kernels.speed import SpeedTable, pedals
+from steersman.kernels.vehicle import VehicleTable
+from steersman.types import FloatArray
+
+# Reasons to end an episode.
+RUNNING, LEFT_CORRIDOR, ROLLED, ROAD_ENDED, TIME_UP = range(5)
+# Commands that the delay line can hold.
+DELAY_LINE = 16
+
+
+class World(NamedTuple):
+    """What does not change during a step."""
+
+    vehicles: VehicleTable
+    paths: PathTable
+    speed: SpeedTable
+    encoding: EncodingTable
+    scale: FloatArray
+    reward: RewardTable
+    weights: FloatArray
+    h: float
+    substeps: int
+    corridor: float
+    rate_limit: float
+    """Largest steering rate of the indirect action [1/s]; 0: the action is the steering."""
+
+
+class Fleet(NamedTuple):
+    """What changes: a row for each vehicle."""
+
+    state: FloatArray
+    tracking: FloatArray
+    rows: FloatArray
+    memory: FloatArray
+    inputs: FloatArray
+    delayed: FloatArray
+    """(N, DELAY_LINE) the last steering commands, newest first."""
+    delay: Any
+    """(N,) int64 steering delay in substeps."""
+    path: Any
+    """(N,) int64 number of the path."""
+    clock: FloatArray
+    """(N, 3): control steps driven, speed controller's integral, time limit [s]."""
+    demo: FloatArray
+    """(N,) steering that the demonstrator proposes now."""
+    executed: FloatArray
+    """(N,) steering command of this step."""
+    reward: FloatArray
+    """(N, 4): reward, r_track, c_track, c_diff of this step."""
+    ended: Any
+    """(N,) int64 reason the episode ended with this step, or RUNNING."""
+
+
+CLOCK_STEPS, CLOCK_INTEGRAL, CLOCK_LIMIT = range(3)
+
+
+def empty_fleet(n: int, encoding: EncodingTable, waypoints: int) -> Fleet:
+    """A fleet of ``n`` vehicles, all zero."""
+    features = enc.feature_count(encoding)
+    return Fleet(
+        state=np.zeros((n, car.N_STATE)),
+        tracking=np.zeros((n, obs.N_TRACKING)),
+        rows=np.zeros((n, obs.O_PREVIEW + 2 * waypoints)),
+        memory=np.zeros((n, enc.memory_size(encoding))),
+        inputs=np.zeros((n, features)),
+        delayed=np.zeros((n, DELAY_LINE)),
+        delay=np.zeros(n, dtype=np.int64),
+        path=np.zeros(n, dtype=np.int64),
+        clock=np.zeros((n, 3)),
+        demo=np.zeros(n),
+        executed=np.zeros(n),
+        reward=np.zeros((n, 4)),
+        ended=np.zeros(n, dtype=np.int64),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def drive(
+    vehicles: VehicleTable,
+    n: int,
+    state: FloatArray,
+    command: FloatArray,
+    delayed: FloatArray,
+    delay: int,
+    h: float,
+    substeps: int,
+    work: FloatArray,
+) -> None:
+    """Advance one vehicle by one control period; steering takes effect ``delay`` substeps late."""
+    for i in range(delayed.shape[0] - 1, 0, -1):
+        delayed[i] = delayed[i - 1]
+    delayed[0] = command[car.CMD_STEER]
+    whole = delay // substeps
+    late = delay - whole * substeps
+    if late > 0:
+        command[car.CMD_STEER] = delayed[whole + 1]
+        car.advance(vehicles, n, state, command, h, late, work)
+    command[car.CMD_STEER] = delayed[whole]
+    car.advance(vehicles, n, state, command, h, substeps - late, work)
+
+
+@njit(cache=True, error_model="numpy")
+def look(world: World, fleet: Fleet, n: int, shift: FloatArray) -> None:
+    """Sense and encode for vehicle ``n``, whose tracking row is up to date."""
+    enc_table = world.encoding
+    row = fleet.rows[n]
+    count = (row.shape[0] - obs.O_PREVIEW) // 2
+    obs.sense(
+        world.paths,
+        fleet.path[n],
+        fleet.state[n],
+        fleet.tracking[n],
+        enc_table.spacing,
+        count,
+        shift,
+        world.weights,
+        row,
+    )
+    enc.encode(enc_table, row, fleet.memory[n], world.scale, fleet.inputs[n])
+
+
+@njit(cache=True, error_model="numpy")
+def step(world: World, fleet: Fleet, actions: FloatArray, shifts: FloatArray) -> None:
+    """Move every vehicle by one control period under ``actions`` (N,) in [-1, 1].
+
+    ``shifts`` (N, waypoints or 0, 2) are this step's waypoint errors. ``fleet.demo`` must hold
+    the demonstrator's steering for the state before the step.
+    """
+    work = np.empty((3, car.N_MOTION))
+    command = np.empty(3)
+    dt = world.h * world.substeps
+    for n in range(actions.shape[0]):
+        state, memory, tracking = fleet.state[n], fleet.memory[n], fleet.tracking[n]
+        clock = fleet.clock[n]
+        previous = memory[enc.LAST_COMMAND]
+        steer = actions[n]
+        if world.rate_limit > 0.0:
+            steer = previous + actions[n] * world.rate_limit * dt
+        steer = min(max(steer, -1.0), 1.0)
+        p, s = fleet.path[n], tracking[obs.S]
+        speed = np.hypot(state[car.VX], state[car.VY])
+        throttle, brake, clock[CLOCK_INTEGRAL] = pedals(
+            world.speed, n, world.paths, p, clock[CLOCK_STEPS] * dt, s, speed, clock[CLOCK_INTEGRAL], dt
+        )
+        command[0], command[1], command[2] = steer, throttle, brake
+        drive(
+            world.vehicles,
+            n,
+            state,
+            command,
+            fleet.delayed[n],
+            fleet.delay[n],
+            world.h,
+            world.substeps,
+            work,
+        )
+        obs.track(world.paths, p, state, s + speed * dt, tracking)
+        clock[CLOCK_STEPS] += 1.0
+        enc.remember(world.encoding, fleet.rows[n], memory, steer)
+        fleet.executed[n] = steer
+        _judge(world, fleet, n, steer, previous)
+        look(world, fleet, n, shifts[n])
+
+
+@njit(cache=True, error_model="numpy")
+def _judge(world: World, fleet: Fleet, n: int, steer: float, previous: float) -> None:
+    """Fill reward and end of vehicle ``n`` after its step."""
+    state, tracking, clock = fleet.state[n], fleet.tracking[n], fleet.clock[n]
+    speed = np.hypot(state[car.VX], state[car.VY])
+    slip = np.arctan2(state[car.VY], state[car.VX])
+    r_track = track_reward(world.reward, speed, tracking[obs.D], tracking[obs.COURSE], slip)
+    total, c_track, c_diff = combine(world.reward, r_track, steer, previous, fleet.demo[n])
+    out = fleet.reward[n]
+    out[0], out[1], out[2], out[3] = total, r_track, c_track, c_diff
+    meta = world.paths.meta[fleet.path[n]]
+    # Not "greater than": a NaN error must end the episode too.
+    inside = abs(tracking[obs.D]) <= world.corridor
+    fleet.ended[n] = RUNNING
+    if not inside:
+        fleet.ended[n] = LEFT_CORRIDOR
+    elif car.rolls_over(world.vehicles.rows[n], state[car.LOAD_AY]):
+        fleet.ended[n] = ROLLED
+    elif meta[CLOSED] == 0.0 and tracking[obs.S] >= meta[LENGTH]:
+        fleet.ended[n] = ROAD_ENDED
+    elif clock[CLOCK_STEPS] * world.h * world.substeps >= clock[CLOCK_LIMIT] - 1e-9:
+        fleet.ended[n] = TIME_UP

@@ -1,0 +1,390 @@
+"""Planar four-wheel vehicle: forces, actuators, integration, steady turns. ISO 8855 signs.
+
+State row (columns below): global position and yaw of the centre of mass, velocities in the
+vehicle's frame, load-transfer accelerations, actuator positions, and, as outputs of the last
+step, accelerations and the single-track wheel angle. Wheels do not spin up: each carries the
+longitudinal force that engine and brakes ask of it, at most what its grip allows.
+
+Sources: planar rigid body and steady cornering, Rajamani, Vehicle Dynamics and Control, 2nd ed.,
+ch. 2; brush tyre, Pacejka, Tyre and Vehicle Dynamics, 3rd ed., sec. 3.2 (Fiala's cubic, which is
+also the law of PhysX vehicles); its derating by longitudinal force, the friction ellipse.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from steersman.types import FloatArray
+
+GRAVITY = 9.81
+
+# Columns of a state row.
+X, Y, PSI, VX, VY, YAW_RATE, LOAD_AX, LOAD_AY = range(8)
+STEER, THROTTLE, BRAKE, AX, AY, WHEEL = range(8, 14)
+N_STATE = 14
+N_MOTION = 8
+# Columns of a command row.
+CMD_STEER, CMD_THROTTLE, CMD_BRAKE = range(3)
+# Columns of a parameter row; units in steersman.vehicles.
+(
+    MASS,
+    INERTIA,
+    L_F,
+    L_R,
+    TRACK,
+    HEIGHT,
+    C_F,
+    C_R,
+    MU,
+    DRAG,
+    DRIVE_FRONT,
+    BRAKE_FORCE,
+    BRAKE_FRONT,
+    MAX_STEER,
+    ACKERMANN,
+    STEER_UP,
+    STEER_DOWN,
+    PEDAL_UP,
+    PEDAL_DOWN,
+    MAP_MASS,
+    MAP_DRAG,
+    LOAD_LAG,
+    FADE_SPEED,
+) = range(23)
+N_PARAMS = 23
+
+# Below this speed slip angles are softened: a standing tyre has no slip angle [m/s].
+_SLIP_SPEED = 1.0
+# Below this speed resistance fades, so that it never drives a standing car backwards [m/s].
+_ROLL_SPEED = 0.2
+# A wheel takes its half of the axle's force up to this share of its grip.
+_DRIVE_GRIP = 0.5
+# A braked tyre keeps at least this share of its grip for cornering.
+_MIN_SIDE_GRIP = 0.1
+
+
+class VehicleTable(NamedTuple):
+    """Parameters of N vehicles and the maps they share."""
+
+    rows: FloatArray
+    """(N, N_PARAMS) parameters."""
+    steer_speed: FloatArray
+    """Speeds of the steering curve [m/s]."""
+    steer_factor: FloatArray
+    """Share of the full wheel angle that is available at those speeds [-]."""
+    map_throttle: FloatArray
+    """Throttle positions of the longitudinal map [-]."""
+    map_speed: FloatArray
+    """Speeds of the longitudinal map [m/s]."""
+    map_accel: FloatArray
+    """Net acceleration on a straight, (throttles, speeds) [m/s^2]."""
+
+
+@njit(cache=True, error_model="numpy")
+def interpolate(grid: FloatArray, values: FloatArray, at: float) -> float:
+    """Piecewise linear, held constant beyond the ends."""
+    if at <= grid[0]:
+        return float(values[0])
+    for i in range(1, grid.shape[0]):
+        if at < grid[i]:
+            w = (at - grid[i - 1]) / (grid[i] - grid[i - 1])
+            return float(values[i - 1] + w * (values[i] - values[i - 1]))
+    return float(values[-1])
+
+
+@njit(cache=True, error_model="numpy")
+def slew(position: float, command: float, up: float, down: float, h: float) -> float:
+    """Where an actuator gets in time ``h``: ``up`` limits it away from zero, ``down`` towards."""
+    if position * command < 0.0:
+        needed = abs(position) / down
+        if h <= needed:
+            return position - math.copysign(down * h, position)
+        h -= needed
+        position = 0.0
+    gap = command - position
+    rate = up if abs(command) > abs(position) else down
+    return position + min(max(gap, -rate * h), rate * h)
+
+
+@njit(cache=True, error_model="numpy")
+def wheel_tangents(
+    table: VehicleTable, n: int, steer: float, speed: float
+) -> tuple[float, float, float]:
+    """Tangents of the left, right and single-track front wheel angles.
+
+    Inner wheel = steer x largest angle x curve(speed); cot(outer) = cot(inner) + Ackermann.
+    """
+    row = table.rows[n]
+    factor = interpolate(table.steer_speed, table.steer_factor, speed)
+    inner = math.tan(abs(steer) * row[MAX_STEER] * factor)
+    outer = inner / (1.0 + row[ACKERMANN] * inner)
+    middle = inner / (1.0 + 0.5 * row[ACKERMANN] * inner)
+    if steer >= 0.0:
+        return inner, outer, middle
+    return -outer, -inner, -middle
+
+
+@njit(cache=True, error_model="numpy")
+def steer_for_wheel(table: VehicleTable, n: int, wheel_angle: float, speed: float) -> float:
+    """Normalised steering that gives the single-track wheel angle [rad]; not clipped."""
+    row = table.rows[n]
+    factor = interpolate(table.steer_speed, table.steer_factor, speed)
+    middle = math.tan(min(abs(wheel_angle), 1.5))
+    inner = middle / max(1.0 - 0.5 * row[ACKERMANN] * middle, 1e-9)
+    return math.copysign(math.atan(inner) / (row[MAX_STEER] * factor), wheel_angle)
+
+
+@njit(cache=True, error_model="numpy")
+def map_acceleration(table: VehicleTable, throttle: float, speed: float) -> float:
+    """Net acceleration on a straight for a throttle position and speed, bilinear [m/s^2]."""
+    t, v, a = table.map_throttle, table.map_speed, table.map_accel
+    i = 1
+    while i < t.shape[0] - 1 and throttle >= t[i]:
+        i += 1
+    wt = min(max((throttle - t[i - 1]) / (t[i] - t[i - 1]), 0.0), 1.0)
+    j = 1
+    while j < v.shape[0] - 1 and speed >= v[j]:
+        j += 1
+    wv = min(max((speed - v[j - 1]) / (v[j] - v[j - 1]), 0.0), 1.0)
+    low = a[i - 1, j - 1] + wv * (a[i - 1, j] - a[i - 1, j - 1])
+    high = a[i, j - 1] + wv * (a[i, j] - a[i, j - 1])
+    return float(low + wt * (high - low))
+
+
+@njit(cache=True, error_model="numpy")
+def wheel_demand(
+    table: VehicleTable, n: int, throttle: float, brake: float, v_x: float
+) -> tuple[float, float]:
+    """Longitudinal force asked of the front and of the rear axle [N].
+
+    The map is a net acceleration, so its vehicle's drag is given back here and taken by the body.
+    """
+    row = table.rows[n]
+    speed = abs(v_x)
+    held = min(speed, table.map_speed[-1])
+    force = row[MAP_MASS] * map_acceleration(table, throttle, held) + row[MAP_DRAG] * held * held
+    if speed > row[FADE_SPEED] and force > 0.0:
+        force *= row[FADE_SPEED] / speed
+    fade = v_x / math.sqrt(v_x * v_x + _ROLL_SPEED * _ROLL_SPEED)
+    if force < 0.0:
+        force *= fade
+    braking = -row[BRAKE_FORCE] * brake * fade
+    front = force * row[DRIVE_FRONT] + braking * row[BRAKE_FRONT]
+    return front, force + braking - front
+
+
+@njit(cache=True, error_model="numpy")
+def split_axle(demand: float, grip_left: float, grip_right: float) -> tuple[float, float]:
+    """An axle's force on its two wheels [N]: halves, as by an open differential.
+
+    What a wheel cannot carry without spinning passes to the other one (limited slip).
+    """
+    half = 0.5 * demand
+    left = min(max(half, -_DRIVE_GRIP * grip_left), _DRIVE_GRIP * grip_left)
+    right = min(max(half, -_DRIVE_GRIP * grip_right), _DRIVE_GRIP * grip_right)
+    return left + (half - right), right + (half - left)
+
+
+@njit(cache=True, error_model="numpy")
+def side_force(stiffness: float, slip: float, limit: float) -> float:
+    """Fiala's lateral force for tan(slip angle), opposing it; ``limit`` is the grip left [N]."""
+    z = stiffness * abs(slip) / (3.0 * limit + 1e-9)
+    if z >= 1.0:
+        return -math.copysign(limit, slip)
+    return -stiffness * slip * (1.0 - z + z * z / 3.0)
+
+
+@njit(cache=True, error_model="numpy")
+def _wheel(
+    stiffness: float, grip: float, demand: float, tangent: float, v_x: float, v_y: float
+) -> tuple[float, float]:
+    """Force of one wheel in the vehicle's frame, from the velocity of its contact point there."""
+    c = 1.0 / math.sqrt(1.0 + tangent * tangent)
+    s = tangent * c
+    rolling = c * v_x + s * v_y
+    across = c * v_y - s * v_x
+    slip = across / math.sqrt(rolling * rolling + _SLIP_SPEED * _SLIP_SPEED)
+    limit = math.sqrt(1.0 - _MIN_SIDE_GRIP * _MIN_SIDE_GRIP) * grip
+    f_x = min(max(demand, -limit), limit)
+    f_y = side_force(stiffness, slip, math.sqrt(grip * grip - f_x * f_x))
+    return c * f_x - s * f_y, s * f_x + c * f_y
+
+
+@njit(cache=True, error_model="numpy")
+def wheel_loads(
+    row: FloatArray, a_x: float, a_y: float
+) -> tuple[float, float, float, float]:
+    """Vertical loads, front left, front right, rear left, rear right [N]; lifted wheels carry 0.
+
+    Roll moments are shared by the axles in proportion to their static loads.
+    """
+    base = row[L_F] + row[L_R]
+    shift = row[MASS] * a_x * row[HEIGHT] / base
+    weight = row[MASS] * GRAVITY
+    front = min(max(weight * row[L_R] / base - shift, 0.0), weight)
+    rear = weight - front
+    lean = min(max(a_y * row[HEIGHT] / (GRAVITY * row[TRACK]), -0.5), 0.5)
+    return front * (0.5 - lean), front * (0.5 + lean), rear * (0.5 - lean), rear * (0.5 + lean)
+
+
+@njit(cache=True, error_model="numpy")
+def derivative(
+    table: VehicleTable,
+    n: int,
+    q: FloatArray,
+    steer: float,
+    throttle: float,
+    brake: float,
+    out: FloatArray,
+) -> tuple[float, float]:
+    """Time derivative of the first N_MOTION state columns; returns a_x, a_y [m/s^2]."""
+    row = table.rows[n]
+    v_x, v_y, rate = q[VX], q[VY], q[YAW_RATE]
+    left, right, _ = wheel_tangents(table, n, steer, abs(v_x))
+    demand_f, demand_r = wheel_demand(table, n, throttle, brake, v_x)
+    fl, fr, rl, rr = wheel_loads(row, q[LOAD_AX], q[LOAD_AY])
+    base = row[L_F] + row[L_R]
+    weight = row[MASS] * GRAVITY
+    # Cornering stiffness grows in proportion to load: C_wheel = C_axle / (static axle load) F_z.
+    c_f = row[C_F] * base / (weight * row[L_R])
+    c_r = row[C_R] * base / (weight * row[L_F])
+    mu, half = row[MU], 0.5 * row[TRACK]
+    y_f, y_r = v_y + row[L_F] * rate, v_y - row[L_R] * rate
+    x_l, x_r = v_x - half * rate, v_x + half * rate
+    demand1, demand2 = split_axle(demand_f, mu * fl, mu * fr)
+    demand3, demand4 = split_axle(demand_r, mu * rl, mu * rr)
+    fx1, fy1 = _wheel(c_f * fl, mu * fl, demand1, left, x_l, y_f)
+    fx2, fy2 = _wheel(c_f * fr, mu * fr, demand2, right, x_r, y_f)
+    fx3, fy3 = _wheel(c_r * rl, mu * rl, demand3, 0.0, x_l, y_r)
+    fx4, fy4 = _wheel(c_r * rr, mu * rr, demand4, 0.0, x_r, y_r)
+    a_x = (fx1 + fx2 + fx3 + fx4 - row[DRAG] * v_x * abs(v_x)) / row[MASS]
+    a_y = (fy1 + fy2 + fy3 + fy4) / row[MASS]
+    turning = row[L_F] * (fy1 + fy2) - row[L_R] * (fy3 + fy4) + half * (fx2 + fx4 - fx1 - fx3)
+    c, s = math.cos(q[PSI]), math.sin(q[PSI])
+    out[X] = c * v_x - s * v_y
+    out[Y] = s * v_x + c * v_y
+    out[PSI] = rate
+    out[VX] = a_x + v_y * rate
+    out[VY] = a_y - v_x * rate
+    out[YAW_RATE] = turning / row[INERTIA]
+    out[LOAD_AX] = (a_x - q[LOAD_AX]) / row[LOAD_LAG]
+    out[LOAD_AY] = (a_y - q[LOAD_AY]) / row[LOAD_LAG]
+    return a_x, a_y
+
+
+@njit(cache=True, error_model="numpy")
+def advance(
+    table: VehicleTable,
+    n: int,
+    state: FloatArray,
+    command: FloatArray,
+    h: float,
+    substeps: int,
+    work: FloatArray,
+) -> None:
+    """Hold ``command`` for ``substeps`` steps of ``h`` [s], in place.
+
+    Explicit midpoint rule (order 2), with the rate-limited actuators moved exactly.
+    ``work`` is scratch of shape (3, N_MOTION).
+    """
+    row = table.rows[n]
+    k1, k2, q = work[0], work[1], work[2]
+    steer, throttle, brake = state[STEER], state[THROTTLE], state[BRAKE]
+    a_x, a_y = state[AX], state[AY]
+    for _ in range(substeps):
+        derivative(table, n, state, steer, throttle, brake, k1)
+        for i in range(N_MOTION):
+            q[i] = state[i] + 0.5 * h * k1[i]
+        for half in range(2):
+            steer = slew(steer, command[CMD_STEER], row[STEER_UP], row[STEER_DOWN], 0.5 * h)
+            throttle = slew(throttle, command[CMD_THROTTLE], row[PEDAL_UP], row[PEDAL_DOWN], 0.5 * h)
+            brake = slew(brake, command[CMD_BRAKE], row[PEDAL_UP], row[PEDAL_DOWN], 0.5 * h)
+            if half == 0:
+                a_x, a_y = derivative(table, n, q, steer, throttle, brake, k2)
+        for i in range(N_MOTION):
+            state[i] += h * k2[i]
+    state[STEER], state[THROTTLE], state[BRAKE] = steer, throttle, brake
+    # Accelerations are those in the middle of the last substep.
+    state[AX], state[AY] = a_x, a_y
+    state[WHEEL] = math.atan(wheel_tangents(table, n, steer, abs(state[VX]))[2])
+
+
+@njit(cache=True, error_model="numpy")
+def _turn_residual(
+    table: VehicleTable, n: int, q: FloatArray, unknown: FloatArray, out: FloatArray
+) -> None:
+    """Accelerations left over in a turn with v_y, steering and throttle ``unknown``."""
+    speed2 = q[VX] * q[VX] + q[VY] * q[VY]
+    beta = unknown[0]
+    speed = math.sqrt(speed2)
+    q[VX], q[VY] = speed * math.cos(beta), speed * math.sin(beta)
+    # In a steady turn the acceleration is centripetal, so its frame components follow beta.
+    q[LOAD_AX], q[LOAD_AY] = -q[VY] * q[YAW_RATE], q[VX] * q[YAW_RATE]
+    drive, brake = max(unknown[2], 0.0), max(-unknown[2], 0.0)
+    derivative(table, n, q, unknown[1], drive, brake, out)
+
+
+@njit(cache=True, error_model="numpy")
+def steady_turn(
+    table: VehicleTable, n: int, state: FloatArray, speed: float, curvature: float
+) -> bool:
+    """Set velocities and actuators of ``state`` to the steady turn of that curvature and speed.
+
+    Newton's method on side-slip, steering and throttle. Pose is left alone: the caller turns the
+    yaw by minus the side-slip. Returns whether the turn exists; if not, the wheels follow the
+    curvature kinematically and speed is not held.
+    """
+    row = table.rows[n]
+    unknown, base, moved = np.zeros(3), np.zeros(N_MOTION), np.zeros(N_MOTION)
+    jac, rhs, q = np.zeros((3, 3)), np.zeros(3), np.zeros(N_MOTION)
+    kinematic = math.atan((row[L_F] + row[L_R]) * curvature)
+    unknown[0] = math.atan(row[L_R] * curvature)
+    unknown[1] = steer_for_wheel(table, n, kinematic, speed)
+    unknown[2] = 0.3
+    found = speed < _SLIP_SPEED
+    for _ in range(0 if found else 40):
+        q[VX], q[VY], q[YAW_RATE] = speed, 0.0, speed * curvature
+        _turn_residual(table, n, q, unknown, base)
+        for i in range(3):
+            rhs[i] = base[VX + i]
+        if abs(rhs[0]) + abs(rhs[1]) + abs(rhs[2]) < 1e-10:
+            found = True
+            break
+        for j in range(3):
+            kept, eps = unknown[j], 1e-6
+            unknown[j] = kept + eps
+            q[VX], q[VY], q[YAW_RATE] = speed, 0.0, speed * curvature
+            _turn_residual(table, n, q, unknown, moved)
+            unknown[j] = kept
+            for i in range(3):
+                jac[i, j] = (moved[VX + i] - base[VX + i]) / eps
+        if abs(np.linalg.det(jac)) < 1e-12:
+            break
+        step = np.linalg.solve(jac, rhs)
+        for j in range(3):
+            unknown[j] -= min(max(step[j], -0.2), 0.2)
+    if abs(unknown[1]) > 1.0 or abs(unknown[2]) > 1.0 or abs(unknown[0]) > 1.0:
+        found = False
+    if not found:
+        unknown[0] = math.atan(row[L_R] * curvature)
+        unknown[1] = min(max(steer_for_wheel(table, n, kinematic, speed), -1.0), 1.0)
+        unknown[2] = 0.0
+    beta = unknown[0]
+    state[VX], state[VY] = speed * math.cos(beta), speed * math.sin(beta)
+    state[YAW_RATE] = speed * curvature
+    state[LOAD_AX], state[LOAD_AY] = -state[VY] * state[YAW_RATE], state[VX] * state[YAW_RATE]
+    state[AX], state[AY] = state[LOAD_AX], state[LOAD_AY]
+    state[STEER] = unknown[1]
+    state[THROTTLE], state[BRAKE] = max(unknown[2], 0.0), max(-unknown[2], 0.0)
+    state[WHEEL] = math.atan(wheel_tangents(table, n, unknown[1], state[VX])[2])
+    return found
+
+
+@njit(cache=True, error_model="numpy")
+def rolls_over(row: FloatArray, load_a_y: float) -> bool:
+    """Whether both inner wheels have lifted: |a_y| >= g track / (2 height)."""
+    return abs(load_a_y) * 2.0 * row[HEIGHT] >= GRAVITY * row[TRACK]

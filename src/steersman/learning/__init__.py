@@ -1,0 +1,1 @@
+"""Learning to steer: environments, demonstration, agents, training, export."""

@@ -1,0 +1,221 @@
+"""DDPG of Stable-Baselines3 with a demonstrator beside it.
+
+One seam and one replacement, both tested: ``_sample_action`` chooses the executed action (and so
+the stored one), ``train`` does the same updates as SB3's with less overhead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, cast
+
+import numpy as np
+import torch
+from stable_baselines3 import DDPG
+from stable_baselines3.common.noise import ActionNoise, VectorizedActionNoise
+
+from steersman.learning import updates
+from steersman.learning.config import TrainConfig
+from steersman.learning.vec_env import PathFollowingVecEnv
+
+
+class OrnsteinUhlenbeck(VectorizedActionNoise):
+    """Ornstein-Uhlenbeck noise for n vehicles at once (Uhlenbeck and Ornstein, 1930).
+
+    x += theta (0 - x) dt + sigma sqrt(dt) N(0, 1), in units of the action range. ``dt`` is one, a
+    control step, so ``theta`` is the return per step.
+    """
+
+    def __init__(self, n: int, theta: float, sigma: Callable[[], float], seed: int) -> None:
+        """``sigma`` is asked at every step, so that it can follow a schedule."""
+        ActionNoise.__init__(self)
+        self.theta, self.sigma = theta, sigma
+        self.rng = np.random.default_rng(seed)
+        self.state = np.zeros((n, 1))
+
+    def __call__(self) -> Any:
+        """Noise of the next step, (n, 1)."""
+        kick = self.rng.standard_normal(self.state.shape)
+        self.state = self.state * (1.0 - self.theta) + self.sigma() * kick
+        return self.state.astype(np.float32)
+
+    def reset(self, indices: Any = None) -> None:
+        """Start again from zero, for all vehicles or those named."""
+        self.state[slice(None) if indices is None else indices] = 0.0
+
+
+class DemonstratedDDPG(DDPG):
+    """DDPG whose demonstrator sometimes takes the wheel.
+
+    Attributes:
+        p_action: probability of the extra action as a function of nothing (reads the schedule).
+        store_agent: keep the agent's own action in the buffer instead of the executed one.
+        rate: learning rate as a function of the environment steps at an update.
+    """
+
+    p_action: Callable[[], float] = staticmethod(lambda: 0.0)
+    rate: Callable[[float], float] | None = None
+    store_agent = False
+    _nets: Any = None
+    demonstrated_steps = 0
+    saturated_steps = 0
+    sampled_steps = 0
+    last_losses: tuple[float, float, float] = (float("nan"),) * 3
+
+    def prepare_demonstration(
+        self, p_action: Callable[[], float], *, store_agent: bool, seed: int
+    ) -> None:
+        """Set who acts; to be called before learning."""
+        self.p_action, self.store_agent = p_action, store_agent
+        self.demo_rng = np.random.default_rng(seed)
+
+    def _sample_action(
+        self, learning_starts: int, action_noise: ActionNoise | None = None, n_envs: int = 1
+    ) -> tuple[Any, Any]:
+        """Executed and stored action, each (n_envs, 1); the demonstrator acts with p_action."""
+        action, stored = super()._sample_action(learning_starts, action_noise, n_envs)
+        self.sampled_steps += n_envs
+        self.saturated_steps += int((np.abs(action) >= 1.0 - 1e-6).sum())
+        probability = self.p_action()
+        if probability <= 0.0:
+            return action, stored
+        takes = self.demo_rng.random(n_envs) < probability
+        if takes.any():
+            env = cast(PathFollowingVecEnv, self.env)
+            action = action.copy()
+            action[takes, 0] = env.demonstrated_actions()[takes]
+            self.demonstrated_steps += int(takes.sum())
+        return action, stored if self.store_agent else action
+
+    def _compile(self) -> None:
+        """Lay the weights of all four networks flat, so that the compiled update shares them."""
+        nets = (self.actor, self.critic, self.actor_target, self.critic_target)
+        self._nets = tuple(_flatten(net) for net in nets)
+        self.moments = tuple(updates.make_moments(net.flat.size) for net in self._nets[:2])
+        self._work = updates.make_work(self.batch_size, *self._nets[:2])
+        buffer = self.replay_buffer
+        assert buffer is not None
+        self._arrays = updates.Batch(
+            buffer.observations,
+            buffer.next_observations,
+            buffer.actions,
+            buffer.rewards,
+            buffer.dones,
+            buffer.timeouts,
+        )
+
+    def train(self, gradient_steps: int, batch_size: int = 100) -> None:
+        """The updates of SB3's TD3.train for DDPG's settings, compiled (see ``updates``).
+
+        Samples are drawn as SB3's buffer draws them, so the same seed trains on the same batches.
+        """
+        if self._nets is None:
+            self._compile()
+        buffer = self.replay_buffer
+        assert buffer is not None
+        size = buffer.buffer_size if buffer.full else buffer.pos
+        rows = np.empty((gradient_steps, batch_size), np.int64)
+        envs = np.empty((gradient_steps, batch_size), np.int64)
+        for k in range(gradient_steps):
+            rows[k] = np.random.randint(0, size, size=batch_size)  # noqa: NPY002 - SB3's generator
+            envs[k] = np.random.randint(0, high=self.n_envs, size=(batch_size,))  # noqa: NPY002
+        rates = np.array([self._rate_at(k, gradient_steps) for k in range(gradient_steps)])
+        self.last_losses = updates.update(
+            self._arrays,
+            rows,
+            envs,
+            rates,
+            self._nets,
+            self.moments,
+            self.gamma,
+            self.tau,
+            self._work,
+        )
+        self._n_updates += gradient_steps
+
+    def _rate_at(self, k: int, gradient_steps: int) -> float:
+        """Learning rate of an update; updates are spread evenly over the steps collected."""
+        if self.rate is None:
+            return float(self.lr_schedule(self._current_progress_remaining))
+        return self.rate(self.num_timesteps - self.n_envs * (1.0 - (k + 1) / gradient_steps))
+
+
+    def act(self, features: Any) -> Any:
+        """The policy's actions (n,) for features (n, k), without noise."""
+        if self._nets is None:
+            self._compile()
+        net = self._nets[0]
+        h1 = np.maximum(features.astype(np.float32) @ net.w1.T + net.b1, 0.0)
+        h2 = np.maximum(h1 @ net.w2.T + net.b2, 0.0)
+        return np.tanh((h2 @ net.w3.T + net.b3)[:, 0]).astype(np.float64)
+
+    def actor_net(self) -> updates.Net:
+        """The actor's weights."""
+        if self._nets is None:
+            self._compile()
+        return cast(updates.Net, self._nets[0])
+
+    def current_rate(self) -> float:
+        """Learning rate of the next update."""
+        return self._rate_at(0, 1)
+
+    def weights(self) -> dict[str, Any]:
+        """All weights and Adam's moments, flat."""
+        if self._nets is None:
+            self._compile()
+        names = ("actor", "critic", "actor_target", "critic_target")
+        out = {name: net.flat for name, net in zip(names, self._nets, strict=True)}
+        for name, m in zip(names, self.moments, strict=False):
+            out |= {f"{name}_first": m.first, f"{name}_second": m.second, f"{name}_count": m.count}
+        return out
+
+
+def make_agent(config: TrainConfig, env: PathFollowingVecEnv) -> DemonstratedDDPG:
+    """The agent of a training configuration."""
+    settings, demo, total = config.agent, config.problem.demonstration, config.steps
+    seeds = np.random.SeedSequence(config.seed).generate_state(3)
+    agent: DemonstratedDDPG
+
+    def sigma() -> float:
+        return settings.noise.value(agent.num_timesteps, total)
+
+    def p_action() -> float:
+        return demo.p_action.value(agent.num_timesteps, total) if demo.enabled else 0.0
+
+    agent = DemonstratedDDPG(
+        "MlpPolicy",
+        env,
+        learning_rate=settings.learning_rate.value(0, total),
+        buffer_size=settings.buffer,
+        batch_size=settings.batch,
+        gamma=settings.gamma,
+        tau=settings.tau,
+        train_freq=1,
+        gradient_steps=settings.updates,
+        learning_starts=settings.learning_starts,
+        action_noise=OrnsteinUhlenbeck(
+            env.num_envs, settings.noise_theta, sigma, int(seeds[0])
+        ),
+        policy_kwargs={"net_arch": list(settings.hidden)},
+        seed=int(seeds[1] % 2**31),
+        device="cpu",
+    )
+    agent.rate = lambda step: settings.learning_rate.value(step, total)
+    agent.prepare_demonstration(
+        p_action, store_agent=demo.store == "agent", seed=int(seeds[2])
+    )
+    return agent
+
+
+def _flatten(module: Any) -> updates.Net:
+    """Make a module's parameters views of one flat array, and return that array's views."""
+    parameters = list(module.parameters())
+    flat = torch.cat([p.data.reshape(-1) for p in parameters])
+    at = 0
+    for p in parameters:
+        p.data = flat[at : at + p.numel()].view(p.shape)
+        at += p.numel()
+    shapes = [tuple(p.shape) for p in parameters if p.dim() == 2]
+    return updates.view_net(
+        flat.numpy(), (shapes[0][1], shapes[0][0], shapes[1][0], shapes[2][0])
+    )

@@ -1,0 +1,63 @@
+"""The demonstrator: any controller, proposing a steering beside the agent at every step."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from steersman.config import Of, Settings, param
+from steersman.controllers.base import ControllerComponent
+from steersman.controllers.mpc_pid import MpcPid
+from steersman.learning.schedules import Constant, Schedule
+from steersman.sensing import to_observation
+from steersman.types import FloatArray
+from steersman.vehicles import Vehicle
+
+
+class Demonstration(Settings):
+    """Who demonstrates, and how often it takes the wheel."""
+
+    controller: Annotated[ControllerComponent, Of("controller")] = param(
+        MpcPid(), "-", "The demonstrating controller."
+    )
+    enabled: bool = param(True, "-", "Off: nobody demonstrates (no extra action, no r_diff).")
+    p_action: Annotated[Schedule, Of("schedule")] = param(
+        Constant(at=0.2), "-", "Probability that the demonstrated action is executed."
+    )
+    store: Literal["executed", "agent"] = param(
+        "executed", "-", "Which action goes into the replay buffer when the demonstrator acts."
+    )
+
+
+class Demonstrator:
+    """One controller proposing for many vehicles, each with its own explicit state."""
+
+    def __init__(self, controller: ControllerComponent, vehicle: Vehicle, dt: float) -> None:
+        """The state before the first step is made once: it is immutable."""
+        self._controller = controller
+        self._fresh = controller.init(vehicle, dt)
+        self._states: dict[int, Any] = {}
+
+    def restart(self, n: int) -> None:
+        """Vehicle ``n`` begins a new episode."""
+        self._states[n] = self._fresh
+
+    def propose(self, n: int, row: FloatArray, time: float, spacing: float) -> float:
+        """Normalised steering for vehicle ``n`` from its observation row."""
+        decision, self._states[n] = self._controller.step(
+            self._states[n], to_observation(row, time, spacing)
+        )
+        return decision.steer
+
+
+def demonstrated_action(
+    demo: FloatArray, last_command: FloatArray, rate_limit: float, dt: float
+) -> FloatArray:
+    """The demonstrated steering as an action in [-1, 1].
+
+    Direct actions are the steering itself; indirect ones the rate that leads there from the last
+    executed steering, clipped to the rate limit.
+    """
+    if rate_limit == 0.0:
+        return demo.copy()
+    return np.clip((demo - last_command) / (dt * rate_limit), -1.0, 1.0)

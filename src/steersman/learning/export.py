@@ -1,0 +1,95 @@
+"""Write a trained actor as ONNX with a JSON card."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from steersman.config import dump
+from steersman.files import replacing, write_text
+from steersman.learning.config import TrainConfig
+from steersman.learning.updates import Net
+from steersman.policy_file import PolicyCard, sha256
+from steersman.provenance import provenance
+
+_UNITS = {
+    "time": "s",
+    "length": "m",
+    "angle": "rad",
+    "steer": "1 = full lock, left positive",
+    "action": "[-1, 1]: steering, or steering rate over rate_limit",
+}
+
+
+def network(net: Net, scale: Any) -> bytes:
+    """ONNX bytes of clip(features) x scale -> ReLU layers -> tanh.
+
+    Features (batch, n) are raw, as ``encoding`` makes them; the fixed scale is part of the
+    network. Opset 17.
+    """
+    from onnx import TensorProto, checker, helper, numpy_helper
+
+    def constant(name: str, value: Any) -> Any:
+        return numpy_helper.from_array(np.ascontiguousarray(value, np.float32), name)
+
+    weights = [
+        constant("scale", scale),
+        *(constant(f"w{i + 1}", w) for i, w in enumerate((net.w1, net.w2, net.w3))),
+        *(constant(f"b{i + 1}", b) for i, b in enumerate((net.b1, net.b2, net.b3))),
+    ]
+    nodes = [
+        helper.make_node("Mul", ["features", "scale"], ["x"]),
+        helper.make_node("Gemm", ["x", "w1", "b1"], ["z1"], transB=1),
+        helper.make_node("Relu", ["z1"], ["h1"]),
+        helper.make_node("Gemm", ["h1", "w2", "b2"], ["z2"], transB=1),
+        helper.make_node("Relu", ["z2"], ["h2"]),
+        helper.make_node("Gemm", ["h2", "w3", "b3"], ["z3"], transB=1),
+        helper.make_node("Tanh", ["z3"], ["action"]),
+    ]
+    count = len(scale)
+    graph = helper.make_graph(
+        nodes,
+        "policy",
+        [helper.make_tensor_value_info("features", TensorProto.FLOAT, ["batch", count])],
+        [helper.make_tensor_value_info("action", TensorProto.FLOAT, ["batch", 1])],
+        weights,
+    )
+    model = helper.make_model(
+        graph, opset_imports=[helper.make_opsetid("", 17)], producer_name="steersman"
+    )
+    model.ir_version = 8
+    checker.check_model(model)
+    return bytes(model.SerializeToString())
+
+
+def export_policy(net: Net, config: TrainConfig, folder: FilePath, note: dict[str, Any]) -> FilePath:
+    """Write ``policy.onnx`` and ``policy.json`` into ``folder``; ``note`` goes into the card."""
+    problem = config.problem
+    table = problem.encoding.table(problem.sensor.spacing, problem.plant.dt, problem.indirect)
+    scale = problem.encoding.scale(table)
+    data = network(net, scale)
+    origin = provenance()
+    card = PolicyCard(
+        sha256=sha256(data),
+        action=problem.action,
+        rate_limit=problem.rate_limit if problem.indirect else None,
+        dt=problem.plant.dt,
+        waypoints=problem.sensor.count,
+        spacing=problem.sensor.spacing,
+        encoding=dump(problem.encoding) or {},
+        observation=problem.encoding.names(table),
+        scale=scale.tolist(),
+        units=_UNITS,
+        limits={"action": [-1.0, 1.0], "steer": [-1.0, 1.0]},
+        seed=config.seed,
+        training={**note, "config": dump(config)},
+        versions=origin["versions"],
+        commit=origin["commit"],
+    )
+    file = folder / "policy.onnx"
+    with replacing(file) as stream:
+        stream.write(data)
+    write_text(file.with_suffix(".json"), card.model_dump_json(indent=1) + "\n")
+    return file

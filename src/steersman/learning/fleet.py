@@ -1,0 +1,173 @@
+"""N vehicles that learn: episodes begin and end here, the kernel does the steps."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from steersman.kernels import encode, observe
+from steersman.kernels import path as paths
+from steersman.kernels import speed as speed_kernel
+from steersman.kernels import step as kernel
+from steersman.kernels import vehicle as car
+from steersman.kernels.step import Fleet
+from steersman.learning.demonstration import Demonstrator
+from steersman.learning.problem import Problem
+from steersman.plants.simulator import place
+from steersman.speed import Profile, write_profile
+from steersman.types import FloatArray, Pose
+
+_UNCAPPED = 1e6
+
+
+class Start(NamedTuple):
+    """How an episode of one vehicle begins."""
+
+    road: int
+    s: float
+    offset: float
+    heading: float
+    profile: Profile
+    speed: float
+
+
+class FleetDriver:
+    """Drives the vehicles of a :class:`Problem`; environments are thin shells around it."""
+
+    def __init__(self, problem: Problem, n: int) -> None:
+        """Prepare ``n`` vehicles; ``seed`` and ``reset`` before the first step."""
+        self.problem = problem
+        self.n = n
+        self.dt = problem.plant.dt
+        self.world = problem.world(n)
+        self.fleet: Fleet = kernel.empty_fleet(n, self.world.encoding, problem.sensor.count)
+        self._a_lat = next((s.a_lat_max for s in self._capped()), None)
+        self._base = problem.vehicle.row()
+        errors = problem.sensor.error_range > 0.0
+        self._shifts = np.zeros((n, problem.sensor.count if errors else 0, 2))
+        self._rngs = [np.random.default_rng(0) for _ in range(n)]
+        demonstration = problem.demonstration
+        self._demonstrator = (
+            Demonstrator(demonstration.controller, problem.vehicle, self.dt)
+            if demonstration.enabled
+            else None
+        )
+
+    def _capped(self) -> list[Profile]:
+        rng = np.random.default_rng(0)
+        draws = [s.draw(rng, self.problem.episode_time) for s in self.problem.speeds]
+        return [p for p in draws if p.a_lat_max is not None]
+
+    def seed(self, seed: int) -> None:
+        """Give every vehicle its own generator, all from one seed."""
+        children = np.random.SeedSequence(seed).spawn(self.n)
+        self._rngs = [np.random.default_rng(child) for child in children]
+
+    def reset(self, i: int) -> None:
+        """Begin a new episode of vehicle ``i``."""
+        problem, rng = self.problem, self._rngs[i]
+        self._vary(i, rng)
+        self.begin(i, self._draw_start(rng))
+        if not problem.sensor.redraw and self._shifts.shape[1]:
+            self._shifts[i] = problem.sensor.draw(rng)
+        self._look(i)
+        self._demonstrate(i, restart=True)
+
+    def _draw_start(self, rng: np.random.Generator) -> Start:
+        problem, spread = self.problem, self.problem.spread
+        road = int(rng.integers(len(problem.roads)))
+        length = self.world.paths.meta[road, paths.LENGTH]
+        closed = self.world.paths.meta[road, paths.CLOSED] > 0.0
+        s = 0.0
+        if problem.start == "anywhere":
+            s = float(rng.uniform(0.0, length if closed else 0.7 * length))
+        source = problem.speeds[int(rng.integers(len(problem.speeds)))]
+        profile = source.draw(rng, problem.episode_time)
+        offset, heading = rng.uniform(-1.0, 1.0, 2) * (spread.offset, spread.heading)
+        speed = math.nan
+        if profile.throttle is not None:
+            speed = source.start_speed(problem.roads[road], s)
+        return Start(road, s, float(offset), float(heading), profile, speed)
+
+    def _vary(self, i: int, rng: np.random.Generator) -> None:
+        """Draw this episode's car."""
+        spread = self.problem.spread
+        row = self.world.vehicles.rows[i]
+        row[:] = self._base
+        draws = 1.0 + rng.uniform(-1.0, 1.0, 5) * (
+            spread.mass,
+            spread.yaw_inertia,
+            spread.stiffness,
+            spread.stiffness,
+            spread.friction,
+        )
+        for column, factor in zip(
+            (car.MASS, car.INERTIA, car.C_F, car.C_R, car.MU), draws, strict=True
+        ):
+            row[column] *= factor
+        extra = int(rng.integers(round(spread.delay / self.problem.plant.integration_step) + 1))
+        self.fleet.delay[i] = self.problem.plant.delay_substeps() + extra
+
+    def begin(self, i: int, start: Start) -> None:
+        """Put vehicle ``i`` at a start, in the steady turn of the road there."""
+        world, fleet = self.world, self.fleet
+        fleet.path[i] = start.road
+        write_profile(
+            self._scaled(start.profile), i, world.speed.rows, world.speed.times, world.speed.speeds
+        )
+        speed = start.speed
+        if math.isnan(speed):
+            speed = speed_kernel.target_speed(
+                world.speed, i, world.paths, start.road, 0.0, start.s
+            )
+        x, y, psi, kappa = paths.at(world.paths, start.road, start.s)
+        pose = Pose(
+            x - start.offset * math.sin(psi), y + start.offset * math.cos(psi), psi + start.heading
+        )
+        place(world.vehicles, i, fleet.state[i], fleet.delayed[i], pose, speed, kappa)
+        state, clock = fleet.state[i], fleet.clock[i]
+        clock[kernel.CLOCK_STEPS] = 0.0
+        clock[kernel.CLOCK_INTEGRAL] = state[car.THROTTLE] - state[car.BRAKE]
+        clock[kernel.CLOCK_LIMIT] = self.problem.episode_time
+        observe.track(world.paths, start.road, state, start.s, fleet.tracking[i])
+        fleet.memory[i] = 0.0
+
+    def _scaled(self, profile: Profile) -> Profile:
+        """The profile's cap relative to the one that the roads' table was made with."""
+        if profile.a_lat_max is None or self._a_lat is None:
+            return profile._replace(cap_scale=_UNCAPPED)
+        return profile._replace(
+            cap_scale=profile.cap_scale * math.sqrt(profile.a_lat_max / self._a_lat)
+        )
+
+    def _look(self, i: int) -> None:
+        self._draw_shift(i)
+        kernel.look(self.world, self.fleet, i, self._shifts[i])
+
+    def _draw_shift(self, i: int) -> None:
+        if self._shifts.shape[1] and self.problem.sensor.redraw:
+            self._shifts[i] = self.problem.sensor.draw(self._rngs[i])
+
+    def _demonstrate(self, i: int, *, restart: bool = False) -> None:
+        if self._demonstrator is None:
+            return
+        if restart:
+            self._demonstrator.restart(i)
+        time = self.fleet.clock[i, kernel.CLOCK_STEPS] * self.dt
+        self.fleet.demo[i] = self._demonstrator.propose(
+            i, self.fleet.rows[i], time, self.problem.sensor.spacing
+        )
+
+    def step(self, actions: FloatArray) -> None:
+        """One control step of all vehicles; the caller resets those whose episode ended."""
+        for i in range(self.n):
+            self._draw_shift(i)
+        kernel.step(self.world, self.fleet, actions, self._shifts)
+        for i in np.flatnonzero(self.fleet.ended == kernel.RUNNING).tolist():
+            self._demonstrate(i)
+
+    def last_commands(self) -> FloatArray:
+        """Steering executed in the last step, (n,)."""
+        return self.fleet.memory[:, encode.LAST_COMMAND]

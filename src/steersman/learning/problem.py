@@ -1,0 +1,122 @@
+"""The learning problem: car, roads, speeds, task and action, as one configuration."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import field_validator, model_validator
+
+from steersman.config import Of, Settings, dump, param
+from steersman.encoding import EncodingComponent, ExtendedEncoding
+from steersman.kernels.path import PathTable
+from steersman.kernels.step import World
+from steersman.learning.demonstration import Demonstration
+from steersman.learning.task import PreciseTask, TaskComponent
+from steersman.paths.base import PathComponent
+from steersman.paths.segments import stack
+from steersman.plants.simulator import SimulatorConfig
+from steersman.sensing import WaypointSensor
+from steersman.speed import Nedc, SpeedComponent, stack_profiles
+from steersman.vehicles import CarlaModel3, Vehicle
+
+# Steering rate of the indirect action [1/s]; the paper's limit.
+PAPER_RATE = 1.5708
+
+
+class Spread(Settings):
+    """How far cars and starts differ from episode to episode; zero: not at all."""
+
+    mass: float = param(0.0, "-", "Mass is scaled by up to 1 +- this.", ge=0, lt=1)
+    yaw_inertia: float = param(0.0, "-", "Yaw inertia is scaled by up to 1 +- this.", ge=0, lt=1)
+    stiffness: float = param(0.0, "-", "Each axle's stiffness, up to 1 +- this.", ge=0, lt=1)
+    friction: float = param(0.0, "-", "Friction is scaled by up to 1 +- this.", ge=0, lt=1)
+    delay: float = param(0.0, "s", "Longest additional steering delay.", ge=0, le=0.4)
+    offset: float = param(0.0, "m", "Start up to this far beside the path.", ge=0)
+    heading: float = param(0.0, "rad", "Start turned by up to this.", ge=0)
+
+
+class Problem(Settings):
+    """What the agent has to learn."""
+
+    vehicle: Annotated[Vehicle, Of("vehicle")] = param(CarlaModel3(), "-", "Vehicle.")
+    plant: Annotated[SimulatorConfig, Of("plant")] = param(SimulatorConfig(), "-", "Plant.")
+    sensor: Annotated[WaypointSensor, Of("sensor")] = param(WaypointSensor(), "-", "Sensor.")
+    encoding: Annotated[EncodingComponent, Of("encoding")] = param(
+        ExtendedEncoding(), "-", "Network input."
+    )
+    task: Annotated[TaskComponent, Of("task")] = param(PreciseTask(), "-", "Reward.")
+    demonstration: Demonstration = param(Demonstration(), "-", "Demonstration.")
+    action: Literal["rate", "direct"] = param(
+        "rate", "-", "The action is the steering rate (indirect) or the steering (direct)."
+    )
+    rate_limit: float = param(PAPER_RATE, "1/s", "Steering rate of action 1.", gt=0)
+    roads: tuple[Annotated[PathComponent, Of("path")], ...] = param(
+        ("training_circuit",), "-", "Roads to train on; each episode draws one."
+    )
+    speeds: tuple[Annotated[SpeedComponent, Of("speed")], ...] = param(
+        (Nedc(a_lat_max=4.0),), "-", "Sources of speed; each episode draws one."
+    )
+    spread: Spread = param(Spread(), "-", "Differences between episodes.")
+    start: Literal["start_area", "anywhere"] = param(
+        "anywhere", "-", "Where episodes start: at s = 0, or at a random place."
+    )
+    episode_time: float = param(20.0, "s", "Length of an episode (truncation).", gt=0)
+    corridor: float = param(1.5, "m", "Leaving it ends the episode.", gt=0)
+
+    @field_validator("roads", "speeds", mode="before")
+    @classmethod
+    def _listed(cls, value: object) -> object:
+        return value if isinstance(value, (list, tuple)) else (value,)
+
+    @field_validator("roads", "speeds")
+    @classmethod
+    def _some(cls, value: tuple[object, ...]) -> tuple[object, ...]:
+        if not value:
+            raise ValueError("needs at least one")
+        return value
+
+    @model_validator(mode="after")
+    def _preview(self) -> Problem:
+        table = self.encoding.table(self.sensor.spacing, self.plant.dt, self.indirect)
+        needed = max(table.waypoints, 2 * (table.roads - 1) + 1)
+        if needed > self.sensor.count:
+            raise ValueError(
+                f"encoding {dump(self.encoding)} reads {needed} waypoints, sensor.count is "
+                f"{self.sensor.count}"
+            )
+        return self
+
+    @property
+    def indirect(self) -> bool:
+        """Whether the action is the steering rate."""
+        return self.action == "rate"
+
+    def world(self, n: int) -> World:
+        """Everything constant for ``n`` vehicles; rows of vehicles and speeds are per vehicle."""
+        encoding = self.encoding.table(self.sensor.spacing, self.plant.dt, self.indirect)
+        vehicle = self.vehicle.table
+        rng = np.random.default_rng(0)
+        profiles = [s.draw(rng, self.episode_time) for s in self.speeds]
+        widest = max(profiles, key=lambda p: len(p.times))
+        capped = next((p for p in profiles if p.a_lat_max is not None), widest)
+        speed = stack_profiles([capped, *([widest] * n)], list(self.roads))
+        return World(
+            vehicles=vehicle._replace(rows=np.repeat(vehicle.rows, n, axis=0)),
+            paths=self.bank(),
+            speed=speed._replace(
+                rows=speed.rows[1:].copy(), times=speed.times[1:].copy(), speeds=speed.speeds[1:]
+            ),
+            encoding=encoding,
+            scale=self.encoding.scale(encoding),
+            reward=self.task.table(),
+            weights=self.sensor.fit_weights(),
+            h=self.plant.integration_step,
+            substeps=self.plant.substeps(),
+            corridor=self.corridor,
+            rate_limit=self.rate_limit if self.indirect else 0.0,
+        )
+
+    def bank(self) -> PathTable:
+        """All roads behind each other."""
+        return stack(road.table for road in self.roads)

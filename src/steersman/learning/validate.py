@@ -1,0 +1,79 @@
+"""Validation during training: the policy alone, on fixed drives that it never learns from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from steersman.kernels import observe
+from steersman.kernels import step as kernel
+from steersman.learning.config import ValidationConfig
+from steersman.learning.fleet import FleetDriver
+from steersman.learning.problem import Problem
+
+
+class Score(NamedTuple):
+    """What a validation found."""
+
+    mean_error: float
+    """Mean |lateral error| [m]; a vehicle that left the corridor is charged the corridor's half
+    width for the rest of its drive."""
+    rms_error: float
+    """Root mean square of the same [m]."""
+    failures: int
+    """Drives that left the corridor or rolled over."""
+    steer_activity: float
+    """RMS change of the steering command per step [-]."""
+    total: float
+    """What selects the best policy: mean error plus the price of steering [m]."""
+
+
+class Validator:
+    """Drives the validation set; every call drives exactly the same."""
+
+    def __init__(self, problem: Problem, config: ValidationConfig) -> None:
+        """Build the drives: the training problem on other roads, without demonstration."""
+        alone = problem.demonstration.model_copy(update={"enabled": False})
+        held_out = problem.model_copy(update={"roads": config.roads, "demonstration": alone})
+        self._driver = FleetDriver(held_out, config.vehicles)
+        self._config = config
+        self._steps = round(problem.episode_time / self._driver.dt)
+
+    def score(self, act: Callable[[Any], Any]) -> Score:
+        """Drive with ``act``, which maps features (n, k) to actions (n,)."""
+        driver, fleet = self._driver, self._driver.fleet
+        driver.seed(self._config.seed)
+        for i in range(driver.n):
+            driver.reset(i)
+        corridor = driver.problem.corridor
+        errors = np.full((self._steps, driver.n), corridor)
+        alive = np.ones(driver.n, dtype=bool)
+        failed = np.zeros(driver.n, dtype=bool)
+        counted = np.ones((self._steps, driver.n), dtype=bool)
+        changes, moves = 0.0, 0
+        for k in range(self._steps):
+            before = driver.last_commands().copy()
+            driver.step(np.clip(act(fleet.inputs), -1.0, 1.0))
+            ended = fleet.ended != kernel.RUNNING
+            lost = np.isin(fleet.ended, (kernel.LEFT_CORRIDOR, kernel.ROLLED))
+            errors[k, alive] = np.minimum(np.abs(fleet.tracking[alive, observe.D]), corridor)
+            changes += float(((driver.last_commands() - before)[alive] ** 2).sum())
+            moves += int(alive.sum())
+            failed |= alive & lost
+            alive &= ~ended
+            # A drive that reached the end of its road is over; one that failed goes on costing.
+            counted[k + 1 :, ended & ~failed] = False
+            if not alive.any():
+                break
+        errors = np.nan_to_num(errors, nan=corridor)[counted]
+        activity = (changes / max(moves, 1)) ** 0.5
+        mean = float(errors.mean())
+        return Score(
+            mean,
+            float(np.sqrt((errors**2).mean())),
+            int(failed.sum()),
+            activity,
+            mean + self._config.steer_weight * activity,
+        )

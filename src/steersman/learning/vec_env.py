@@ -1,0 +1,128 @@
+"""A vector environment for Stable-Baselines3: all vehicles advance in one kernel call."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from stable_baselines3.common.vec_env import VecEnv
+
+from steersman.kernels import observe
+from steersman.kernels import step as kernel
+from steersman.learning.demonstration import demonstrated_action
+from steersman.learning.fleet import FleetDriver
+from steersman.learning.problem import Problem
+from steersman.types import FloatArray
+
+TERMINAL = (kernel.LEFT_CORRIDOR, kernel.ROLLED)
+
+
+class PathFollowingVecEnv(VecEnv):
+    """N vehicles of a :class:`Problem`.
+
+    Observation: (n, features) float32, about unit size. Action: (n, 1) in [-1, 1].
+    Leaving the corridor and rolling over terminate; time and the end of a road truncate.
+    """
+
+    def __init__(self, problem: Problem, n: int) -> None:
+        """Make ``n`` vehicles."""
+        self.driver = FleetDriver(problem, n)
+        features = self.driver.fleet.inputs.shape[1]
+        super().__init__(
+            n,
+            spaces.Box(-np.inf, np.inf, (features,), np.float32),
+            spaces.Box(-1.0, 1.0, (1,), np.float32),
+        )
+        self._actions = np.zeros(n)
+        self._infos: list[dict[str, Any]] = [{} for _ in range(n)]
+        self._seed = 0
+        self.off_track = 0
+        """Episodes ended by leaving the corridor or rolling over."""
+        self._sums = np.zeros(n)
+        self._lengths = np.zeros(n, dtype=np.int64)
+        self.sum_error = 0.0
+        """Sum of |lateral error| over all steps of all vehicles [m]."""
+        self.steps = 0
+        self.largest_reward = 0.0
+        """Largest |reward| of a step so far."""
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Seed of all vehicles' generators; takes effect at the next reset."""
+        self._seed = 0 if seed is None else seed
+        return [self._seed] * self.num_envs
+
+    def reset(self) -> Any:
+        """Begin new episodes everywhere."""
+        self.driver.seed(self._seed)
+        for i in range(self.num_envs):
+            self.driver.reset(i)
+        self._sums[:], self._lengths[:] = 0.0, 0
+        return self.driver.fleet.inputs.astype(np.float32)
+
+    def step_async(self, actions: Any) -> None:
+        """Keep the actions for :meth:`step_wait`."""
+        self._actions = np.asarray(actions, dtype=np.float64).reshape(-1)
+
+    def step_wait(self) -> Any:
+        """Advance all vehicles; finished ones begin anew, as SB3 expects."""
+        driver = self.driver
+        driver.step(self._actions)
+        fleet = driver.fleet
+        reward = fleet.reward[:, 0].astype(np.float32)
+        self._sums += fleet.reward[:, 0]
+        self._lengths += 1
+        self.steps += self.num_envs
+        self.sum_error += float(np.abs(fleet.tracking[:, observe.D]).sum())
+        self.largest_reward = max(self.largest_reward, float(np.abs(reward).max()))
+        done = fleet.ended != kernel.RUNNING
+        infos: list[dict[str, Any]] = self._infos
+        out = fleet.inputs.astype(np.float32)
+        if done.any():
+            infos = [{} for _ in range(self.num_envs)]
+            for i in np.flatnonzero(done).tolist():
+                infos[i] = self._finish(i, out[i].copy())
+                out[i] = fleet.inputs[i]
+        return out, reward, done, infos
+
+    def _finish(self, i: int, last: Any) -> dict[str, Any]:
+        reason = int(self.driver.fleet.ended[i])
+        failed = reason in TERMINAL
+        self.off_track += failed
+        info = {
+            "terminal_observation": last,
+            "TimeLimit.truncated": not failed,
+            "episode": {"r": float(self._sums[i]), "l": int(self._lengths[i]), "t": 0.0},
+            "off_track": failed,
+        }
+        self._sums[i], self._lengths[i] = 0.0, 0
+        self.driver.reset(i)
+        return info
+
+    def demonstrated_actions(self) -> FloatArray:
+        """The demonstrator's action for the present observations, (n,) in [-1, 1]."""
+        driver = self.driver
+        return demonstrated_action(
+            driver.fleet.demo, driver.last_commands(), driver.world.rate_limit, driver.dt
+        )
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """The same attribute for every vehicle."""
+        return [getattr(self, attr_name, None) for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Attributes belong to all vehicles together."""
+        setattr(self, attr_name, value)
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kw: Any) -> list[Any]:
+        """Call a method once for all vehicles."""
+        result = getattr(self, method_name)(*args, **kw)
+        return [result for _ in self._get_indices(indices)]
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """Never wrapped."""
+        return [False for _ in self._get_indices(indices)]

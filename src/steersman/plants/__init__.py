@@ -1,0 +1,1 @@
+"""Plants: what a command moves."""

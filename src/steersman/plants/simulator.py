@@ -1,0 +1,140 @@
+"""The embedded simulator: one vehicle, stepped by the kernel that the environments use too."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from steersman.config import Component, param, register
+from steersman.errors import ConfigError
+from steersman.kernels import step as kernel
+from steersman.kernels import vehicle as car
+from steersman.types import Command, FloatArray, Pose, VehicleState
+from steersman.vehicles import Vehicle
+
+# Periods that differ by less are the same, but for rounding [s].
+_SAME = 1e-9
+
+
+@register("plant", "simulator")
+class SimulatorConfig(Component):
+    """The embedded planar four-wheel simulator."""
+
+    dt: float = param(0.05, "s", "Control period; a whole multiple of the integration step.", gt=0)
+    integration_step: float = param(0.01, "s", "Integration step.", gt=0, le=0.02)
+    steering_delay: float = param(
+        0.0, "s", "Time until a steering command reaches the actuator.", ge=0
+    )
+
+    def substeps(self) -> int:
+        """Integration steps in a control period.
+
+        Raises:
+            ConfigError: the control period is not a whole multiple of the integration step.
+        """
+        count = round(self.dt / self.integration_step)
+        if count < 1 or abs(count * self.integration_step - self.dt) > _SAME:
+            raise ConfigError(
+                f"plant.dt: {self.dt} s is not a whole multiple of plant.integration_step, "
+                f"{self.integration_step} s"
+            )
+        return count
+
+    def delay_substeps(self) -> int:
+        """Steering delay in integration steps.
+
+        Raises:
+            ConfigError: the delay is longer than the delay line.
+        """
+        count = round(self.steering_delay / self.integration_step)
+        longest = (kernel.DELAY_LINE - 2) * self.substeps()
+        if count > longest:
+            limit = longest * self.integration_step
+            raise ConfigError(
+                f"plant.steering_delay: {self.steering_delay} s is too long; at most {limit:g} s"
+            )
+        return count
+
+    def make(self, vehicle: Vehicle) -> Simulator:
+        """A simulator of that vehicle."""
+        return Simulator(self, vehicle)
+
+
+class Simulator:
+    """A plant with one vehicle; see :class:`steersman.protocols.Plant`."""
+
+    def __init__(self, config: SimulatorConfig, vehicle: Vehicle) -> None:
+        """Prepare the simulator; ``reset`` before the first step."""
+        self.vehicle = vehicle
+        self._substeps = config.substeps()
+        self._delay = config.delay_substeps()
+        self._h = config.integration_step
+        self._dt = config.dt
+        self._state = np.zeros(car.N_STATE)
+        self._delayed = np.zeros(kernel.DELAY_LINE)
+        self._work = np.zeros((3, car.N_MOTION))
+        self._steps = 0
+
+    @property
+    def dt(self) -> float:
+        """Control period [s]."""
+        return self._dt
+
+    def reset(self, pose: Pose, speed: float, curvature: float) -> VehicleState:
+        """Put the vehicle on ``pose`` in the steady turn; its velocity points along ``pose.psi``.
+
+        Args:
+            pose: position of the centre of mass and direction of its velocity (the course).
+            speed: magnitude of the velocity [m/s].
+            curvature: curvature of the turn [1/m].
+        """
+        place(self.vehicle.table, 0, self._state, self._delayed, pose, speed, curvature)
+        self._steps = 0
+        return self._read()
+
+    def step(self, command: Command) -> VehicleState:
+        """Hold ``command`` for one control period."""
+        kernel.drive(
+            self.vehicle.table,
+            0,
+            self._state,
+            np.array(command, dtype=np.float64),
+            self._delayed,
+            self._delay,
+            self._h,
+            self._substeps,
+            self._work,
+        )
+        self._steps += 1
+        return self._read()
+
+    def rolled_over(self) -> bool:
+        """Whether both inner wheels have lifted."""
+        return car.rolls_over(self.vehicle.table.rows[0], self._state[car.LOAD_AY])
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+    def _read(self) -> VehicleState:
+        x, y, psi, v_x, v_y, rate, _, _, steer, throttle, brake, a_x, a_y, wheel = (
+            self._state.tolist()
+        )
+        time = self._steps * self._dt
+        return VehicleState(
+            time, x, y, psi, v_x, v_y, rate, a_x, a_y, steer, wheel, throttle, brake
+        )
+
+
+def place(
+    table: car.VehicleTable,
+    n: int,
+    state: FloatArray,
+    delayed: FloatArray,
+    pose: Pose,
+    speed: float,
+    curvature: float,
+) -> None:
+    """Fill a state row with the steady turn on ``pose``, and the delay line with its steering."""
+    car.steady_turn(table, n, state, speed, curvature)
+    slip = float(np.arctan2(state[car.VY], state[car.VX])) if speed > 0.0 else 0.0
+    state[car.X], state[car.Y], state[car.PSI] = pose.x, pose.y, pose.psi - slip
+    delayed[:] = state[car.STEER]

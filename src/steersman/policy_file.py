@@ -1,0 +1,72 @@
+"""The card that travels with an exported policy: what it must be fed and what it answers."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path as FilePath
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from steersman.errors import DataError
+
+FORMAT = 1
+
+
+class PolicyCard(BaseModel):
+    """Everything needed to run ``policy.onnx``; written beside it as ``policy.json``."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    format: int = FORMAT
+    sha256: str
+    action: str
+    rate_limit: float | None
+    """Largest rate of normalised steering [1/s] if the action is ``rate``, else null."""
+    dt: float
+    waypoints: int
+    spacing: float
+    encoding: dict[str, Any]
+    observation: list[str]
+    scale: list[float]
+    units: dict[str, str]
+    limits: dict[str, list[float]]
+    seed: int
+    training: dict[str, Any]
+    versions: dict[str, str]
+    commit: str | None
+
+
+def sha256(data: bytes) -> str:
+    """Hex digest of a file's content."""
+    return hashlib.sha256(data).hexdigest()
+
+
+def read_policy(file: FilePath) -> tuple[bytes, PolicyCard]:
+    """An ONNX file and its card, after checking that they belong together.
+
+    Raises:
+        DataError: one of them is missing, corrupt, or of another policy.
+    """
+    card_file = file.with_suffix(".json")
+    try:
+        data = file.read_bytes()
+        text = card_file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        name = getattr(error, "filename", None) or card_file
+        reason = getattr(error, "strerror", None) or "not text"
+        raise DataError(f"{name}: cannot be read ({reason})") from None
+    try:
+        card = PolicyCard.model_validate(json.loads(text))
+    except (ValueError, ValidationError) as error:
+        line = " ".join(str(error).split())
+        raise DataError(f"{card_file}: not a policy card: {line[:200]}") from None
+    if card.format != FORMAT:
+        raise DataError(f"{card_file}: format {card.format} is not known; this version reads 1")
+    if sha256(data) != card.sha256:
+        raise DataError(
+            f"{file}: does not match its card {card_file.name} (SHA-256 differs); "
+            "the file is damaged or belongs to another policy"
+        )
+    return data, card

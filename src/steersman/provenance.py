@@ -1,0 +1,37 @@
+"""Where a result came from: versions and commit."""
+
+from __future__ import annotations
+
+import platform
+import subprocess
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path as FilePath
+from typing import Any
+
+_PACKAGES = ("steersman", "numpy", "numba", "daqp", "onnxruntime", "stable-baselines3", "torch")
+
+
+@cache
+def provenance() -> dict[str, Any]:
+    """Versions of the packages that matter for numbers, and the commit if there is one."""
+    versions = {"python": platform.python_version()}
+    for name in _PACKAGES:
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return {"versions": versions, "commit": _commit()}
+
+
+def _commit() -> str | None:
+    """Commit of the source tree this package is imported from; "-dirty" with changes in it."""
+    here = FilePath(__file__).resolve().parent
+    command = ["git", "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"]
+    try:
+        done = subprocess.run(
+            command, cwd=here, capture_output=True, text=True, timeout=10, check=True
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip() or None

@@ -1,0 +1,261 @@
+"""The one verb: drive a plant with a controller along a path, and record the Episode."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import model_validator
+
+from steersman import episode as ending
+from steersman.config import Of, Settings, param
+from steersman.controllers.base import ControllerComponent
+from steersman.controllers.mpc_pid import MpcPid
+from steersman.episode import COLUMNS, Episode
+from steersman.errors import ControllerError
+from steersman.paths.base import PathComponent
+from steersman.plants.simulator import Simulator, SimulatorConfig
+from steersman.provenance import provenance
+from steersman.sensing import Tracking, WaypointSensor, track
+from steersman.speed import ConstantThrottle, SpeedComponent
+from steersman.types import Command, Decision, Pose, VehicleState
+from steersman.vehicles import CarlaModel3, Vehicle
+
+# A run that is to end after laps or at the end of the road may take at most this long [s].
+LONGEST = 7200.0
+
+
+class RunConfig(Settings):
+    """One closed loop: who drives what, where, how fast and for how long."""
+
+    controller: Annotated[ControllerComponent, Of("controller")] = param(
+        MpcPid(), "-", "Lateral controller."
+    )
+    path: Annotated[PathComponent, Of("path")] = param("circle", "-", "Path to follow.")
+    speed: Annotated[SpeedComponent, Of("speed")] = param(
+        ConstantThrottle(), "-", "Source of throttle and brake."
+    )
+    vehicle: Annotated[Vehicle, Of("vehicle")] = param(CarlaModel3(), "-", "Vehicle.")
+    plant: Annotated[SimulatorConfig, Of("plant")] = param(SimulatorConfig(), "-", "Plant.")
+    sensor: Annotated[WaypointSensor, Of("sensor")] = param(WaypointSensor(), "-", "Sensor.")
+    duration: float | None = param(
+        None,
+        "s",
+        "Length of the run; null with laps null: 60 s, or to the end of an open path.",
+        gt=0,
+    )
+    laps: float | None = param(None, "-", "Laps of a closed path, instead of a duration.", gt=0)
+    corridor: float = param(1.5, "m", "Half width of the corridor; leaving it ends the run.", gt=0)
+    start: float = param(0.0, "m", "Arc length at which the run starts.", ge=0)
+    seed: int = param(0, "-", "Seed of everything random.", ge=0)
+
+    @model_validator(mode="after")
+    def _length(self) -> RunConfig:
+        if self.duration is not None and self.laps is not None:
+            raise ValueError("give duration or laps, not both")
+        return self
+
+
+@dataclass
+class _Recorder:
+    """Collects the rows of an episode."""
+
+    rows: list[tuple[float, ...]]
+
+    def add(
+        self, state: VehicleState, place: Tracking, decision: Decision, pedals: Any, took: float
+    ) -> None:
+        s = state
+        self.rows.append(
+            (
+                *(s.time, s.x, s.y, s.psi, s.v_x, s.v_y, s.yaw_rate, s.a_x, s.a_y),
+                *place,
+                *(decision.steer, s.steer, s.wheel_angle, *pedals),
+                *(float(decision.status), took),
+            )
+        )
+
+    def episode(self, end: str, distance: float, dt: float, path: PathComponent) -> Episode:
+        data = np.array(self.rows, dtype=np.float64).reshape(-1, len(COLUMNS))
+        columns = {name: np.ascontiguousarray(data[:, i]) for i, name in enumerate(COLUMNS)}
+        return Episode(columns, end, distance, dt, path.length, path.closed)
+
+
+class RunError(ControllerError):
+    """A run that failed; ``episode`` holds what was driven until then."""
+
+    def __init__(self, message: str, episode: Episode) -> None:
+        """Keep the episode beside the message."""
+        super().__init__(message)
+        self.episode = episode
+
+
+def run(config: RunConfig, progress: Callable[[float], None] | None = None) -> Episode:
+    """Drive one configuration and return its record, with the configuration inside.
+
+    Args:
+        config: what to drive.
+        progress: called now and then with the share of the run that is done.
+
+    Raises:
+        RunError: the controller failed; the error carries the episode so far.
+        ConfigError: the configuration's parts do not fit together.
+    """
+    plant = config.plant.make(config.vehicle)
+    try:
+        episode = rollout(
+            plant,
+            config.controller,
+            config.path,
+            config.speed,
+            config.sensor,
+            vehicle=config.vehicle,
+            duration=config.duration,
+            laps=config.laps,
+            corridor=config.corridor,
+            start=config.start,
+            seed=config.seed,
+            progress=progress,
+        )
+    except RunError as error:
+        raise RunError(str(error), _with_meta(error.episode, config)) from None
+    finally:
+        plant.close()
+    return _with_meta(episode, config)
+
+
+def _with_meta(episode: Episode, config: RunConfig) -> Episode:
+    meta = {"config": config.model_dump(mode="json"), "seed": config.seed, **provenance()}
+    return Episode(
+        episode.columns,
+        episode.end,
+        episode.distance,
+        episode.dt,
+        episode.path_length,
+        episode.closed,
+        meta,
+    )
+
+
+def rollout(  # noqa: PLR0913 - the nouns of a closed loop
+    plant: Simulator,
+    controller: ControllerComponent,
+    path: PathComponent,
+    speed: SpeedComponent,
+    sensor: WaypointSensor,
+    *,
+    vehicle: Vehicle,
+    duration: float | None = None,
+    laps: float | None = None,
+    corridor: float = 1.5,
+    start: float = 0.0,
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+) -> Episode:
+    """Close the loop and record it.
+
+    The vehicle starts on the path at arc length ``start`` in the steady turn of the path's
+    curvature there. The run ends after ``duration`` [s] or ``laps``, at the end of an open path,
+    when the centre of mass is more than ``corridor`` [m] off the path, or when the inner wheels
+    lift.
+
+    Raises:
+        RunError: the controller raised, or returned something that is not a finite number.
+    """
+    rng = np.random.default_rng(seed)
+    dt = plant.dt
+    at = path.at(start)
+    v0 = speed.start_speed(path, start)
+    state = plant.reset(Pose(at.x, at.y, at.psi), v0, at.kappa)
+    place = track(state, path, start)
+    sensor_state = sensor.init(rng)
+    speed_state = speed.init(path, dt, state)
+    controller_state = controller.init(vehicle, dt)
+    goal, limit = _goal(path, start, duration, laps)
+    recorder, distance, end = _Recorder([]), 0.0, ""
+    step = 0
+    try:
+        while not (end := _end(plant, path, place, corridor, step * dt, distance, goal, limit)):
+            observation = sensor.observe(sensor_state, state, place, path, rng)
+            begun = time.perf_counter()
+            decision, controller_state = controller.step(controller_state, observation)
+            took = time.perf_counter() - begun
+            if not math.isfinite(decision.steer) or abs(decision.steer) > 1.0:
+                raise _refuse(controller, decision, state, recorder, distance, dt, path)
+            throttle, brake, speed_state = speed.step(speed_state, state, place.s)
+            recorder.add(state, place, decision, (throttle, brake), took)
+            v = float(np.hypot(state.v_x, state.v_y))
+            state = plant.step(Command(decision.steer, throttle, brake))
+            before = place.s
+            place = track(state, path, before + v * dt)
+            distance += _advance(before, place.s, path)
+            step += 1
+            if progress is not None and step % 100 == 0:
+                progress(min(max(distance / goal, step * dt / limit), 1.0))
+    except KeyboardInterrupt:
+        end = ending.INTERRUPTED
+    return recorder.episode(end, distance, dt, path)
+
+
+def _refuse(
+    controller: ControllerComponent,
+    decision: Decision,
+    state: VehicleState,
+    recorder: _Recorder,
+    distance: float,
+    dt: float,
+    path: PathComponent,
+) -> RunError:
+    name = controller.kind or type(controller).__name__
+    return RunError(
+        f"controller {name!r} returned steering {decision.steer} at t = {state.time:.2f} s; "
+        "a finite number in [-1, 1] is expected",
+        recorder.episode(ending.ERROR, distance, dt, path),
+    )
+
+
+def _goal(
+    path: PathComponent, start: float, duration: float | None, laps: float | None
+) -> tuple[float, float]:
+    """Distance to drive [m] and time limit [s] of a run."""
+    if laps is not None:
+        if not path.closed:
+            raise ControllerError(f"laps={laps:g}: {path.kind} is not closed; give a duration")
+        return laps * path.length, LONGEST
+    if not path.closed:
+        return path.length - start, LONGEST if duration is None else duration
+    return math.inf, 60.0 if duration is None else duration
+
+
+def _advance(before: float, after: float, path: PathComponent) -> float:
+    """Progress along the path in one step; closed paths wrap."""
+    gain = after - before
+    if path.closed:
+        gain -= path.length * round(gain / path.length)
+    return gain
+
+
+def _end(
+    plant: Simulator,
+    path: PathComponent,
+    place: Tracking,
+    corridor: float,
+    now: float,
+    distance: float,
+    goal: float,
+    limit: float,
+) -> str:
+    """Why the run ends here; empty if it goes on."""
+    if not abs(place.lateral_error) <= corridor:
+        return ending.OFF_TRACK
+    if plant.rolled_over():
+        return ending.ROLL_OVER
+    if distance >= goal - 1e-9:
+        return ending.LAPS if path.closed else ending.END_OF_PATH
+    if now >= limit - 1e-9:
+        return ending.DURATION if limit < LONGEST else ending.TIMEOUT
+    return ""

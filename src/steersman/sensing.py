@@ -1,0 +1,114 @@
+"""Sensors: from the vehicle's true place on the path to what its controller is told."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from steersman.config import Component, param, register
+from steersman.kernels import observe as kernel
+from steersman.kernels import vehicle as car
+from steersman.protocols import Path
+from steersman.types import FloatArray, Observation, VehicleState
+
+NO_SHIFT = np.zeros((0, 2))
+
+
+class Tracking(NamedTuple):
+    """The truth about a vehicle on its path, at the centre of mass."""
+
+    s: float
+    """Arc length of the closest point [m]."""
+    lateral_error: float
+    """Signed distance from the path, left positive [m]."""
+    heading_error: float
+    """Yaw minus path tangent, in (-pi, pi] [rad]."""
+    course_error: float
+    """Direction of the velocity minus path tangent, in (-pi, pi] [rad]."""
+    curvature: float
+    """Path curvature at the closest point [1/m]."""
+    path_x: float
+    """Closest point [m]."""
+    path_y: float
+    """Closest point [m]."""
+
+
+def state_row(state: VehicleState) -> FloatArray:
+    """The columns of a kernel's state row that sensing needs."""
+    row = np.zeros(car.N_STATE)
+    row[car.X], row[car.Y], row[car.PSI] = state.x, state.y, state.psi
+    row[car.VX], row[car.VY], row[car.YAW_RATE] = state.v_x, state.v_y, state.yaw_rate
+    row[car.STEER] = state.steer
+    return row
+
+
+def track(state: VehicleState, path: Path, near: float) -> Tracking:
+    """Project the vehicle onto the path, searching from arc length ``near`` [m]."""
+    out = np.zeros(kernel.N_TRACKING)
+    kernel.track(path.table, 0, state_row(state), near, out)
+    return Tracking(*out.tolist())
+
+
+def to_observation(row: FloatArray, time: float, spacing: float) -> Observation:
+    """A kernel's observation row as a named tuple; the preview is a view of the row."""
+    d, heading, v_x, v_y, rate, steer, kappa = row[: kernel.O_PREVIEW].tolist()
+    preview = row[kernel.O_PREVIEW :].reshape(-1, 2)
+    return Observation(time, d, heading, v_x, v_y, rate, steer, kappa, preview, spacing)
+
+
+@register("sensor", "waypoints")
+class WaypointSensor(Component):
+    """Waypoints ahead at equal distances, and the errors that follow from them.
+
+    With waypoint errors, lateral error, heading error and curvature are those of the road as
+    estimated from the shifted waypoints, so no controller sees more than the others.
+    """
+
+    count: int = param(15, "-", "Number of waypoints, the first beside the car.", ge=4, le=100)
+    spacing: float = param(2.0, "m", "Distance between waypoints.", gt=0)
+    error_range: float = param(
+        0.0, "m", "Waypoints are shifted by up to this in x and in y, uniformly.", ge=0
+    )
+    redraw: bool = param(True, "-", "New shifts at every step; else one draw for the whole run.")
+
+    def fit_weights(self) -> FloatArray:
+        """Weights (3, count) of the least-squares parabola: value, slope, second derivative."""
+        u = np.arange(self.count) * self.spacing
+        design = np.stack([np.ones_like(u), u, 0.5 * u * u], axis=1)
+        return np.ascontiguousarray(np.linalg.pinv(design))
+
+    def draw(self, rng: np.random.Generator) -> FloatArray:
+        """Shifts of all waypoints (count, 2) in the vehicle's frame; (0, 2) without errors."""
+        if self.error_range == 0.0:
+            return NO_SHIFT
+        return rng.uniform(-self.error_range, self.error_range, (self.count, 2))
+
+    def init(self, rng: np.random.Generator) -> FloatArray | None:
+        """State before the first step: the fixed shifts, if they are fixed."""
+        return None if self.redraw else self.draw(rng)
+
+    def observe(
+        self,
+        sensor_state: FloatArray | None,
+        state: VehicleState,
+        tracking: Tracking,
+        path: Path,
+        rng: np.random.Generator,
+    ) -> Observation:
+        """What a controller is told about the path at this moment."""
+        row = np.zeros(kernel.O_PREVIEW + 2 * self.count)
+        shift = self.draw(rng) if sensor_state is None else sensor_state
+        weights = self.fit_weights() if shift.shape[0] else NO_SHIFT
+        kernel.sense(
+            path.table,
+            0,
+            state_row(state),
+            np.array(tracking),
+            self.spacing,
+            self.count,
+            shift,
+            weights,
+            row,
+        )
+        return to_observation(row, state.time, self.spacing)

@@ -1,0 +1,246 @@
+"""Named vehicles, each figure with its source, and vehicles from the user's own YAML file."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+from pydantic import field_validator, model_validator
+
+from steersman.config import Component, build, lookup, param, read_yaml, register, required
+from steersman.errors import ConfigError
+from steersman.kernels import vehicle as kernel
+from steersman.kernels.vehicle import VehicleTable
+
+_DEG = math.pi / 180.0
+_KMH = 1.0 / 3.6
+_AIR_DENSITY = 1.2
+
+# Throttle to net acceleration on a straight, measured on CARLA 0.9.16's Model 3: throttles 0.4 to
+# 1.0 at 0 to 20 m/s. The zero-throttle row is -2.6 up to 4 m/s and falls to -8.8 at 24 m/s. What
+# was not measured (0.4 from 14 m/s, 0.5 at 20 m/s, all beyond 20 or 24 m/s) goes on with the last
+# slope of its row: up to 38.7 m/s (9000 rpm) the engine's torque is constant and its damping
+# proportional to speed, which is the straight line that the measured rows follow.
+_MODEL3_THROTTLE = (0.0, 0.4, 0.5, 0.6, 0.8, 1.0)
+_MODEL3_SPEED = (0.0, 4.0, 8.0, 14.0, 20.0, 24.0, 38.7)
+_MODEL3_ACCEL = (
+    (-2.6, -2.6, -3.84, -5.70, -7.56, -8.80, -13.36),
+    (2.40, 1.25, 0.17, -1.45, -3.07, -4.15, -8.12),
+    (2.62, 2.24, 1.15, 0.12, -0.91, -1.60, -4.12),
+    (3.34, 3.18, 2.43, 1.18, 0.24, -0.39, -2.69),
+    (4.92, 5.08, 4.46, 3.76, 3.00, 2.49, 0.63),
+    (6.03, 7.10, 7.59, 6.44, 6.17, 5.99, 5.33),
+)
+
+
+@register("vehicle", "custom")
+class Vehicle(Component):
+    """A car with four wheels, steered in front. Defaults are a CARLA Tesla Model 3."""
+
+    mass: float = param(1845.0, "kg", "Mass.", gt=0)
+    yaw_inertia: float = param(3958.0, "kg m^2", "Moment of inertia about the z axis.", gt=0)
+    l_f: float = param(1.168, "m", "Centre of mass to front axle.", gt=0)
+    l_r: float = param(1.836, "m", "Centre of mass to rear axle.", gt=0)
+    track_width: float = param(1.667, "m", "Distance between left and right wheels.", gt=0)
+    height: float = param(0.55, "m", "Height of the centre of mass.", gt=0)
+    c_f: float = param(106_500.0, "N/rad", "Cornering stiffness of the front axle.", gt=0)
+    c_r: float = param(67_800.0, "N/rad", "Cornering stiffness of the rear axle.", gt=0)
+    friction: float = param(3.5, "-", "Tyre friction coefficient.", gt=0)
+    drag_area: float = param(0.33, "m^2", "Drag coefficient times frontal area.", ge=0)
+    drive_front: float = param(0.5, "-", "Share of the drive force at the front.", ge=0, le=1)
+    brake_force: float = param(7568.0, "N", "Brake force of all wheels at full brake.", ge=0)
+    brake_front: float = param(0.5, "-", "Share of the brake force at the front.", ge=0, le=1)
+    max_wheel_angle: float = param(70.0 * _DEG, "rad", "Inner wheel at full lock.", gt=0, lt=1.5)
+    ackermann: bool = param(True, "-", "Outer wheel by Ackermann, else parallel wheels.")
+    steer_rate_up: float = param(2.5, "1/s", "Normalised steering rate away from centre.", gt=0)
+    steer_rate_down: float = param(5.0, "1/s", "Normalised steering rate to the centre.", gt=0)
+    pedal_rate_up: float = param(6.0, "1/s", "Rate at which pedals are pressed.", gt=0)
+    pedal_rate_down: float = param(10.0, "1/s", "Rate at which pedals are released.", gt=0)
+    load_lag: float = param(0.1, "s", "Time constant of load transfer.", gt=0)
+    width: float = param(2.16, "m", "Width of the body (drawing, lane widths).", gt=0)
+    body_length: float = param(4.79, "m", "Length of the body (drawing).", gt=0)
+    steer_curve_speed: tuple[float, ...] = param(
+        (0.0, 20.0 * _KMH, 60.0 * _KMH, 120.0 * _KMH), "m/s", "Speeds of the steering curve."
+    )
+    steer_curve_factor: tuple[float, ...] = param(
+        (1.0, 0.9, 0.8, 0.7), "-", "Share of the full wheel angle at those speeds."
+    )
+    map_throttle: tuple[float, ...] = param(_MODEL3_THROTTLE, "-", "Throttles of the map.")
+    map_speed: tuple[float, ...] = param(_MODEL3_SPEED, "m/s", "Speeds of the map.")
+    map_acceleration: tuple[tuple[float, ...], ...] = param(
+        _MODEL3_ACCEL, "m/s^2", "Net acceleration on a straight, a row for each throttle."
+    )
+    map_mass: float | None = param(None, "kg", "Mass the map was measured with (null: mass).")
+    fade_speed: float = param(38.7, "m/s", "Speed from which the drive power is constant.", gt=0)
+
+    @field_validator("map_throttle", "map_speed", "steer_curve_speed")
+    @classmethod
+    def _increasing(cls, values: tuple[float, ...]) -> tuple[float, ...]:
+        if len(values) <= 1 or any(b <= a for a, b in pairwise(values)):
+            raise ValueError("needs at least two values, each larger than the one before")
+        return values
+
+    @model_validator(mode="after")
+    def _shapes(self) -> Vehicle:
+        if len(self.steer_curve_factor) != len(self.steer_curve_speed):
+            raise ValueError("steer_curve_factor needs one value for each steer_curve_speed")
+        rows, columns = len(self.map_throttle), len(self.map_speed)
+        if len(self.map_acceleration) != rows or any(
+            len(row) != columns for row in self.map_acceleration
+        ):
+            raise ValueError(f"map_acceleration needs {rows} rows of {columns} values")
+        return self
+
+    @property
+    def wheelbase(self) -> float:
+        """Front to rear axle [m]."""
+        return self.l_f + self.l_r
+
+    @property
+    def roll_over_acceleration(self) -> float:
+        """Lateral acceleration at which the inner wheels lift, g track / (2 height) [m/s^2]."""
+        return kernel.GRAVITY * self.track_width / (2.0 * self.height)
+
+    def replace(self, **figures: Any) -> Vehicle:
+        """The same vehicle with other figures, validated."""
+        return type(self).model_validate(self.model_dump() | figures)
+
+    def row(self) -> Any:
+        """Parameters as the kernels read them, shape (N_PARAMS,)."""
+        out = np.zeros(kernel.N_PARAMS)
+        drag = 0.5 * _AIR_DENSITY * self.drag_area
+        values = {
+            kernel.MASS: self.mass,
+            kernel.INERTIA: self.yaw_inertia,
+            kernel.L_F: self.l_f,
+            kernel.L_R: self.l_r,
+            kernel.TRACK: self.track_width,
+            kernel.HEIGHT: self.height,
+            kernel.C_F: self.c_f,
+            kernel.C_R: self.c_r,
+            kernel.MU: self.friction,
+            kernel.DRAG: drag,
+            kernel.DRIVE_FRONT: self.drive_front,
+            kernel.BRAKE_FORCE: self.brake_force,
+            kernel.BRAKE_FRONT: self.brake_front,
+            kernel.MAX_STEER: self.max_wheel_angle,
+            kernel.ACKERMANN: self.track_width / self.wheelbase if self.ackermann else 0.0,
+            kernel.STEER_UP: self.steer_rate_up,
+            kernel.STEER_DOWN: self.steer_rate_down,
+            kernel.PEDAL_UP: self.pedal_rate_up,
+            kernel.PEDAL_DOWN: self.pedal_rate_down,
+            kernel.MAP_MASS: self.mass if self.map_mass is None else self.map_mass,
+            kernel.MAP_DRAG: drag,
+            kernel.LOAD_LAG: self.load_lag,
+            kernel.FADE_SPEED: self.fade_speed,
+        }
+        for column, value in values.items():
+            out[column] = value
+        return out
+
+    @cached_property
+    def table(self) -> VehicleTable:
+        """This vehicle alone as the kernels read it."""
+        return VehicleTable(
+            rows=self.row()[None, :],
+            steer_speed=np.array(self.steer_curve_speed),
+            steer_factor=np.array(self.steer_curve_factor),
+            map_throttle=np.array(self.map_throttle),
+            map_speed=np.array(self.map_speed),
+            map_accel=np.array(self.map_acceleration),
+        )
+
+    def steer_for_wheel_angle(self, wheel_angle: float, speed: float) -> float:
+        """Normalised steering for a single-track wheel angle [rad] at a speed [m/s]."""
+        return kernel.steer_for_wheel(self.table, 0, wheel_angle, speed)
+
+
+@register("vehicle", "carla_model3")
+class CarlaModel3(Vehicle):
+    """Tesla Model 3 of CARLA 0.9.15/0.9.16.
+
+    Mass, geometry, drag and friction: CARLA's blueprint. Steering law, rate and throttle map:
+    measured on 0.9.16. Yaw inertia and cornering stiffnesses: derived by others from CARLA data.
+    Height of the centre of mass: assumed.
+    """
+
+
+@register("vehicle", "carla_mkz2020")
+class CarlaMkz2020(Vehicle):
+    """Lincoln MKZ 2020 of CARLA: mass, geometry, inertia and stiffnesses from public sources.
+
+    Steering law and throttle map are those of the Model 3 (not measured for this car).
+    """
+
+    mass: float = param(1696.0, "kg", "Mass.", gt=0)
+    yaw_inertia: float = param(2916.0, "kg m^2", "Moment of inertia about the z axis.", gt=0)
+    l_f: float = param(1.172, "m", "Centre of mass to front axle.", gt=0)
+    l_r: float = param(1.689, "m", "Centre of mass to rear axle.", gt=0)
+    c_f: float = param(82_900.0, "N/rad", "Cornering stiffness of the front axle.", gt=0)
+    c_r: float = param(54_400.0, "N/rad", "Cornering stiffness of the rear axle.", gt=0)
+    drag_area: float = param(0.66, "m^2", "Drag coefficient times frontal area.", ge=0)
+
+
+# BMW 320i, Althoff and Wuersching, CommonRoad: Vehicle Models, 2020: axle stiffness
+# mu C_S F_z with C_S = 20.898 1/rad and the static axle load.
+_BMW_MASS, _BMW_LF, _BMW_LR, _BMW_MU, _BMW_CS = 1093.3, 1.1562, 1.4227, 1.0489, 20.898
+_BMW_WEIGHT = _BMW_MU * _BMW_CS * _BMW_MASS * kernel.GRAVITY / (_BMW_LF + _BMW_LR)
+
+
+@register("vehicle", "bmw_320i")
+class Bmw320i(Vehicle):
+    """BMW 320i with real-world grip: Althoff and Wuersching, CommonRoad: Vehicle Models (2020).
+
+    Track width, brakes and drag are assumed; the longitudinal map is the Model 3's.
+    """
+
+    mass: float = param(_BMW_MASS, "kg", "Mass.", gt=0)
+    yaw_inertia: float = param(1791.6, "kg m^2", "Moment of inertia about the z axis.", gt=0)
+    l_f: float = param(_BMW_LF, "m", "Centre of mass to front axle.", gt=0)
+    l_r: float = param(_BMW_LR, "m", "Centre of mass to rear axle.", gt=0)
+    track_width: float = param(1.39, "m", "Distance between left and right wheels.", gt=0)
+    height: float = param(0.6137, "m", "Height of the centre of mass.", gt=0)
+    c_f: float = param(
+        _BMW_WEIGHT * _BMW_LR, "N/rad", "Cornering stiffness of the front axle.", gt=0
+    )
+    c_r: float = param(
+        _BMW_WEIGHT * _BMW_LF, "N/rad", "Cornering stiffness of the rear axle.", gt=0
+    )
+    friction: float = param(_BMW_MU, "-", "Tyre friction coefficient.", gt=0)
+    drag_area: float = param(0.6, "m^2", "Drag coefficient times frontal area.", ge=0)
+    drive_front: float = param(0.0, "-", "Share of the drive force at the front.", ge=0, le=1)
+    max_wheel_angle: float = param(1.066, "rad", "Wheel angle at full lock.", gt=0, lt=1.5)
+    ackermann: bool = param(False, "-", "Outer wheel by Ackermann, else parallel wheels.")
+    steer_rate_up: float = param(0.4 / 1.066, "1/s", "Steering rate away from centre.", gt=0)
+    steer_rate_down: float = param(0.4 / 1.066, "1/s", "Steering rate to the centre.", gt=0)
+    steer_curve_speed: tuple[float, ...] = param((0.0, 50.0), "m/s", "Speeds of the curve.")
+    steer_curve_factor: tuple[float, ...] = param((1.0, 1.0), "-", "Share at those speeds.")
+
+
+@register("vehicle", "file")
+class VehicleFile(Vehicle):
+    """A vehicle from the user's YAML file: ``base`` names a known kind, other keys replace it.
+
+    Values given beside ``file`` in the configuration win over those in the file.
+    """
+
+    file: str = required("-", "YAML file with the vehicle's figures.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read(cls, data: Any) -> Any:
+        if not isinstance(data, dict) or "file" not in data:
+            return data
+        figures = read_yaml(FilePath(str(data["file"])))
+        base = lookup("vehicle", str(figures.pop("base", "custom")))
+        if base is cls:
+            raise ConfigError(f"{data['file']}: base must name a vehicle that is not a file")
+        try:
+            known = build(base, figures)
+        except ConfigError as error:
+            raise ConfigError(f"{data['file']}: {error}") from None
+        return known.model_dump() | data
