@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path as FilePath
@@ -35,6 +36,13 @@ _MODEL3_ACCEL = (
     (4.92, 5.08, 4.46, 3.76, 3.00, 2.49, 0.63),
     (6.03, 7.10, 7.59, 6.44, 6.17, 5.99, 5.33),
 )
+
+
+@dataclass(eq=False)
+class _Built:
+    """Keeps the table out of pydantic's comparison, which arrays would break."""
+
+    table: VehicleTable
 
 
 @register("vehicle", "custom")
@@ -142,10 +150,14 @@ class Vehicle(Component):
             out[column] = value
         return out
 
-    @cached_property
+    @property
     def table(self) -> VehicleTable:
         """This vehicle alone as the kernels read it."""
-        return VehicleTable(
+        return self._built.table
+
+    @cached_property
+    def _built(self) -> _Built:
+        table = VehicleTable(
             rows=self.row()[None, :],
             steer_speed=np.array(self.steer_curve_speed),
             steer_factor=np.array(self.steer_curve_factor),
@@ -153,6 +165,7 @@ class Vehicle(Component):
             map_speed=np.array(self.map_speed),
             map_accel=np.array(self.map_acceleration),
         )
+        return _Built(table)
 
     def steer_for_wheel_angle(self, wheel_angle: float, speed: float) -> float:
         """Normalised steering for a single-track wheel angle [rad] at a speed [m/s]."""

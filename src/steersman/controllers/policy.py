@@ -28,7 +28,7 @@ class PolicyState(NamedTuple):
     run: Any
     """Maps float32 features (1, n) to an action (1, 1) in [-1, 1]."""
     table: EncodingTable
-    scale: FloatArray
+    features: int
     memory: FloatArray
     rate_step: float
     """Largest change of steering in one step, 0 for direct actions."""
@@ -59,7 +59,7 @@ class Policy(ControllerComponent):
         return PolicyState(
             load_network(data, self.file),
             table,
-            np.ones(len(card.scale)),
+            len(card.scale),
             memory,
             step,
             card.waypoints,
@@ -72,8 +72,8 @@ class Policy(ControllerComponent):
         table = state.table
         row = to_row(observation, state.waypoints, table.spacing)
         memory = state.memory.copy()
-        features = np.zeros(len(state.scale))
-        kernel.encode(table, row, memory, state.scale, features)
+        features = np.zeros(state.features)
+        kernel.encode(table, row, memory, features)
         action = float(state.run(features.astype(np.float32)[None, :]))
         steer = action
         if state.rate_step > 0.0:

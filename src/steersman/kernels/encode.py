@@ -11,6 +11,8 @@ from steersman.types import FloatArray
 
 # Columns of a memory row: started flag, integral of the lateral error, last command, then the
 # last errors (newest first) and the last commands before the last one.
+# Scaled features are clipped to this.
+FEATURE_LIMIT = 100.0
 STARTED, INTEGRAL, LAST_COMMAND, HISTORY = range(4)
 
 
@@ -93,9 +95,9 @@ def remember(table: EncodingTable, row: FloatArray, memory: FloatArray, command:
 
 @njit(cache=True, error_model="numpy")
 def encode(
-    table: EncodingTable, row: FloatArray, memory: FloatArray, scale: FloatArray, out: FloatArray
+    table: EncodingTable, row: FloatArray, memory: FloatArray, out: FloatArray
 ) -> None:
-    """Write the features of an observation row, each times its ``scale``; updates the integral."""
+    """Write the features of an observation row in SI units; updates the integral."""
     _remember_error(table, row, memory)
     i = 0
     for j in range(2 * table.waypoints):
@@ -123,8 +125,13 @@ def encode(
     for j in range(2 * table.history):
         out[i] = memory[HISTORY + j]
         i += 1
-    for j in range(i):
-        out[j] *= scale[j]
+
+
+@njit(cache=True, error_model="numpy")
+def normalise(features: FloatArray, scale: FloatArray) -> None:
+    """Scale features to about unit size and clip them, in place; a policy file does the same."""
+    for j in range(features.shape[0]):
+        features[j] = min(max(features[j] * scale[j], -FEATURE_LIMIT), FEATURE_LIMIT)
 
 
 @njit(cache=True, error_model="numpy")

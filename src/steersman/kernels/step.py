@@ -131,7 +131,8 @@ def look(world: World, fleet: Fleet, n: int, shift: FloatArray) -> None:
         world.weights,
         row,
     )
-    enc.encode(enc_table, row, fleet.memory[n], world.scale, fleet.inputs[n])
+    enc.encode(enc_table, row, fleet.memory[n], fleet.inputs[n])
+    enc.normalise(fleet.inputs[n], world.scale)
 
 
 @njit(cache=True, error_model="numpy")

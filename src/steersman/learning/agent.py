@@ -6,6 +6,7 @@ the stored one), ``train`` does the same updates as SB3's with less overhead.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, cast
 
@@ -22,21 +23,23 @@ from steersman.learning.vec_env import PathFollowingVecEnv
 class OrnsteinUhlenbeck(VectorizedActionNoise):
     """Ornstein-Uhlenbeck noise for n vehicles at once (Uhlenbeck and Ornstein, 1930).
 
-    x += theta (0 - x) dt + sigma sqrt(dt) N(0, 1), in units of the action range. ``dt`` is one, a
-    control step, so ``theta`` is the return per step.
+    x += theta (0 - x) dt + sigma sqrt(dt) N(0, 1), in units of the action range, once a step.
     """
 
-    def __init__(self, n: int, theta: float, sigma: Callable[[], float], seed: int) -> None:
+    def __init__(
+        self, n: int, theta: float, sigma: Callable[[], float], dt: float, seed: int
+    ) -> None:
         """``sigma`` is asked at every step, so that it can follow a schedule."""
         ActionNoise.__init__(self)
-        self.theta, self.sigma = theta, sigma
+        self.theta, self.sigma, self.dt = theta, sigma, dt
         self.rng = np.random.default_rng(seed)
         self.state = np.zeros((n, 1))
 
     def __call__(self) -> Any:
         """Noise of the next step, (n, 1)."""
         kick = self.rng.standard_normal(self.state.shape)
-        self.state = self.state * (1.0 - self.theta) + self.sigma() * kick
+        drift = -self.theta * self.dt * self.state
+        self.state = self.state + drift + self.sigma() * math.sqrt(self.dt) * kick
         return self.state.astype(np.float32)
 
     def reset(self, indices: Any = None) -> None:
@@ -194,7 +197,7 @@ def make_agent(config: TrainConfig, env: PathFollowingVecEnv) -> DemonstratedDDP
         gradient_steps=settings.updates,
         learning_starts=settings.learning_starts,
         action_noise=OrnsteinUhlenbeck(
-            env.num_envs, settings.noise_theta, sigma, int(seeds[0])
+            env.num_envs, settings.noise_theta, sigma, settings.noise_dt, int(seeds[0])
         ),
         policy_kwargs={"net_arch": list(settings.hidden)},
         seed=int(seeds[1] % 2**31),

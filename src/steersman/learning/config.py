@@ -28,6 +28,9 @@ class AgentConfig(Settings):
         Constant(at=0.2), "-", "sigma of the Ornstein-Uhlenbeck noise, of the action range."
     )
     noise_theta: float = param(0.15, "-", "Return of the noise to zero per step.", gt=0, le=1)
+    noise_dt: float = param(
+        1.0, "-", "Time step of the noise; 0.01 is Stable-Baselines3's, slow and persistent.", gt=0
+    )
     vehicles: int = param(16, "-", "Vehicles that collect at the same time.", ge=1, le=1024)
     updates: int = param(4, "-", "Updates after each step of all vehicles.", ge=0)
     learning_starts: int = param(2000, "steps", "Random actions before learning.", ge=0)
@@ -38,6 +41,9 @@ class ValidationConfig(Settings):
 
     roads: tuple[Annotated[PathComponent, Of("path")], ...] = param(
         tuple(RandomRoad(seed=1000 + i) for i in range(8)), "-", "Roads."
+    )
+    noise_dt: float = param(
+        1.0, "-", "Time step of the noise; 0.01 is Stable-Baselines3's, slow and persistent.", gt=0
     )
     vehicles: int = param(16, "-", "Drives.", ge=1)
     interval: int = param(20_000, "steps", "Environment steps between validations.", gt=0)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from steersman.config import dump
+from steersman.kernels.encode import FEATURE_LIMIT
 from steersman.files import replacing, write_text
 from steersman.learning.config import TrainConfig
 from steersman.learning.updates import Net
@@ -24,7 +25,7 @@ _UNITS = {
 
 
 def network(net: Net, scale: Any) -> bytes:
-    """ONNX bytes of clip(features) x scale -> ReLU layers -> tanh.
+    """ONNX bytes of clip(features x scale) -> ReLU layers -> tanh.
 
     Features (batch, n) are raw, as ``encoding`` makes them; the fixed scale is part of the
     network. Opset 17.
@@ -32,15 +33,18 @@ def network(net: Net, scale: Any) -> bytes:
     from onnx import TensorProto, checker, helper, numpy_helper
 
     def constant(name: str, value: Any) -> Any:
-        return numpy_helper.from_array(np.ascontiguousarray(value, np.float32), name)
+        return numpy_helper.from_array(np.asarray(value, np.float32, order="C"), name)
 
     weights = [
         constant("scale", scale),
+        constant("low", -FEATURE_LIMIT),
+        constant("high", FEATURE_LIMIT),
         *(constant(f"w{i + 1}", w) for i, w in enumerate((net.w1, net.w2, net.w3))),
         *(constant(f"b{i + 1}", b) for i, b in enumerate((net.b1, net.b2, net.b3))),
     ]
     nodes = [
-        helper.make_node("Mul", ["features", "scale"], ["x"]),
+        helper.make_node("Mul", ["features", "scale"], ["scaled"]),
+        helper.make_node("Clip", ["scaled", "low", "high"], ["x"]),
         helper.make_node("Gemm", ["x", "w1", "b1"], ["z1"], transB=1),
         helper.make_node("Relu", ["z1"], ["h1"]),
         helper.make_node("Gemm", ["h1", "w2", "b2"], ["z2"], transB=1),

@@ -55,6 +55,11 @@ class FleetDriver:
             else None
         )
 
+    @property
+    def demonstrates(self) -> bool:
+        """Whether a demonstrator proposes a steering at every step."""
+        return self._demonstrator is not None
+
     def _capped(self) -> list[Profile]:
         rng = np.random.default_rng(0)
         draws = [s.draw(rng, self.problem.episode_time) for s in self.problem.speeds]

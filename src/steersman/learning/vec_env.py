@@ -11,6 +11,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from steersman.kernels import observe
 from steersman.kernels import step as kernel
+from steersman.kernels.encode import FEATURE_LIMIT
 from steersman.learning.demonstration import demonstrated_action
 from steersman.learning.fleet import FleetDriver
 from steersman.learning.problem import Problem
@@ -32,7 +33,7 @@ class PathFollowingVecEnv(VecEnv):
         features = self.driver.fleet.inputs.shape[1]
         super().__init__(
             n,
-            spaces.Box(-np.inf, np.inf, (features,), np.float32),
+            spaces.Box(-FEATURE_LIMIT, FEATURE_LIMIT, (features,), np.float32),
             spaces.Box(-1.0, 1.0, (1,), np.float32),
         )
         self._actions = np.zeros(n)
