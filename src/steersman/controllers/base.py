@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Any, final
+from collections.abc import Mapping
+from typing import Any, ClassVar, final
 
 from steersman.config import Component
 from steersman.types import Decision, Observation, Status
@@ -12,7 +13,13 @@ from steersman.vehicles import Vehicle
 
 
 class ControllerComponent(Component):
-    """A lateral controller. Subclasses decide; this class guards input and output."""
+    """A lateral controller. Subclasses decide; this class guards input and output.
+
+    ``search`` declares what ``steersman tune`` may change: lowest and highest value of a field
+    (dotted for nested ones), and whether to search on a logarithmic scale.
+    """
+
+    search: ClassVar[Mapping[str, tuple[float, float, bool]]] = {}
 
     @abstractmethod
     def init(self, vehicle: Vehicle, dt: float) -> Any:

@@ -45,7 +45,7 @@ def zero_order_hold(a: FloatArray, b: FloatArray, dt: float) -> tuple[FloatArray
 
 
 def predict(a: FloatArray, b: FloatArray, horizon: int) -> tuple[FloatArray, FloatArray]:
-    """Predict y over the horizon: free response (N, 4) to the state, forced (N, N) by the steering."""
+    """Predict y over the horizon: free response (N, 4) to the state, forced (N, N) to steering."""
     free, forced = np.zeros((horizon, 4)), np.zeros((horizon, horizon))
     power, impulse = np.eye(4), []
     for i in range(horizon):

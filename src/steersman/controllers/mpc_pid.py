@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import ClassVar, NamedTuple
 
 from steersman.config import Settings, param, register
 from steersman.controllers.base import ControllerComponent
@@ -51,14 +52,30 @@ class MpcPid(ControllerComponent):
     when that is used up, the PID drives alone. Either is marked as a fallback.
     """
 
+    # Defaults are those that `steersman tune controller=mpc_pid` found on the training circuit
+    # at 30 km/h: results/tune/mpc_pid. q stays: only ratios of weights matter.
+    search: ClassVar[Mapping[str, tuple[float, float, bool]]] = {
+        "p": (1e-2, 100.0, True),
+        "r": (1e-2, 1e3, True),
+        "c_mpc": (0.3, 1.5, False),
+        "gains.k_p": (1e-3, 1.0, True),
+        "gains.k_i": (1e-4, 1.0, True),
+        "gains.k_d": (1e-4, 0.5, True),
+        "gains.filter_time": (1e-3, 0.5, True),
+    }
+
     horizon: int = param(20, "-", "Steps of the MPC, one control period each.", ge=2, le=200)
     v0: float = param(30.0 / 3.6, "m/s", "Speed of the linear model.", gt=0)
     q: float = param(1.0, "1/m^2", "Weight of the squared lateral error.", gt=0)
-    p: float = param(1.0, "1/m^2", "Additional weight at the end of the horizon.", ge=0)
-    r: float = param(1.0, "1/rad^2", "Weight of the squared wheel angle.", gt=0)
-    c_mpc: float = param(1.0, "-", "Weight of the MPC in the output.")
+    p: float = param(35.6, "1/m^2", "Additional weight at the end of the horizon.", ge=0)
+    r: float = param(0.0325, "1/rad^2", "Weight of the squared wheel angle.", gt=0)
+    c_mpc: float = param(1.03, "-", "Weight of the MPC in the output.")
     c_pid: float = param(1.0, "-", "Weight of the PID in the output.")
-    gains: PidGains = param(PidGains(), "-", "Gains of the PID on the lateral error.")
+    gains: PidGains = param(
+        PidGains(k_p=0.163, k_i=0.00678, k_d=0.000128, filter_time=0.00353),
+        "-",
+        "Gains of the PID on the lateral error.",
+    )
     rate_limit: bool = param(False, "-", "Keep the steering rate limit in the plan.")
     corridor: float | None = param(
         None, "m", "Soft limit of the predicted lateral error; null: none.", gt=0

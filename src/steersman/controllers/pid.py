@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import ClassVar, NamedTuple
 
 from steersman.config import Settings, param, register
 from steersman.controllers.base import ControllerComponent
@@ -60,6 +61,15 @@ class Pid(ControllerComponent):
     the car, so heading is compared with the steady turn's, not with the tangent.
     """
 
+    search: ClassVar[Mapping[str, tuple[float, float, bool]]] = {
+        "gains.k_p": (1e-3, 1.0, True),
+        "gains.k_i": (1e-4, 1.0, True),
+        "gains.k_d": (1e-4, 0.5, True),
+        "gains.filter_time": (1e-3, 0.5, True),
+        "k_heading": (1e-3, 3.0, True),
+        "preview_time": (1e-2, 1.0, True),
+    }
+
     gains: PidGains = param(PidGains(), "-", "Gains.")
     k_heading: float = param(0.0, "1/rad", "Gain on heading error minus its steady value.", ge=0)
     feedforward: bool = param(False, "-", "Add the steady turn's steering for the curvature.")
@@ -105,7 +115,7 @@ def preview_curvature(observation: Observation, distance: float) -> float:
         return observation.curvature
     i = min(max(round(distance / spacing), 1), len(points) - 2)
     (x0, y0), (x1, y1), (x2, y2) = points[i - 1 : i + 2].tolist()
-    cross = (x1 - x0) * (y2 - y1) - (y1 - y0) * (x2 - x1)
+    cross: float = (x1 - x0) * (y2 - y1) - (y1 - y0) * (x2 - x1)
     sides = math.hypot(x1 - x0, y1 - y0) * math.hypot(x2 - x1, y2 - y1)
     # Menger curvature; the third side is nearly the sum of the two others.
     return 2.0 * cross / max(sides * math.hypot(x2 - x0, y2 - y0), 1e-12)

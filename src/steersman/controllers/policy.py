@@ -10,7 +10,7 @@ import numpy as np
 from steersman.config import register, required, resolve
 from steersman.controllers.base import ControllerComponent
 from steersman.encoding import EncodingComponent
-from steersman.errors import ConfigError, DataError
+from steersman.errors import ConfigError, DataError, one_line
 from steersman.kernels import encode as kernel
 from steersman.kernels import observe
 from steersman.kernels.encode import EncodingTable
@@ -53,11 +53,14 @@ class Policy(ControllerComponent):
             raise ConfigError(
                 f"{self.file}: trained for a control period of {card.dt} s, but plant.dt is {dt} s"
             )
-        table = card_table(card)
+        try:
+            table = card_table(card)
+        except (ConfigError, DataError) as error:
+            raise DataError(f"{self.file}: card: {error}") from None
         memory = np.zeros(kernel.memory_size(table))
         step = 0.0 if card.rate_limit is None else card.rate_limit * dt
         return PolicyState(
-            load_network(data, self.file),
+            load_network(data, self.file, len(card.scale)),
             table,
             len(card.scale),
             memory,
@@ -105,22 +108,21 @@ def card_table(card: PolicyCard) -> EncodingTable:
 
     Raises:
         DataError: the card contradicts itself.
+        ConfigError: its encoding is unknown or holds values that are not allowed.
     """
     encoding = resolve("encoding", card.encoding)
     assert isinstance(encoding, EncodingComponent)
     table = encoding.table(card.spacing, card.dt, card.rate_limit is not None)
     if kernel.feature_count(table) != len(card.scale):
-        raise DataError(
-            f"policy card: {len(card.scale)} scales for {kernel.feature_count(table)} features"
-        )
+        raise DataError(f"{len(card.scale)} scales for {kernel.feature_count(table)} features")
     return table
 
 
-def load_network(data: bytes, name: str) -> Any:
+def load_network(data: bytes, name: str, features: int) -> Any:
     """The network in an ONNX file as a function.
 
     Raises:
-        DataError: ONNX Runtime cannot read it.
+        DataError: ONNX Runtime cannot read it, or it does not map that many features to an action.
     """
     import onnxruntime
 
@@ -130,11 +132,18 @@ def load_network(data: bytes, name: str) -> Any:
     try:
         session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # noqa: BLE001 - its exceptions share no base class
-        line = " ".join(str(error).split())
+        line = one_line(str(error))
         raise DataError(f"{name}: not a network that ONNX Runtime reads: {line[:160]}") from None
     entry = session.get_inputs()[0].name
 
-    def run(features: Any) -> float:
-        return float(session.run(None, {entry: features})[0][0, 0])
+    def run(x: Any) -> float:
+        return float(session.run(None, {entry: x})[0][0, 0])
 
+    try:
+        run(np.zeros((1, features), dtype=np.float32))
+    except Exception as error:  # noqa: BLE001 - its exceptions share no base class
+        line = one_line(str(error))
+        raise DataError(
+            f"{name}: does not map {features} features to an action: {line[:160]}"
+        ) from None
     return run

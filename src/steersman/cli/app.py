@@ -1,0 +1,59 @@
+"""All commands put together. To add one: a module with its function, and a line here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from steersman.cli import components, demo, drive, report, train, tune
+from steersman.cli.outcome import OneLineGroup
+from steersman.cli.output import write
+
+app = typer.Typer(
+    cls=OneLineGroup,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # help is plain text: "[m]" would be taken for markup
+    context_settings={"help_option_names": ["--help", "-h"]},
+    epilog=(
+        "\b\n"
+        "Examples:\n"
+        "  steersman list controller\n"
+        "  steersman drive controller=mpc_pid path=circle path.radius=50 duration=60\n"
+        "  steersman drive --help"
+    ),
+)
+app.command("list", epilog=components.LIST_EXAMPLES)(components.list_components)
+app.command("show", epilog=components.SHOW_EXAMPLES)(components.show_component)
+app.command("drive", epilog=drive.EXAMPLES)(drive.drive)
+app.command("train", epilog=train.EXAMPLES)(train.train)
+app.command("demo", epilog=demo.EXAMPLES)(demo.demo)
+app.command("tune", epilog=tune.EXAMPLES)(tune.tune)
+app.command("report", epilog=report.EXAMPLES)(report.report)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        write(f"steersman {version('steersman')}\n")
+        raise typer.Exit
+
+
+@app.callback(invoke_without_command=True)
+def steersman(
+    context: typer.Context,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    """Train, drive and compare steering controllers that follow a path."""
+    if context.invoked_subcommand is None:
+        write(f"{context.get_help()}\n")
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point of the command ``steersman``."""
+    app(args=arguments, prog_name="steersman")

@@ -1,0 +1,98 @@
+"""``steersman demo``: train, drive what was never seen, compare, report."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from typing import Annotated, Any
+
+import typer
+
+from steersman.cli import settings, train
+from steersman.cli.outcome import INTERRUPTED
+from steersman.cli.output import note, show, table
+
+EXAMPLES = (
+    "\b\n"
+    "Examples:\n"
+    "  steersman demo --out runs/demo\n"
+    "  steersman demo seed=1 --out runs/demo1\n"
+    "  steersman demo --policy runs/agent/policy.onnx --out runs/demo2"
+)
+# What the terminal shows of the table; the report has all of it.
+_SHOWN = {
+    "test": "test",
+    "controller": "controller",
+    "end": "ended by",
+    "ale_mm": "|d| mm",
+    "paper_ale_mm": "paper",
+    "steer_std": "SD",
+    "paper_steer_std": "paper",
+    "aoe_deg": "head deg",
+    "paper_aoe_deg": "paper",
+    "speed": "m/s",
+    "a_y": "a_y",
+}
+
+
+def demo(
+    out: Annotated[
+        str, typer.Option("--out", metavar="DIR", help="Folder for everything.")
+    ] = "runs/demo",
+    policy: Annotated[
+        str | None,
+        typer.Option("--policy", metavar="FILE", help="Drive this policy instead of training."),
+    ] = None,
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[key=value ...]", help="Settings over the preset 'demo'."),
+    ] = None,
+) -> None:
+    """Train an agent with MPC-PID demonstration and compare both where neither has been.
+
+    Trains a few minutes, drives the circle of radius 50 m and a lap of Monza with the agent and
+    with MPC-PID, prints the table beside the paper's figures, and writes policy, resolved
+    configuration, episodes and report.html.
+    """
+    folder = settings.out_folder(out)
+    try:
+        file = settings.existing(policy) if policy else _train(words or [], folder)
+        rows = _drive(file, folder)
+    except KeyboardInterrupt:
+        note(f"interrupted; what was done until then is in {folder}")
+        raise typer.Exit(INTERRUPTED) from None
+    from steersman.report.html import write_report
+    from steersman.report.runs import load_runs
+
+    report = write_report(load_runs([folder]), folder / "report.html", "Steersman: the demo")
+    _show(rows, folder, report)
+
+
+def _train(words: list[str], folder: FilePath) -> FilePath:
+    from steersman.learning.train import train_config
+
+    config = train_config(train.read(["demo", *words]))
+    return train.train_with_bar(config, folder / "training")
+
+
+def _drive(policy: FilePath, folder: FilePath) -> list[dict[str, Any]]:
+    from steersman.studies.demo import drive_tests
+
+    return drive_tests(policy, folder)
+
+
+def _show(rows: list[dict[str, Any]], folder: FilePath, report: FilePath) -> None:
+    from steersman.studies.demo import COLUMNS, cells
+
+    keys = list(COLUMNS)
+    headers = list(_SHOWN.values())
+    out = table(*headers, right=tuple(headers[3:]))
+    for row in cells(rows):
+        values = dict(zip(keys, row, strict=True))
+        out.add_row(*(values[key] for key in _SHOWN))
+    show(
+        out,
+        "\n|d|: mean lateral error. SD: of normalised steering. head: mean heading error, which"
+        "\nis the car's own side-slip. a_y: largest lateral acceleration [m/s^2]. paper: its"
+        "\nagent's figures at that throttle; its speeds are inferred.",
+        f"\npolicy, config, episodes: {folder}\nreport: {report}",
+    )

@@ -1,0 +1,50 @@
+"""``steersman tune``: search a controller's gains."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from steersman.cli import settings
+from steersman.cli.outcome import INTERRUPTED
+from steersman.cli.output import note, steps_bar, write
+
+EXAMPLES = (
+    "\b\n"
+    "Examples:\n"
+    "  steersman tune controller=mpc_pid --trials 200 --out runs/tune\n"
+    "  steersman tune controller=pid controller.feedforward=true --out runs/tune_pid\n"
+    "\n"
+    "The same command goes on where an interrupted study stopped."
+)
+
+
+def tune(
+    out: Annotated[
+        str, typer.Option("--out", metavar="DIR", help="Folder for the study and its result.")
+    ],
+    words: Annotated[
+        list[str] | None, typer.Argument(metavar=settings.METAVAR, help=settings.HELP)
+    ] = None,
+    trials: Annotated[int, typer.Option("--trials", min=1, help="Trials in all.")] = 200,
+) -> None:
+    """Tune a controller's gains with Optuna on a suite of runs.
+
+    Writes study.jsonl, tuned.yaml (the best controller) and result.json.
+    """
+    tree = settings.read(words or [])
+
+    from steersman.config import build, override, to_yaml
+    from steersman.studies.tune import TuneConfig
+    from steersman.studies.tune import tune as run
+
+    config = build(TuneConfig, override(tree, [f"trials={trials}"]))
+    folder = settings.out_folder(out)
+    try:
+        with steps_bar(config.trials, "tuning") as update:
+            best = run(config, folder, lambda n, cost: update(n, f"cost {1e3 * cost:.4g} mm"))
+    except KeyboardInterrupt:
+        note(f"interrupted; the same command goes on from {folder}")
+        raise typer.Exit(INTERRUPTED) from None
+    write(to_yaml(best))

@@ -1,0 +1,1 @@
+"""Studies: what uses learning and the bench together."""

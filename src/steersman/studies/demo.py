@@ -1,0 +1,175 @@
+"""The main job from end to end: train with demonstration, drive what was never seen, compare."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path as FilePath
+from typing import Any, NamedTuple
+
+from steersman.bench.metrics import summarise
+from steersman.config import build
+from steersman.episode import Episode
+from steersman.files import make_folder, write_text
+from steersman.provenance import provenance
+from steersman.rollout import RunConfig, RunError, run
+
+
+class Test(NamedTuple):
+    """A drive on a path that training never saw, and what the paper found there."""
+
+    name: str
+    config: dict[str, Any]
+    ale_mm: float | None = None
+    """The paper's mean lateral error [mm]."""
+    aoe_deg: float | None = None
+    """The paper's mean orientation error [deg]."""
+    steer_std: float | None = None
+    """The paper's standard deviation of normalised steering."""
+
+
+_CIRCLE = {"kind": "circle", "radius": 50.0}
+# The paper's table: throttle, ALE [mm], AOE [deg], SD of steering; and the speed at which its
+# agent must have driven, inferred from the AOE (docs/paper.md).
+_PAPER = (
+    (0.4, 2.83, 0.922, 0.110, 9.9),
+    (0.6, 47.1, 2.12, 0.137, 18.7),
+    (0.8, 85.3, 3.87, 0.139, 22.2),
+    (1.0, 104.0, 5.01, 0.138, 24.2),
+)
+COLUMNS = {
+    "test": "test",
+    "controller": "controller",
+    "end": "ended by",
+    "ale_mm": "mean |d| [mm]",
+    "steady_ale_mm": "mean |d|, last half [mm]",
+    "max_mm": "max |d| [mm]",
+    "paper_ale_mm": "paper [mm]",
+    "steer_std": "SD of steering",
+    "paper_steer_std": "paper",
+    "aoe_deg": "heading error [deg]",
+    "paper_aoe_deg": "paper [deg]",
+    "speed": "mean speed [m/s]",
+    "a_y": "max |a_y| [m/s^2]",
+    "time_us": "control time p50 [us]",
+}
+TITLE = "Agent and MPC-PID on roads that neither was trained or tuned on, beside the paper's agent"
+
+
+def tests() -> list[Test]:
+    """The circle of radius 50 m at the paper's throttles and at equal speeds, and Monza."""
+    out = [
+        Test(
+            f"circle, throttle {throttle}",
+            {
+                "path": _CIRCLE,
+                "speed": {"kind": "constant_throttle", "throttle": throttle},
+                "duration": 60.0,
+            },
+            *paper,
+        )
+        for throttle, *paper, _ in _PAPER
+    ]
+    out += [
+        Test(
+            f"circle, {speed} m/s",
+            {
+                "path": _CIRCLE,
+                "speed": {"kind": "constant_speed", "speed": speed},
+                "duration": 60.0,
+            },
+            *paper,
+        )
+        for _, *paper, speed in _PAPER
+    ]
+    monza = {"kind": "constant_throttle", "throttle": 0.4}
+    out.append(Test("Monza, throttle 0.4", {"path": {"kind": "monza"}, "speed": monza, "laps": 1}))
+    return out
+
+
+def drive_tests(
+    policy: FilePath, out: FilePath, progress: Callable[[str], None] | None = None
+) -> list[dict[str, Any]]:
+    """Drive every test with the policy and with MPC-PID; returns the rows of the table.
+
+    Writes ``episodes/<test>/<controller>.npz`` and ``table.json`` into ``out``.
+    """
+    controllers = {
+        "agent": {"kind": "policy", "file": str(policy)},
+        "mpc_pid": {"kind": "mpc_pid"},
+    }
+    rows: list[dict[str, Any]] = []
+    for test in tests():
+        for name, controller in controllers.items():
+            if progress is not None:
+                progress(f"{test.name}: {name}")
+            episode = drive_one(build(RunConfig, test.config | {"controller": controller}))
+            slug = test.name.replace(", ", "_").replace(" ", "_").replace("/", "_per_")
+            episode.save(make_folder(out / "episodes" / slug) / f"{name}.npz")
+            rows.append(_row(test, name, episode))
+    table = {"title": TITLE, "columns": COLUMNS, "rows": rows, **provenance()}
+    write_text(out / "table.json", json.dumps(table, indent=1, allow_nan=False) + "\n")
+    write_text(out / "table.md", markdown(rows))
+    return rows
+
+
+def drive_one(config: RunConfig) -> Episode:
+    """The episode of a run; what was driven until then, if the controller failed."""
+    try:
+        return run(config)
+    except RunError as error:
+        return error.episode
+
+
+def _row(test: Test, controller: str, episode: Episode) -> dict[str, Any]:
+    m = summarise(episode)
+    steady = m["steady"]
+    agent = controller == "agent"
+    return {
+        "test": test.name,
+        "controller": controller,
+        "end": episode.end,
+        "ale_mm": 1e3 * m["mean_abs_lateral_error_m"],
+        "steady_ale_mm": 1e3 * steady["mean_abs_lateral_error_m"],
+        "max_mm": 1e3 * m["max_abs_lateral_error_m"],
+        "paper_ale_mm": test.ale_mm if agent else None,
+        "steer_std": m["steer_std"],
+        "paper_steer_std": test.steer_std if agent else None,
+        "aoe_deg": m["mean_abs_heading_error_deg"],
+        "paper_aoe_deg": test.aoe_deg if agent else None,
+        "speed": m["mean_speed_m_s"],
+        "a_y": m["max_lateral_acceleration_m_s2"],
+        "time_us": m["control_time_us_p50"],
+        "duration_s": m["duration_s"],
+    }
+
+
+def _cells(row: dict[str, Any]) -> Iterator[str]:
+    digits = {"steer_std": 4, "paper_steer_std": 3, "ale_mm": 2, "steady_ale_mm": 2}
+    for key in COLUMNS:
+        value = row[key]
+        if value is None:
+            yield ""
+        elif isinstance(value, str):
+            yield value.replace("_", " ")
+        elif key.startswith("paper"):
+            yield f"{value:g}"
+        else:
+            yield f"{value:.{digits.get(key, 1)}f}"
+
+
+def markdown(rows: list[dict[str, Any]]) -> str:
+    """The table as the README shows it."""
+    lines = [
+        "| " + " | ".join(COLUMNS.values()) + " |",
+        "|---|---|---|" + "---:|" * (len(COLUMNS) - 3),
+    ]
+    lines += ["| " + " | ".join(_cells(row)) + " |" for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def cells(rows: list[dict[str, Any]]) -> list[list[str]]:
+    """The table's cells as text, for the terminal."""
+    return [list(_cells(row)) for row in rows]
+
+
