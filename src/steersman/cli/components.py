@@ -1,0 +1,119 @@
+"""``steersman list`` and ``steersman show``: what there is, and what can be set."""
+
+from __future__ import annotations
+
+import inspect
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from steersman.cli.output import show, show_json, table
+from steersman.errors import ConfigError, one_line, suggestion
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+    from steersman.cli.fields import Field
+
+LIST_EXAMPLES = (
+    "\b\nExamples:\n  steersman list\n  steersman list controller\n  steersman list path --json"
+)
+SHOW_EXAMPLES = (
+    "\b\nExamples:\n"
+    "  steersman show controller mpc_pid\n"
+    "  steersman show path circle --json\n"
+    "  steersman show drive\n"
+    "  steersman show train"
+)
+# Whole commands whose settings can be shown, beside the components.
+_COMMANDS = ("drive", "train")
+
+
+def list_components(
+    kind: Annotated[
+        str | None, typer.Argument(metavar="[KIND]", help="Only these, e.g. controller.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """List the components that can be named in a configuration."""
+    from steersman.config import components, families
+
+    wanted = families() if kind is None else [kind]
+    found = {
+        family: {name: paragraphs(cls)[0] for name, cls in components(family).items()}
+        for family in wanted
+    }
+    if as_json:
+        show_json(found)
+        return
+    rows = table("kind", "name", "what it is")
+    for family, names in found.items():
+        for name, text in names.items():
+            rows.add_row(family, name, text)
+    show(rows)
+
+
+def show_component(
+    kind: Annotated[str, typer.Argument(metavar="KIND", help="E.g. controller; or drive, train.")],
+    name: Annotated[str | None, typer.Argument(metavar="NAME", help="E.g. mpc_pid.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Show the fields of a component, or all that a command can be told."""
+    from steersman.cli.fields import fields_of
+
+    cls = _find(kind, name)
+    fields = fields_of(cls)
+    about = paragraphs(cls)
+    if as_json:
+        show_json(
+            {
+                "kind": kind,
+                "name": name,
+                "meaning": "\n\n".join(about),
+                "fields": [field.plain() for field in fields],
+            }
+        )
+        return
+    show(f"{kind} {name}" if name else f"settings of steersman {kind}")
+    show(*(f"\n{text}" for text in about), "")
+    if fields:
+        show(_field_table(fields))
+
+
+def _find(kind: str, name: str | None) -> type[BaseModel]:
+    from steersman.config import components, families, lookup
+
+    if kind in _COMMANDS:
+        if name is not None:
+            raise ConfigError(f"{name!r} is too much; 'steersman show {kind}' takes no name")
+        return _command_settings(kind)
+    if kind not in families():
+        known = [*families(), *_COMMANDS]
+        raise ConfigError(f"unknown kind of component {kind!r}{suggestion(kind, known)}")
+    if name is None:
+        names = ", ".join(components(kind))
+        raise ConfigError(f"show {kind}: which one? names: {names}")
+    return lookup(kind, name)
+
+
+def _command_settings(command: str) -> type[BaseModel]:
+    if command == "drive":
+        from steersman.rollout import RunConfig
+
+        return RunConfig
+    from steersman.learning.config import TrainConfig
+
+    return TrainConfig
+
+
+def paragraphs(cls: type) -> list[str]:
+    """The paragraphs of a class's docstring as plain text."""
+    text = inspect.cleandoc(cls.__doc__ or "").replace("``", "")
+    return [one_line(part) for part in text.split("\n\n")]
+
+
+def _field_table(fields: list[Field]) -> Any:
+    rows = table("field", "default", "unit", "allowed", "meaning")
+    for field in fields:
+        rows.add_row(*field.cells())
+    return rows

@@ -1,0 +1,102 @@
+"""``steersman drive``: one closed loop, its figures and its record."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from steersman.cli import settings
+from steersman.cli.outcome import INTERRUPTED
+from steersman.cli.output import share_bar, show, show_json, table
+
+if TYPE_CHECKING:
+    from steersman.episode import Episode
+    from steersman.rollout import RunConfig
+
+EXAMPLES = (
+    "\b\n"
+    "Examples:\n"
+    "  steersman drive\n"
+    "  steersman drive controller=mpc_pid path=circle path.radius=50 \\\n"
+    "      speed=constant_throttle speed.throttle=0.4 duration=60 --json\n"
+    "  steersman drive path=monza laps=1 --out runs/monza\n"
+    "  steersman drive runs/monza/config.yaml controller.horizon=30\n"
+    "  steersman drive controller=policy controller.file=runs/demo/policy.onnx\n"
+    "\n"
+    "What can be set: steersman show drive"
+)
+
+
+def drive(
+    words: Annotated[
+        list[str] | None, typer.Argument(metavar=settings.METAVAR, help=settings.HELP)
+    ] = None,
+    out: Annotated[
+        str | None,
+        typer.Option("--out", metavar="DIR", help="Write episode, metrics and config there."),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object: config and metrics.")
+    ] = False,
+) -> None:
+    """Drive one closed loop and print what was measured.
+
+    Files named in settings are relative to the current folder.
+    """
+    tree = settings.read(words or [])
+
+    from steersman.bench.metrics import summarise
+    from steersman.config import build, dump
+    from steersman.rollout import RunConfig, RunError, run
+
+    config = build(RunConfig, tree)
+    folder = None if out is None else settings.out_folder(out)
+    try:
+        with share_bar("driving") as progress:
+            episode = run(config, progress)
+    except RunError as error:
+        if folder is not None:
+            save(folder, config, error.episode, summarise(error.episode))
+        raise
+    metrics = summarise(episode)
+    if folder is not None:
+        save(folder, config, episode, metrics)
+    if as_json:
+        show_json({"config": dump(config), "metrics": metrics})
+    else:
+        _show(config, metrics, folder)
+    if episode.end == "interrupted":
+        raise typer.Exit(INTERRUPTED)
+
+
+def save(folder: FilePath, config: RunConfig, episode: Episode, metrics: dict[str, Any]) -> None:
+    """Write ``episode.npz``, ``metrics.json`` and ``config.yaml``.
+
+    Raises:
+        DataError: a file cannot be written.
+    """
+    from steersman.config import to_yaml
+    from steersman.files import write_text
+
+    episode.save(folder / "episode.npz")
+    write_text(folder / "metrics.json", json.dumps(metrics, indent=2, allow_nan=False) + "\n")
+    write_text(folder / "config.yaml", to_yaml(config))
+
+
+def _show(config: RunConfig, metrics: dict[str, Any], folder: FilePath | None) -> None:
+    from steersman.bench.metrics import METRICS
+    from steersman.report.tables import text
+
+    steady = metrics["steady"]
+    figures = table("measured", "unit", "run", "last half", right=("run", "last half"))
+    for name, metric in METRICS.items():
+        late = text(steady[name]) if name in steady else ""
+        figures.add_row(metric.meaning, metric.unit, text(metrics[name]), late)
+    who = f"{config.controller.kind} drives {config.vehicle.kind}"
+    where = f"on {config.path.kind}, {config.speed.kind}"
+    end = str(metrics["end"]).replace("_", " ")
+    written = [] if folder is None else [f"\nwritten to {folder}"]
+    show(f"{who} {where}; ended by: {end}\n", figures, *written)

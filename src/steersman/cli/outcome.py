@@ -1,0 +1,100 @@
+"""How a command ends: exit codes, and each error of the user's as one line on stderr."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+from steersman.errors import SteersmanError, one_line
+
+USER_ERROR = 2
+INTERRUPTED = 130
+PIPE_CLOSED = 141
+
+# Typer carries a copy of click of its own since 0.22; either way this is the UsageError.
+_UsageError: type[Any] = typer.BadParameter.__mro__[1]
+# The extra of the package that brings an optional module.
+_EXTRAS = {
+    "jinja2": "report",
+    "onnx": "train",
+    "optuna": "tune",
+    "plotly": "report",
+    "stable_baselines3": "train",
+    "tensorboard": "train",
+    "torch": "train",
+}
+# Commands whose settings are assignments, so that "--duration 5" deserves a hint.
+_WITH_SETTINGS = frozenset({"drive", "train", "tune", "demo"})
+
+
+class OneLineGroup(TyperGroup):
+    """A group of commands in which an error of the user's is one line and exit code 2."""
+
+    def main(
+        self,
+        args: Sequence[str] | None = None,
+        prog_name: str | None = None,
+        complete_var: str | None = None,
+        standalone_mode: bool = True,
+        windows_expand_args: bool = True,
+        **extra: Any,
+    ) -> Any:
+        """Parse the arguments, run the command, and exit."""
+        extra |= {"windows_expand_args": windows_expand_args}
+        try:
+            code = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
+        except _UsageError as error:
+            code = fail(_usage(error))
+        except SteersmanError as error:
+            code = fail(str(error))
+        except ModuleNotFoundError as error:
+            code = fail(_missing(error))
+        except (typer.Abort, KeyboardInterrupt):
+            code = INTERRUPTED
+        except OSError as error:
+            if error.filename is None:
+                raise
+            code = fail(f"{error.filename}: {error.strerror}")
+        sys.exit(code if isinstance(code, int) else 0)
+
+
+def fail(message: str, code: int = USER_ERROR) -> int:
+    """Print the one line; the exit code that goes with it."""
+    sys.stderr.write(f"error: {one_line(message)}\n")
+    return code
+
+
+def _usage(error: Any) -> str:
+    """What is wrong with the words of a command, as one line in the manner of our own errors."""
+    context, option = error.ctx, getattr(error, "option_name", None)
+    possibilities = getattr(error, "possibilities", None)
+    message, _, nearest = one_line(error.format_message()).rstrip(".").partition(". Did you mean ")
+    message = message[:1].lower() + message[1:]
+    if nearest:
+        return f"{message}; did you mean {nearest}"
+    if option and possibilities:
+        return f"no such option: {option}; did you mean {' or '.join(possibilities)}?"
+    if context is None:
+        return message
+    if option and context.info_name in _WITH_SETTINGS and "no such option" in message:
+        message += f"; settings are written key=value, like {option.lstrip('-')}=..."
+    return f"{message}; see '{context.command_path} --help'"
+
+
+def _missing(error: ModuleNotFoundError) -> str:
+    """The line about a module of an extra that is not installed.
+
+    Raises:
+        ModuleNotFoundError: the module belongs to no extra, so that this is a fault of ours.
+    """
+    extra = _EXTRAS.get((error.name or "").partition(".")[0])
+    if extra is None:
+        raise error
+    return (
+        f"{error.name}: not installed; this needs the extra {extra!r}: "
+        f"pip install 'steersman[{extra}]'"
+    )

@@ -1,0 +1,151 @@
+"""What the commands print: results on stdout, progress and errors on stderr."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Literal, TextIO
+
+import typer
+
+from steersman.cli.outcome import PIPE_CLOSED
+from steersman.errors import DataError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress
+    from rich.table import Table
+
+# Width of tables in files and pipes; a terminal has its own.
+_WIDTH = 80
+
+
+def console(stream: TextIO, like: TextIO) -> Console:
+    """A console on ``stream`` that writes as for ``like``, and takes text as it is: no markup."""
+    from rich.console import Console
+
+    terminal = like.isatty()
+    return Console(
+        file=stream,
+        force_terminal=terminal,
+        width=None if terminal else _WIDTH,
+        markup=False,
+        highlight=False,
+        emoji=False,
+    )
+
+
+def table(*columns: str, right: tuple[str, ...] = ()) -> Table:
+    """An empty table with these columns, the first unbroken; those in ``right`` hold numbers."""
+    from rich import box
+    from rich.table import Table
+
+    plain = not (sys.stdout.encoding or "").lower().startswith("utf")
+    out = Table(
+        box=box.ASCII2 if plain else box.SIMPLE_HEAD,
+        pad_edge=False,
+        show_edge=False,
+        padding=(0, 1, 0, 0),
+    )
+    for i, name in enumerate(columns):
+        justify: Literal["left", "right"] = "right" if name in right else "left"
+        out.add_column(name, justify=justify, overflow="fold", no_wrap=i == 0)
+    return out
+
+
+def show(*items: Any) -> None:
+    """Print texts and tables on stdout."""
+    text = io.StringIO()
+    out = console(text, like=sys.stdout)
+    for item in items:
+        out.print(item)
+    lines = (line.rstrip() for line in text.getvalue().splitlines())
+    write("\n".join(lines) + "\n")
+
+
+def show_json(data: Any) -> None:
+    """Print one JSON value on stdout."""
+    write(json.dumps(data, indent=2, allow_nan=False) + "\n")
+
+
+def write(text: str) -> None:
+    """Write to stdout at once.
+
+    Raises:
+        typer.Exit: nobody reads on (the pipe is closed).
+        DataError: it cannot be written, e.g. because the disk is full.
+    """
+    coded = text.encode(sys.stdout.encoding or "utf-8", "replace")
+    try:
+        sys.stdout.write(coded.decode(sys.stdout.encoding or "utf-8"))
+        sys.stdout.flush()
+    except BrokenPipeError:
+        _mute()
+        raise typer.Exit(PIPE_CLOSED) from None
+    except OSError as error:
+        _mute()
+        raise DataError(f"standard output: cannot be written ({error.strerror})") from None
+
+
+def _mute() -> None:
+    """Let what is still buffered go nowhere, so that Python does not fail at its exit."""
+    try:
+        descriptor = sys.stdout.fileno()
+    except io.UnsupportedOperation:
+        return
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, descriptor)
+    os.close(nowhere)
+
+
+def note(text: str) -> None:
+    """A line for the reader on stderr."""
+    sys.stderr.write(f"{text}\n")
+    sys.stderr.flush()
+
+
+@contextmanager
+def share_bar(title: str) -> Iterator[Callable[[float], None] | None]:
+    """A progress bar on stderr that is told the share done; None unless it is a terminal."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    with _progress("{task.description}") as bar:
+        task = bar.add_task(title, total=1.0)
+        yield lambda share: bar.update(task, completed=share)
+
+
+def _progress(text: str) -> Progress:
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        SpinnerColumn,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    return Progress(
+        SpinnerColumn(),
+        TextColumn(text, markup=False),
+        BarColumn(bar_width=20),
+        TaskProgressColumn(),
+        TimeRemainingColumn(),
+        console=console(sys.stderr, like=sys.stderr),
+        transient=True,
+    )
+
+
+@contextmanager
+def steps_bar(total: int, title: str) -> Iterator[Callable[[float, str], None]]:
+    """Told (steps done, what there is to say): a bar in a terminal, else a line each time."""
+    if not sys.stderr.isatty():
+        yield lambda done, text: note(f"{done:.0f}/{total} steps: {text}")
+        return
+    with _progress("{task.description}") as bar:
+        task = bar.add_task(title, total=total)
+        yield lambda done, text: bar.update(task, completed=done, description=text)

@@ -1,0 +1,104 @@
+"""From the words of a command line to plain data: a YAML file and assignments over it."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path as FilePath
+from typing import Any
+
+from steersman.errors import ConfigError, DataError
+
+HELP = "A YAML file, and settings over it; a setting of a part is written part.key=value."
+METAVAR = "[CONFIG.yaml] [key=value ...]"
+
+
+def split(words: Sequence[str]) -> tuple[str | None, list[str]]:
+    """The name of a file or preset, if the first word without "=" is one, and assignments.
+
+    Raises:
+        ConfigError: there is a second word without "=", or an assignment undoes another.
+    """
+    names = [word for word in words if "=" not in word]
+    if len(names) > 1:
+        raise ConfigError(
+            f"{names[1]!r} is neither key=value nor the first name ({names[0]!r} is);"
+            " write key=value"
+        )
+    assignments = [word for word in words if "=" in word]
+    _check_order(assignments)
+    return (names[0] if names else None), assignments
+
+
+def _check_order(assignments: Sequence[str]) -> None:
+    """Refuse an assignment that would silently undo one before it."""
+    seen: dict[str, str] = {}
+    for text in assignments:
+        key = text.partition("=")[0].strip()
+        if key in seen:
+            raise ConfigError(f"given twice: {seen[key]} and {text}", (key,))
+        inner = next((other for other in seen if other.startswith(f"{key}.")), None)
+        if inner is not None:
+            raise ConfigError(f"{text} would undo {seen[inner]}; put {text} first", (key,))
+        seen[key] = text
+
+
+def read(words: Sequence[str]) -> dict[str, Any]:
+    """The file's content with the assignments laid over it.
+
+    Raises:
+        DataError: the file is missing or no YAML.
+        ConfigError: the words contradict each other.
+    """
+    from steersman.config import override, read_yaml
+
+    name, assignments = split(words)
+    return override(read_yaml(existing(name)) if name is not None else {}, assignments)
+
+
+def existing(name: str) -> FilePath:
+    """A file that is there.
+
+    Raises:
+        DataError: it is not.
+    """
+    file = FilePath(name)
+    if file.is_dir():
+        raise DataError(f"{name}: is a folder, expected a YAML file")
+    if not file.exists():
+        raise DataError(f"{name}: no such file; settings are written key=value")
+    return file
+
+
+def out_folder(name: str) -> FilePath:
+    """The folder for results, made if need be and proved to be writable before anything runs.
+
+    Raises:
+        DataError: it cannot be made or written.
+    """
+    from steersman.files import make_folder
+
+    if not name.strip():
+        raise DataError("--out: expected the name of a folder, given nothing")
+    folder = FilePath(name)
+    if folder.exists() and not folder.is_dir():
+        raise DataError(f"{folder}: is a file, expected a folder")
+    make_folder(folder)
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except OSError as error:
+        raise DataError(f"{folder}: cannot be written ({error.strerror})") from None
+
+
+def out_file(name: str) -> FilePath:
+    """The file for a result, in a folder that is proved to be writable before anything runs.
+
+    Raises:
+        DataError: it is a folder, or its folder cannot be written.
+    """
+    file = FilePath(name)
+    if not name.strip() or file.is_dir():
+        raise DataError(f"--out: expected the name of a file, given {name!r}")
+    out_folder(str(file.parent))
+    return file
