@@ -7,9 +7,10 @@ import json
 from pathlib import Path as FilePath
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from steersman.errors import DataError
+from steersman.messages import config_error
 
 FORMAT = 1
 
@@ -17,16 +18,16 @@ FORMAT = 1
 class PolicyCard(BaseModel):
     """Everything needed to run ``policy.onnx``; written beside it as ``policy.json``."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     format: int = FORMAT
     sha256: str
     action: str
     rate_limit: float | None
     """Largest rate of normalised steering [1/s] if the action is ``rate``, else null."""
-    dt: float
-    waypoints: int
-    spacing: float
+    dt: float = Field(gt=0)
+    waypoints: int = Field(ge=0)
+    spacing: float = Field(gt=0)
     encoding: dict[str, Any]
     observation: list[str]
     scale: list[float]
@@ -58,10 +59,16 @@ def read_policy(file: FilePath) -> tuple[bytes, PolicyCard]:
         reason = getattr(error, "strerror", None) or "not text"
         raise DataError(f"{name}: cannot be read ({reason})") from None
     try:
-        card = PolicyCard.model_validate(json.loads(text))
-    except (ValueError, ValidationError) as error:
-        line = " ".join(str(error).split())
-        raise DataError(f"{card_file}: not a policy card: {line[:200]}") from None
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise DataError(f"{card_file}: not a policy card: not valid JSON ({error})") from None
+    if not isinstance(content, dict):
+        raise DataError(f"{card_file}: not a policy card: expected an object of fields")
+    try:
+        card = PolicyCard.model_validate(content)
+    except ValidationError as error:
+        fault = config_error(PolicyCard, error)
+        raise DataError(f"{card_file}: not a policy card: {fault}") from None
     if card.format != FORMAT:
         raise DataError(f"{card_file}: format {card.format} is not known; this version reads 1")
     if sha256(data) != card.sha256:

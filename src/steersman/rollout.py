@@ -16,7 +16,7 @@ from steersman.config import Of, Settings, param
 from steersman.controllers.base import ControllerComponent
 from steersman.controllers.mpc_pid import MpcPid
 from steersman.episode import COLUMNS, Episode
-from steersman.errors import ControllerError
+from steersman.errors import ConfigError, ControllerError
 from steersman.paths.base import PathComponent
 from steersman.plants.simulator import Simulator, SimulatorConfig
 from steersman.provenance import provenance
@@ -56,7 +56,7 @@ class RunConfig(Settings):
     @model_validator(mode="after")
     def _length(self) -> RunConfig:
         if self.duration is not None and self.laps is not None:
-            raise ValueError("give duration or laps, not both")
+            raise ConfigError("give laps or duration, not both", ("laps",))
         return self
 
 
@@ -164,7 +164,8 @@ def rollout(  # noqa: PLR0913 - the nouns of a closed loop
     lift.
 
     Raises:
-        RunError: the controller raised, or returned something that is not a finite number.
+        RunError: the controller returned something that is not a finite number in [-1, 1].
+        ConfigError: the path has no laps, or ends before the start.
     """
     rng = np.random.default_rng(seed)
     dt = plant.dt
@@ -224,9 +225,13 @@ def _goal(
     """Distance to drive [m] and time limit [s] of a run."""
     if laps is not None:
         if not path.closed:
-            raise ControllerError(f"laps={laps:g}: {path.kind} is not closed; give a duration")
+            raise ConfigError(f"path {path.kind!r} is not closed; give a duration", ("laps",))
         return laps * path.length, LONGEST
     if not path.closed:
+        if start >= path.length:
+            raise ConfigError(
+                f"{start:g} is not allowed; the path ends at {path.length:g} [m]", ("start",)
+            )
         return path.length - start, LONGEST if duration is None else duration
     return math.inf, 60.0 if duration is None else duration
 

@@ -52,7 +52,7 @@ def curvature_cap(path: Path, a_lat_max: float | None, deceleration: float) -> F
         return _NO_CAP
     count = math.ceil(path.length / CAP_STEP) + 1
     kappa = np.array([abs(path.at(min(i * CAP_STEP, path.length)).kappa) for i in range(count)])
-    limit = np.sqrt(a_lat_max / np.maximum(kappa, 1e-4))
+    limit: FloatArray = np.sqrt(a_lat_max / np.maximum(kappa, 1e-4))
     for _ in range(2 if path.closed else 1):
         for i in range(count - 2, -1, -1):
             reach = math.sqrt(limit[i + 1] ** 2 + 2.0 * deceleration * CAP_STEP)
@@ -226,7 +226,7 @@ class RandomProfile(SpeedTracking):
     def draw(self, rng: np.random.Generator, seconds: float) -> Profile:
         """A random walk of speeds that is kept between ``low`` and ``high``."""
         count = math.ceil(seconds / self.interval) + 1
-        times = np.arange(count) * self.interval
+        times = np.arange(count, dtype=np.float64) * self.interval
         speeds = np.empty(count)
         speeds[0] = rng.uniform(self.low, self.high)
         steps = rng.uniform(-self.change, self.change, count - 1) * self.interval
@@ -279,20 +279,19 @@ def read_profile(file: FilePath) -> tuple[FloatArray, FloatArray]:
     column = next((name for name in factors if name in header), None)
     if "time_s" not in header or column is None:
         raise DataError(f"{file}, line 1: needs the columns time_s and speed_m_s or speed_km_h")
-    rows = [
-        _numbers(file, i, line, len(header))
-        for i, line in enumerate(lines[1:], start=2)
-        if line.strip()
-    ]
+    filled = [(i, line) for i, line in enumerate(lines[1:], start=2) if line.strip()]
+    rows = [_numbers(file, i, line, len(header)) for i, line in filled]
     if not rows:
         raise DataError(f"{file}: holds no breakpoints; give at least one line of numbers")
     data = np.array(rows)
     times, speeds = data[:, header.index("time_s")], data[:, header.index(column)]
     back = np.flatnonzero(np.diff(times) <= 0.0)
     if back.size:
-        raise DataError(f"{file}, line {back[0] + 3}: time_s must increase from line to line")
+        raise DataError(
+            f"{file}, line {filled[back[0] + 1][0]}: time_s must increase from line to line"
+        )
     if (speeds < 0.0).any():
-        line = int(np.flatnonzero(speeds < 0.0)[0]) + 2
+        line = filled[np.flatnonzero(speeds < 0.0)[0]][0]
         raise DataError(f"{file}, line {line}: {column} must not be negative")
     return times - times[0], speeds * factors[column]
 

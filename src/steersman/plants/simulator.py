@@ -9,7 +9,7 @@ from steersman.errors import ConfigError
 from steersman.kernels import step as kernel
 from steersman.kernels import vehicle as car
 from steersman.types import Command, FloatArray, Pose, VehicleState
-from steersman.vehicles import Vehicle
+from steersman.vehicles import LONGEST_STEP, Vehicle
 
 # Periods that differ by less are the same, but for rounding [s].
 _SAME = 1e-9
@@ -20,9 +20,9 @@ class SimulatorConfig(Component):
     """The embedded planar four-wheel simulator."""
 
     dt: float = param(0.05, "s", "Control period; a whole multiple of the integration step.", gt=0)
-    integration_step: float = param(0.01, "s", "Integration step.", gt=0, le=0.02)
+    integration_step: float = param(0.01, "s", "Integration step.", gt=0, le=LONGEST_STEP)
     steering_delay: float = param(
-        0.0, "s", "Time until a steering command reaches the actuator.", ge=0
+        0.0, "s", "Time until a steering command acts; rounded to whole integration steps.", ge=0
     )
 
     def substeps(self) -> int:
