@@ -1,0 +1,1 @@
+"""Measuring controllers: metrics of a run, scenarios, statistics."""
