@@ -123,7 +123,8 @@ def load_episode(file: FilePath) -> Episode:
         DataError: the file is missing, not an episode, or lacks columns.
     """
     try:
-        with np.load(file, allow_pickle=False) as data:
+        # Opened here because numpy leaves its own handle open when the archive is damaged.
+        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
             head = json.loads(bytes(data["head"]).decode())
             columns = {name: np.asarray(data[name], dtype=np.float64) for name in COLUMNS}
         episode = Episode(columns=columns, **head)
