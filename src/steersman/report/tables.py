@@ -1,0 +1,137 @@
+"""Numbers as text: the tables of the page, still to be escaped by the template."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from steersman.bench.metrics import METRICS
+from steersman.report.runs import Run, Table
+
+NOTHING = "\u2013"
+"""What stands for an undefined value: a dash."""
+# Numbers below are written out, without an exponent.
+LARGE = 1e7
+
+
+class Column(NamedTuple):
+    """A column of the summary: metric (``steady.`` for the last half), header, unit, scale."""
+
+    metric: str
+    header: str
+    unit: str = ""
+    scale: float = 1.0
+
+
+class Cell(NamedTuple):
+    """One cell; numbers are set to the right, ``bad`` ones are marked."""
+
+    text: str
+    number: bool = False
+    bad: bool = False
+
+
+SUMMARY = (
+    Column("mean_abs_lateral_error_m", "mean |d|", "mm", 1e3),
+    Column("steady.mean_abs_lateral_error_m", "same, last half", "mm", 1e3),
+    Column("p95_abs_lateral_error_m", "95 % |d|", "mm", 1e3),
+    Column("max_abs_lateral_error_m", "max |d|", "mm", 1e3),
+    Column("mean_abs_heading_error_deg", "mean |heading err.|", "°"),
+    Column("mean_abs_course_error_deg", "mean |course err.|", "°"),
+    Column("steer_std", "SD of steer.", "-"),
+    Column("steer_rate_rms_per_s", "RMS steer. rate", "1/s"),
+    Column("lateral_jerk_rms_m_s3", "RMS lat. jerk", "m/s³"),
+    Column("max_lateral_acceleration_m_s2", "max |a_y|", "m/s²"),
+    Column("mean_speed_m_s", "mean speed", "m/s"),
+    Column("saturated", "clip-ped", "steps"),
+    Column("fallbacks", "fall-backs", "steps"),
+    Column("control_time_us_p50", "step time p50", "µs"),
+    Column("control_time_us_p99", "step time p99", "µs"),
+)
+
+
+def text(value: Any, digits: int = 4) -> str:
+    """A value for reading: so many significant digits, a dash for what is undefined."""
+    if value is None:
+        return NOTHING
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            return NOTHING
+        return f"{value:.0f}" if 10.0**digits <= abs(value) < LARGE else f"{value:.{digits}g}"
+    if isinstance(value, (list, tuple)):
+        return ", ".join(text(item, digits) for item in value)
+    return str(value)
+
+
+def cell(value: Any) -> Cell:
+    """A cell of a table made elsewhere."""
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return Cell(text(value), number=number or value is None)
+
+
+def flat(metrics: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested metrics as ``outer.inner``."""
+    out: dict[str, Any] = {}
+    for name, value in metrics.items():
+        if isinstance(value, Mapping):
+            out |= flat(value, f"{prefix}{name}.")
+        else:
+            out[f"{prefix}{name}"] = value
+    return out
+
+
+def summary_row(run: Run) -> list[Cell]:
+    """How the run ended, and the summary's metrics."""
+    values = flat(run.metrics)
+    done = values.get("completed")
+    end = str(values.get("end", NOTHING)).replace("_", " ")
+    return [Cell(end, bad=done is False), *(_summary_cell(values, c) for c in SUMMARY)]
+
+
+def _summary_cell(values: Mapping[str, Any], column: Column) -> Cell:
+    value = values.get(column.metric)
+    if isinstance(value, float):
+        value *= column.scale
+    return Cell(text(value, 3), number=True, bad=column.metric == "fallbacks" and bool(value))
+
+
+def all_metrics(runs: Sequence[Run]) -> list[dict[str, Any]]:
+    """Every metric of every run: a row for each metric, in the order of first appearance."""
+    values = [flat(run.metrics) for run in runs]
+    names = dict.fromkeys(name for run in values for name in run)
+    return [
+        {
+            "name": name,
+            "meaning": _meaning(name),
+            "cells": [Cell(text(run.get(name)), number=True) for run in values],
+        }
+        for name in names
+    ]
+
+
+def _meaning(name: str) -> str:
+    metric = METRICS.get(name.removeprefix("steady."))
+    if metric is None:
+        return ""
+    return metric.meaning + (", last half of the run" if name.startswith("steady.") else "")
+
+
+class Grid(NamedTuple):
+    """A table made elsewhere, as text."""
+
+    title: str
+    headers: list[Cell]
+    rows: list[list[Cell]]
+
+
+def grid(table: Table) -> Grid:
+    """The cells of a table made elsewhere; headers stand over their columns' cells."""
+    rows = [[cell(row.get(key)) for key in table.columns] for row in table.rows]
+    headers = [
+        Cell(header, number=bool(rows) and all(row[k].number for row in rows))
+        for k, header in enumerate(table.columns.values())
+    ]
+    return Grid(table.title, headers, rows)

@@ -1,0 +1,196 @@
+"""The page: complete, self-contained, and safe against the names in it."""
+
+import base64
+import gzip
+import json
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from steersman.bench.metrics import summarise
+from steersman.errors import DataError, SteersmanError
+from steersman.report import Run, Table, write_report
+from steersman.report import html as module
+from steersman.report.html import group_title, render
+from steersman.report.signals import Drive, group_by_path
+from steersman.report.tables import flat, text
+
+EVIL = "<script>alert('&\"')</script>"
+VOID = {"meta", "link", "line", "input", "br"}
+
+
+@pytest.fixture
+def runs(drive):
+    meta = {"config": {"path": {"kind": "circle"}, "corridor": 2.0}, "seed": 1}
+    good, bad = drive(meta=meta), drive(end="off_track", meta={EVIL: EVIL})
+    return [
+        Run("pid", good, summarise(good), config=good.meta),
+        Run(EVIL, bad, {**summarise(bad), "fallbacks": 3}, config=bad.meta),
+        Run("same", good, summarise(good), config=good.meta),
+        Run("training", training={"steps": np.arange(3.0), EVIL: np.arange(3.0)}),
+        Run("table", table=Table(EVIL, {"a": EVIL, "b": "b"}, [{"a": EVIL}, {"a": 1.5, "b": 2}])),
+    ]
+
+
+class Outline(HTMLParser):
+    """Collects tags, attributes and text; fails on tags that do not match."""
+
+    def __init__(self, page):
+        super().__init__()
+        self.tags, self.attributes, self.open, self.texts = [], [], [], []
+        self.feed(page)
+        self.close()
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.attributes += attrs
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.append(tag)
+        self.attributes += attrs
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.texts.append(data)
+
+
+def packed(page, name):
+    content = re.search(rf'id="{name}">([^<]*)<', page).group(1)
+    return gzip.decompress(base64.b64decode(content)).decode()
+
+
+def test_names_cannot_break_out(runs):
+    page = render(runs, EVIL)
+    assert EVIL not in page
+    outline = Outline(page)
+    assert outline.tags.count("script") == 3  # the library, the data, the page's own
+    assert EVIL in outline.texts
+    data = packed(page, "data")
+    assert "<script>" not in data
+    assert "&lt;script&gt;" in data
+
+
+def test_nothing_is_fetched(runs):
+    page = render(runs, "title")
+    outline = Outline(page)
+    references = {value for key, value in outline.attributes if key in ("src", "href", "action")}
+    assert references == {"data:,"}
+    readable = re.sub(r'id="(library|data)">[^<]*<', "", page)
+    assert not re.search(r"https?:|//[a-z]+\.|@import|url\(", readable)
+    policy = [value for key, value in outline.attributes if key == "content"]
+    assert any(value.startswith("default-src 'none';") for value in policy)
+    assert "connect-src" not in page
+    assert "showSendToCloud: false" in page
+
+
+def test_it_is_small_and_the_same_each_time(runs, tmp_path):
+    first = write_report(runs, tmp_path / "a" / "report.html", "title").read_bytes()
+    second = write_report(runs, tmp_path / "b.html", "title").read_bytes()
+    assert first == second
+    assert len(first) < 3_000_000
+    assert "Plotly" in packed(first.decode(), "library")
+
+
+def test_the_data_are_those_of_the_runs(runs):
+    data = json.loads(packed(render(runs, "title"), "data"))
+    (group,) = data["groups"]
+    assert [run["name"] for run in group["runs"]][::2] == ["pid", "same"]
+    assert {panel["key"] for panel in data["panels"]} <= set(group["runs"][0])
+    assert data["training"]["x"] == "environment steps"
+
+
+def test_runs_that_failed_and_fallbacks_are_marked(runs):
+    page = render(runs, "title")
+    assert ' bad">off track</td>' in page
+    assert 'bad">3</td>' in page
+    assert page.count(' bad">') == 2
+
+
+def test_each_configuration_is_shown_once(runs):
+    page = render(runs, "title")
+    assert page.count("<pre>") == 2
+    assert "<summary>pid, same</summary>" in page
+
+
+def test_tables_alone_need_no_library():
+    page = render(
+        [Run("t", table=Table("T", {"a": "A"}, [{"a": None}])), Run("m", metrics={"x": 1.0})], "t"
+    )
+    Outline(page)
+    assert len(page) < 20_000
+    assert "<script" not in page
+
+
+@pytest.mark.parametrize("n", [0, 1, 2])
+def test_very_short_drives(drive, n):
+    episode = drive(n=n)
+    Outline(render([Run("short", episode, summarise(episode))], "t"))
+
+
+def test_a_training_without_rows():
+    page = render([Run("t", training={"steps": np.array([]), "loss": np.array([])})], "t")
+    assert "Nothing was recorded yet" in page
+
+
+def test_nothing_to_report(tmp_path):
+    with pytest.raises(DataError, match="nothing to report"):
+        write_report([], tmp_path / "report.html", "t")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["jinja2", "plotly.offline"])
+def test_a_missing_extra_says_what_to_install(runs, monkeypatch, name):
+    monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(SteersmanError, match=r"pip install 'steersman\[report\]'"):
+        render(runs, "t")
+
+
+def test_the_libraries_are_imported_only_when_used():
+    code = (
+        "import sys, steersman.report as r; sys.exit(bool({'plotly', 'jinja2'} & set(sys.modules)))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("meta", "title"),
+    [
+        ({"config": {"path": {"kind": "figure_eight"}}}, "Figure eight, loop of 314.2 m"),
+        ({"path": "circle"}, "Circle, loop of 314.2 m"),
+        ({}, "Path, loop of 314.2 m"),
+        ({"config": 3}, "Path, loop of 314.2 m"),
+    ],
+)
+def test_titles_of_groups(drive, meta, title):
+    assert group_title([Drive("a", drive(meta=meta))]) == title
+
+
+def test_the_corridor_is_the_recorded_one(runs, drive):
+    assert module.half_width(group_by_path(runs)[0]) == 2.0
+    assert module.half_width([Drive("a", drive())]) == 1.5
+    assert "corridor ±2 m" in render(runs, "t")
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [
+        (None, "\u2013"), (float("nan"), "\u2013"), (True, "yes"), (False, "no"), (12345, "12345"),
+        (0.00012346, "0.0001235"), (12345.6, "12346"), (1.5e9, "1.5e+09"), ([1, 2.5], "1, 2.5"),
+        ("text", "text"),
+    ],
+)  # fmt: skip
+def test_values_as_text(value, shown):
+    assert text(value) == shown
+
+
+def test_nested_metrics_are_flattened():
+    assert flat({"a": 1, "steady": {"b": 2}}) == {"a": 1, "steady.b": 2}
