@@ -1,0 +1,204 @@
+"""What holds for every registered controller. A new one is found here with no further edit."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from steersman.config import components, dump, resolve
+from steersman.controllers.base import ControllerComponent
+from steersman.paths.basic import Circle
+from steersman.plants.simulator import SimulatorConfig
+from steersman.sensing import WaypointSensor
+from steersman.types import Observation, Status
+
+from .loops import CAR, DT, Posed, answers, beside, drive, observe, random_policy, same, scenes
+
+# Further settings of kinds whose defaults leave code aside.
+VARIANTS: dict[str, dict[str, Any]] = {
+    "mpc_pid-limits": {"kind": "mpc_pid", "rate_limit": True, "corridor": 0.2},
+    "mpc_pid-scheduled": {"kind": "mpc_pid", "scheduled": True},
+    "mpc_pid-wrong": {"kind": "mpc_pid", "model_error": {"mass": 1.3, "c_r": 0.8}},
+    "pid-feedforward": {"kind": "pid", "feedforward": True, "k_heading": 0.3},
+}
+ALL = {**{kind: {"kind": kind} for kind in components("controller")}, **VARIANTS}
+# Random weights know no left and right: an odd network is a matter of training, not of the code.
+SYMMETRIC = [name for name in ALL if name != "policy"]
+
+
+@pytest.fixture(scope="session")
+def policy_file(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return str(random_policy(tmp_path_factory.mktemp("policy")))
+
+
+def make(name: str, policy_file: str) -> ControllerComponent:
+    fields = dict(ALL[name])
+    if fields["kind"] == "policy":
+        fields["file"] = policy_file
+    controller = resolve("controller", fields)
+    assert isinstance(controller, ControllerComponent)
+    return controller
+
+
+@pytest.fixture(params=ALL)
+def controller(request: pytest.FixtureRequest, policy_file: str) -> ControllerComponent:
+    """Each controller in turn."""
+    return make(request.param, policy_file)
+
+
+@pytest.fixture(params=SYMMETRIC)
+def symmetric(request: pytest.FixtureRequest, policy_file: str) -> ControllerComponent:
+    """Each controller that has to treat left and right alike."""
+    return make(request.param, policy_file)
+
+
+def steering(controller: ControllerComponent, observations: list[Observation]) -> list[float]:
+    return [decision.steer for decision in answers(controller, observations)]
+
+
+def test_load_undoes_dump(controller: ControllerComponent) -> None:
+    again = resolve("controller", dump(controller))
+    assert again == controller
+    assert isinstance(again, ControllerComponent)
+    observations = scenes(Posed())
+    assert answers(again, observations) == answers(controller, observations)
+
+
+def test_mirrored_observation_gives_negated_steering(symmetric: ControllerComponent) -> None:
+    left = steering(symmetric, scenes(Posed()))
+    right = steering(symmetric, scenes(Posed(side=-1.0), side=-1.0))
+    assert left == pytest.approx([-u for u in right], abs=1e-9)
+    assert max(map(abs, left)) > 1e-3
+
+
+def test_mirrored_circle_gives_mirrored_run(symmetric: ControllerComponent) -> None:
+    left = drive(symmetric, Circle(direction="left"), duration=4.0)
+    right = drive(symmetric, Circle(direction="right"), duration=4.0)
+    assert left.end == right.end
+    for name in ("lateral_error", "heading_error", "steer_command", "yaw_rate"):
+        assert left[name] == pytest.approx(-right[name], abs=1e-9), name
+
+
+MOVED = Posed(x=-350.0, y=120.0, psi=2.4)
+
+
+def test_steering_knows_no_place_and_direction(controller: ControllerComponent) -> None:
+    here, there = steering(controller, scenes(Posed())), steering(controller, scenes(MOVED))
+    assert here == pytest.approx(there, abs=1e-6 if controller.kind == "policy" else 1e-9)
+
+
+def test_observations_know_no_place_and_direction() -> None:
+    for a, b in zip(scenes(Posed()), scenes(MOVED), strict=True):
+        assert a[:8] == pytest.approx(b[:8], abs=1e-10)
+        assert a.preview == pytest.approx(b.preview, abs=1e-10)
+
+
+def test_closed_loop_knows_no_place_and_direction(controller: ControllerComponent) -> None:
+    here, there = (drive(controller, path, duration=6.0) for path in (Posed(), MOVED))
+    assert here.end == there.end
+    # A policy rounds its input to single precision.
+    tolerance = 1e-5 if controller.kind == "policy" else 1e-9
+    for name in ("s", "lateral_error", "heading_error", "course_error", "steer_command", "v_x"):
+        assert here[name] == pytest.approx(there[name], abs=tolerance), name
+
+
+def plain() -> Observation:
+    path = Posed()
+    return observe(path, beside(path, 30.0, d=0.1, heading=0.02, steer=0.25), 30.0)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("field", [*Observation._fields[:8], "preview"])
+def test_input_that_is_not_finite_is_a_marked_fallback(
+    controller: ControllerComponent, field: str, value: float
+) -> None:
+    good = plain()
+    if field == "preview":
+        points = good.preview.copy()
+        points[7, 1] = value
+        bad = good._replace(preview=points)
+    else:
+        bad = good._replace(**{field: value})
+    state = controller.init(CAR, DT)
+    decision, after = controller.step(state, bad)
+    assert decision.status is Status.FALLBACK
+    assert decision.steer == (0.0 if field == "steer" else 0.25)
+    # The next good observation is answered as if nothing had been.
+    assert controller.step(after, good)[0] == controller.step(controller.init(CAR, DT), good)[0]
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e3, 1e9, 1e100, 1e300])
+def test_any_finite_input_gives_a_command(controller: ControllerComponent, size: float) -> None:
+    good, points = plain(), plain().preview
+    extremes = [good._replace(**{f: s * size}) for f in Observation._fields[1:8] for s in (1, -1)]
+    extremes += [good._replace(preview=s * size * points) for s in (1.0, -1.0)]
+    extremes += [good._replace(v_x=v, v_y=0.0) for v in (0.0, -5.0, 200.0)]
+    for decision in answers(controller, extremes):
+        assert -1.0 <= decision.steer <= 1.0
+        assert decision.status in set(Status)
+
+
+def test_limits_are_kept(controller: ControllerComponent) -> None:
+    rng = np.random.default_rng(1)
+    path = Posed()
+    observations = [
+        observe(path, beside(path, 30.0, d=d, heading=h, velocity=(v, 0.0)), 30.0)
+        for d, h, v in rng.uniform((-20.0, -3.0, 0.0), (20.0, 3.0, 60.0), (60, 3)).tolist()
+    ]
+    assert all(-1.0 <= u <= 1.0 for u in steering(controller, observations))
+
+
+def test_same_seed_same_episode(controller: ControllerComponent) -> None:
+    noisy = WaypointSensor(error_range=0.1)
+    runs = [drive(controller, Posed(), sensor=noisy, seed=seed, duration=4.0) for seed in (5, 5, 6)]
+    assert same(runs[0], runs[1])
+    assert not same(runs[0], runs[2])
+
+
+def test_one_object_drives_two_cars_in_turn(controller: ControllerComponent) -> None:
+    observations = scenes(Posed()), scenes(Posed(side=-1.0), side=0.5)
+    alone = [answers(controller, row) for row in observations]
+    states = [controller.init(CAR, DT) for _ in observations]
+    together: list[list[Any]] = [[], []]
+    for pair in zip(*observations, strict=True):
+        for i, observation in enumerate(pair):
+            decision, states[i] = controller.step(states[i], observation)
+            together[i].append(decision)
+    assert together == alone
+
+
+def test_one_first_state_serves_many_cars(controller: ControllerComponent) -> None:
+    """The demonstrator starts every episode of every vehicle from one state."""
+    fresh, observations = controller.init(CAR, DT), scenes(Posed())
+    first = answers(controller, observations, fresh)
+    answers(controller, scenes(Posed(side=-1.0), side=-1.0), fresh)
+    assert answers(controller, observations, fresh) == first
+
+
+def test_asking_twice_gives_the_same_answer(controller: ControllerComponent) -> None:
+    state = controller.init(CAR, DT)
+    for observation in scenes(Posed()):
+        once, after = controller.step(state, observation)
+        again, _ = controller.step(state, observation)
+        assert once == again
+        state = after
+
+
+def test_observation_is_left_alone(controller: ControllerComponent) -> None:
+    observation = plain()
+    kept = observation.preview.copy()
+    controller.step(controller.init(CAR, DT), observation)
+    assert np.array_equal(observation.preview, kept)
+
+
+@pytest.mark.parametrize("name", [name for name in ALL if name != "policy"])
+@pytest.mark.parametrize("dt", [0.01, 0.1])
+def test_other_control_periods(name: str, dt: float, policy_file: str) -> None:
+    """A policy belongs to the period it was trained with, and says so (test_policy_file)."""
+    controller = make(name, policy_file)
+    episode = drive(controller, Posed(), plant=SimulatorConfig(dt=dt), duration=2.0)
+    assert episode.dt == dt
+    assert len(episode) == round(2.0 / dt)
