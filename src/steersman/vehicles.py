@@ -20,6 +20,10 @@ from steersman.kernels.vehicle import VehicleTable
 _DEG = math.pi / 180.0
 _KMH = 1.0 / 3.6
 _AIR_DENSITY = 1.2
+# Beyond this wheel angle the tangent says little [rad].
+_LARGEST_ANGLE = 1.5
+# Integration step up to which every vehicle is stable at any speed [s].
+LONGEST_STEP = 0.01
 
 # Throttle to net acceleration on a straight, measured on CARLA 0.9.16's Model 3: throttles 0.4 to
 # 1.0 at 0 to 20 m/s. The zero-throttle row is -2.6 up to 4 m/s and falls to -8.8 at 24 m/s. What
@@ -62,13 +66,15 @@ class Vehicle(Component):
     drive_front: float = param(0.5, "-", "Share of the drive force at the front.", ge=0, le=1)
     brake_force: float = param(7568.0, "N", "Brake force of all wheels at full brake.", ge=0)
     brake_front: float = param(0.5, "-", "Share of the brake force at the front.", ge=0, le=1)
-    max_wheel_angle: float = param(70.0 * _DEG, "rad", "Inner wheel at full lock.", gt=0, lt=1.5)
+    max_wheel_angle: float = param(
+        70.0 * _DEG, "rad", "Inner wheel at full lock.", gt=0, le=_LARGEST_ANGLE
+    )
     ackermann: bool = param(True, "-", "Outer wheel by Ackermann, else parallel wheels.")
     steer_rate_up: float = param(2.5, "1/s", "Normalised steering rate away from centre.", gt=0)
     steer_rate_down: float = param(5.0, "1/s", "Normalised steering rate to the centre.", gt=0)
     pedal_rate_up: float = param(6.0, "1/s", "Rate at which pedals are pressed.", gt=0)
     pedal_rate_down: float = param(10.0, "1/s", "Rate at which pedals are released.", gt=0)
-    load_lag: float = param(0.1, "s", "Time constant of load transfer.", gt=0)
+    load_lag: float = param(0.1, "s", "Time constant of load transfer.", ge=0.02)
     width: float = param(2.16, "m", "Width of the body (drawing, lane widths).", gt=0)
     body_length: float = param(4.79, "m", "Length of the body (drawing).", gt=0)
     steer_curve_speed: tuple[float, ...] = param(
@@ -96,6 +102,13 @@ class Vehicle(Component):
     def _shapes(self) -> Vehicle:
         if len(self.steer_curve_factor) != len(self.steer_curve_speed):
             raise ValueError("steer_curve_factor needs one value for each steer_curve_speed")
+        if not all(
+            0.0 < f * self.max_wheel_angle <= _LARGEST_ANGLE for f in self.steer_curve_factor
+        ):
+            raise ValueError(
+                "steer_curve_factor times max_wheel_angle must be above zero and at most "
+                f"{_LARGEST_ANGLE} rad"
+            )
         rows, columns = len(self.map_throttle), len(self.map_speed)
         if len(self.map_acceleration) != rows or any(
             len(row) != columns for row in self.map_acceleration
@@ -145,10 +158,22 @@ class Vehicle(Component):
             kernel.MAP_DRAG: drag,
             kernel.LOAD_LAG: self.load_lag,
             kernel.FADE_SPEED: self.fade_speed,
+            kernel.SLIP_SPEED: self._slip_speed(),
         }
         for column, value in values.items():
             out[column] = value
         return out
+
+    def _slip_speed(self) -> float:
+        """Speed below which slip angles are softened [m/s].
+
+        The side-slip of a slow car decays at a rate of stiffness / (mass x this speed), and its
+        yaw likewise; the explicit integration needs that rate times its step below 2. At the
+        longest step this leaves room for a car with 60 % more stiffness per mass.
+        """
+        sideways = (self.c_f + self.c_r) / self.mass
+        turning = (self.l_f**2 * self.c_f + self.l_r**2 * self.c_r) / self.yaw_inertia
+        return max(1.0, 0.8 * LONGEST_STEP * max(sideways, turning))
 
     @property
     def table(self) -> VehicleTable:
@@ -226,7 +251,9 @@ class Bmw320i(Vehicle):
     friction: float = param(_BMW_MU, "-", "Tyre friction coefficient.", gt=0)
     drag_area: float = param(0.6, "m^2", "Drag coefficient times frontal area.", ge=0)
     drive_front: float = param(0.0, "-", "Share of the drive force at the front.", ge=0, le=1)
-    max_wheel_angle: float = param(1.066, "rad", "Wheel angle at full lock.", gt=0, lt=1.5)
+    max_wheel_angle: float = param(
+        1.066, "rad", "Wheel angle at full lock.", gt=0, le=_LARGEST_ANGLE
+    )
     ackermann: bool = param(False, "-", "Outer wheel by Ackermann, else parallel wheels.")
     steer_rate_up: float = param(0.4 / 1.066, "1/s", "Steering rate away from centre.", gt=0)
     steer_rate_down: float = param(0.4 / 1.066, "1/s", "Steering rate to the centre.", gt=0)

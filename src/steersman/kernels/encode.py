@@ -94,9 +94,7 @@ def remember(table: EncodingTable, row: FloatArray, memory: FloatArray, command:
 
 
 @njit(cache=True, error_model="numpy")
-def encode(
-    table: EncodingTable, row: FloatArray, memory: FloatArray, out: FloatArray
-) -> None:
+def encode(table: EncodingTable, row: FloatArray, memory: FloatArray, out: FloatArray) -> None:
     """Write the features of an observation row in SI units; updates the integral."""
     _remember_error(table, row, memory)
     i = 0

@@ -28,9 +28,7 @@ def wrap_angle(angle: float) -> float:
 @njit(cache=True, error_model="numpy")
 def track(table: PathTable, p: int, state: FloatArray, near: float, out: FloatArray) -> None:
     """Fill a tracking row: projection, errors and path point beside the centre of mass."""
-    s, d, psi, kappa = paths.project_near(
-        table, p, state[vehicle.X], state[vehicle.Y], near
-    )
+    s, d, psi, kappa = paths.project_near(table, p, state[vehicle.X], state[vehicle.Y], near)
     heading = wrap_angle(state[vehicle.PSI] - psi)
     slip = 0.0
     if abs(state[vehicle.VX]) + abs(state[vehicle.VY]) > 1e-9:
@@ -80,3 +78,5 @@ def sense(
             out[O_KAPPA] += weights[2, i] * across
         out[O_PREVIEW + 2 * i] = ahead
         out[O_PREVIEW + 2 * i + 1] = left
+    if noisy:
+        out[O_HEADING] = wrap_angle(out[O_HEADING])

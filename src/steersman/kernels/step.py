@@ -156,7 +156,15 @@ def step(world: World, fleet: Fleet, actions: FloatArray, shifts: FloatArray) ->
         p, s = fleet.path[n], tracking[obs.S]
         speed = np.hypot(state[car.VX], state[car.VY])
         throttle, brake, clock[CLOCK_INTEGRAL] = pedals(
-            world.speed, n, world.paths, p, clock[CLOCK_STEPS] * dt, s, speed, clock[CLOCK_INTEGRAL], dt
+            world.speed,
+            n,
+            world.paths,
+            p,
+            clock[CLOCK_STEPS] * dt,
+            s,
+            speed,
+            clock[CLOCK_INTEGRAL],
+            dt,
         )
         command[0], command[1], command[2] = steer, throttle, brake
         drive(

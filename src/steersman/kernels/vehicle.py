@@ -54,13 +54,14 @@ CMD_STEER, CMD_THROTTLE, CMD_BRAKE = range(3)
     MAP_DRAG,
     LOAD_LAG,
     FADE_SPEED,
-) = range(23)
-N_PARAMS = 23
+    SLIP_SPEED,
+) = range(24)
+N_PARAMS = 24
 
-# Below this speed slip angles are softened: a standing tyre has no slip angle [m/s].
-_SLIP_SPEED = 1.0
 # Below this speed resistance fades, so that it never drives a standing car backwards [m/s].
 _ROLL_SPEED = 0.2
+# Below this speed a steady turn is kinematic [m/s].
+_CREEP = 1.0
 # A wheel takes its half of the axle's force up to this share of its grip.
 _DRIVE_GRIP = 0.5
 # A braked tyre keeps at least this share of its grip for cornering.
@@ -200,14 +201,23 @@ def side_force(stiffness: float, slip: float, limit: float) -> float:
 
 @njit(cache=True, error_model="numpy")
 def _wheel(
-    stiffness: float, grip: float, demand: float, tangent: float, v_x: float, v_y: float
+    stiffness: float,
+    grip: float,
+    demand: float,
+    tangent: float,
+    v_x: float,
+    v_y: float,
+    slip_speed: float,
 ) -> tuple[float, float]:
-    """Force of one wheel in the vehicle's frame, from the velocity of its contact point there."""
+    """Force of one wheel in the vehicle's frame, from the velocity of its contact point there.
+
+    Slip is softened below ``slip_speed``: a standing tyre has no slip angle.
+    """
     c = 1.0 / math.sqrt(1.0 + tangent * tangent)
     s = tangent * c
     rolling = c * v_x + s * v_y
     across = c * v_y - s * v_x
-    slip = across / math.sqrt(rolling * rolling + _SLIP_SPEED * _SLIP_SPEED)
+    slip = across / math.sqrt(rolling * rolling + slip_speed * slip_speed)
     limit = math.sqrt(1.0 - _MIN_SIDE_GRIP * _MIN_SIDE_GRIP) * grip
     f_x = min(max(demand, -limit), limit)
     f_y = side_force(stiffness, slip, math.sqrt(grip * grip - f_x * f_x))
@@ -215,9 +225,7 @@ def _wheel(
 
 
 @njit(cache=True, error_model="numpy")
-def wheel_loads(
-    row: FloatArray, a_x: float, a_y: float
-) -> tuple[float, float, float, float]:
+def wheel_loads(row: FloatArray, a_x: float, a_y: float) -> tuple[float, float, float, float]:
     """Vertical loads, front left, front right, rear left, rear right [N]; lifted wheels carry 0.
 
     Roll moments are shared by the axles in proportion to their static loads.
@@ -252,15 +260,15 @@ def derivative(
     # Cornering stiffness grows in proportion to load: C_wheel = C_axle / (static axle load) F_z.
     c_f = row[C_F] * base / (weight * row[L_R])
     c_r = row[C_R] * base / (weight * row[L_F])
-    mu, half = row[MU], 0.5 * row[TRACK]
+    mu, half, soft = row[MU], 0.5 * row[TRACK], row[SLIP_SPEED]
     y_f, y_r = v_y + row[L_F] * rate, v_y - row[L_R] * rate
     x_l, x_r = v_x - half * rate, v_x + half * rate
     demand1, demand2 = split_axle(demand_f, mu * fl, mu * fr)
     demand3, demand4 = split_axle(demand_r, mu * rl, mu * rr)
-    fx1, fy1 = _wheel(c_f * fl, mu * fl, demand1, left, x_l, y_f)
-    fx2, fy2 = _wheel(c_f * fr, mu * fr, demand2, right, x_r, y_f)
-    fx3, fy3 = _wheel(c_r * rl, mu * rl, demand3, 0.0, x_l, y_r)
-    fx4, fy4 = _wheel(c_r * rr, mu * rr, demand4, 0.0, x_r, y_r)
+    fx1, fy1 = _wheel(c_f * fl, mu * fl, demand1, left, x_l, y_f, soft)
+    fx2, fy2 = _wheel(c_f * fr, mu * fr, demand2, right, x_r, y_f, soft)
+    fx3, fy3 = _wheel(c_r * rl, mu * rl, demand3, 0.0, x_l, y_r, soft)
+    fx4, fy4 = _wheel(c_r * rr, mu * rr, demand4, 0.0, x_r, y_r, soft)
     a_x = (fx1 + fx2 + fx3 + fx4 - row[DRAG] * v_x * abs(v_x)) / row[MASS]
     a_y = (fy1 + fy2 + fy3 + fy4) / row[MASS]
     turning = row[L_F] * (fy1 + fy2) - row[L_R] * (fy3 + fy4) + half * (fx2 + fx4 - fx1 - fx3)
@@ -301,7 +309,9 @@ def advance(
             q[i] = state[i] + 0.5 * h * k1[i]
         for half in range(2):
             steer = slew(steer, command[CMD_STEER], row[STEER_UP], row[STEER_DOWN], 0.5 * h)
-            throttle = slew(throttle, command[CMD_THROTTLE], row[PEDAL_UP], row[PEDAL_DOWN], 0.5 * h)
+            throttle = slew(
+                throttle, command[CMD_THROTTLE], row[PEDAL_UP], row[PEDAL_DOWN], 0.5 * h
+            )
             brake = slew(brake, command[CMD_BRAKE], row[PEDAL_UP], row[PEDAL_DOWN], 0.5 * h)
             if half == 0:
                 a_x, a_y = derivative(table, n, q, steer, throttle, brake, k2)
@@ -329,6 +339,19 @@ def _turn_residual(
 
 
 @njit(cache=True, error_model="numpy")
+def _holding_throttle(table: VehicleTable, speed: float) -> float:
+    """Throttle that holds a speed on a straight, by bisection; the nearer end if none does."""
+    low, high = table.map_throttle[0], table.map_throttle[-1]
+    for _ in range(20):
+        middle = 0.5 * (low + high)
+        if map_acceleration(table, middle, speed) < 0.0:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+@njit(cache=True, error_model="numpy")
 def steady_turn(
     table: VehicleTable, n: int, state: FloatArray, speed: float, curvature: float
 ) -> bool:
@@ -344,8 +367,8 @@ def steady_turn(
     kinematic = math.atan((row[L_F] + row[L_R]) * curvature)
     unknown[0] = math.atan(row[L_R] * curvature)
     unknown[1] = steer_for_wheel(table, n, kinematic, speed)
-    unknown[2] = 0.3
-    found = speed < _SLIP_SPEED
+    unknown[2] = _holding_throttle(table, speed)
+    found = speed < _CREEP
     for _ in range(0 if found else 40):
         q[VX], q[VY], q[YAW_RATE] = speed, 0.0, speed * curvature
         _turn_residual(table, n, q, unknown, base)
