@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import pairwise
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -136,7 +137,7 @@ def same(a: Episode, b: Episode) -> bool:
 def random_net(features: int, hidden: int = 8, seed: int = 0) -> Net:
     """An actor with random weights."""
     sizes = (features, hidden, hidden, 1)
-    count = sum((a + 1) * b for a, b in zip(sizes[:-1], sizes[1:], strict=True))
+    count = sum((a + 1) * b for a, b in pairwise(sizes))
     flat = np.random.default_rng(seed).normal(0.0, 0.3, count).astype(np.float32)
     return view_net(flat, sizes)
 

@@ -16,13 +16,13 @@ from steersman.config import Of, Settings, param
 from steersman.controllers.base import ControllerComponent
 from steersman.controllers.mpc_pid import MpcPid
 from steersman.episode import COLUMNS, Episode
-from steersman.errors import ConfigError, ControllerError
+from steersman.errors import ConfigError, ControllerError, one_line
 from steersman.paths.base import PathComponent
 from steersman.plants.simulator import Simulator, SimulatorConfig
 from steersman.provenance import provenance
 from steersman.sensing import Tracking, WaypointSensor, track
 from steersman.speed import ConstantThrottle, SpeedComponent
-from steersman.types import Command, Decision, Pose, VehicleState
+from steersman.types import Command, Decision, Observation, Pose, VehicleState
 from steersman.vehicles import CarlaModel3, Vehicle
 
 # A run that is to end after laps or at the end of the road may take at most this long [s].
@@ -164,7 +164,8 @@ def rollout(  # noqa: PLR0913 - the nouns of a closed loop
     lift.
 
     Raises:
-        RunError: the controller returned something that is not a finite number in [-1, 1].
+        RunError: the controller raised, or returned something that is not a finite number in
+            [-1, 1].
         ConfigError: the path has no laps, or ends before the start.
     """
     rng = np.random.default_rng(seed)
@@ -182,11 +183,11 @@ def rollout(  # noqa: PLR0913 - the nouns of a closed loop
     try:
         while not (end := _end(plant, path, place, corridor, step * dt, distance, goal, limit)):
             observation = sensor.observe(sensor_state, state, place, path, rng)
-            begun = time.perf_counter()
-            decision, controller_state = controller.step(controller_state, observation)
-            took = time.perf_counter() - begun
-            if not math.isfinite(decision.steer) or abs(decision.steer) > 1.0:
-                raise _refuse(controller, decision, state, recorder, distance, dt, path)
+            try:
+                decision, controller_state, took = _ask(controller, controller_state, observation)
+            except ControllerError as error:
+                so_far = recorder.episode(ending.ERROR, distance, dt, path)
+                raise RunError(f"{error}, at t = {state.time:.2f} s", so_far) from error.__cause__
             throttle, brake, speed_state = speed.step(speed_state, state, place.s)
             recorder.add(state, place, decision, (throttle, brake), took)
             v = float(np.hypot(state.v_x, state.v_y))
@@ -202,21 +203,31 @@ def rollout(  # noqa: PLR0913 - the nouns of a closed loop
     return recorder.episode(end, distance, dt, path)
 
 
-def _refuse(
-    controller: ControllerComponent,
-    decision: Decision,
-    state: VehicleState,
-    recorder: _Recorder,
-    distance: float,
-    dt: float,
-    path: PathComponent,
-) -> RunError:
+def _ask(
+    controller: ControllerComponent, controller_state: Any, observation: Observation
+) -> tuple[Decision, Any, float]:
+    """The controller's decision, its new state, and how long it took [s].
+
+    Raises:
+        ControllerError: it raised, or returned what no actuator can take.
+        ConfigError: it does not fit into this loop.
+    """
     name = controller.kind or type(controller).__name__
-    return RunError(
-        f"controller {name!r} returned steering {decision.steer} at t = {state.time:.2f} s; "
-        "a finite number in [-1, 1] is expected",
-        recorder.episode(ending.ERROR, distance, dt, path),
-    )
+    begun = time.perf_counter()
+    try:
+        decision, controller_state = controller.step(controller_state, observation)
+    except ConfigError:
+        raise
+    except Exception as error:  # a user's controller may raise anything
+        fault = f"controller {name!r} raised {type(error).__name__}: {error}"
+        raise ControllerError(one_line(fault)) from error
+    took = time.perf_counter() - begun
+    if not abs(decision.steer) <= 1.0:
+        raise ControllerError(
+            f"controller {name!r} returned steering {decision.steer}, where a finite number in "
+            "[-1, 1] is expected"
+        )
+    return decision, controller_state, took
 
 
 def _goal(

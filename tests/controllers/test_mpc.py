@@ -94,8 +94,7 @@ def cost(qp: MpcProblem, plan: FloatArray, r: float) -> float:
 def test_without_active_limits_the_plan_is_the_unconstrained_one() -> None:
     qp = problem()
     for observation in scenes(largest=0.1):
-        observation = observation._replace(yaw_rate=0.1)
-        plan = qp.solve(observation, 0.0)
+        plan = qp.solve(observation._replace(yaw_rate=0.1), 0.0)
         assert plan is not None
         assert abs(plan).max() < CAR.max_wheel_angle
         assert plan == pytest.approx(-np.linalg.solve(qp.hessian, qp._f), abs=1e-8)

@@ -39,16 +39,24 @@ class ControllerComponent(Component):
         """Decide the steering for the next control period, in [-1, 1].
 
         An observation that is not finite gets the present steering, marked as a fallback, and
-        leaves the state alone.
+        leaves the state alone. So does a decision that is not: numbers may be finite and still
+        overflow on their way.
         """
         if not is_finite(observation):
-            held = observation.steer if math.isfinite(observation.steer) else 0.0
-            return Decision(min(max(held, -1.0), 1.0), Status.FALLBACK), state
-        steer, status, state = self.decide(state, observation)
+            return _hold(observation), state
+        steer, status, after = self.decide(state, observation)
+        if not math.isfinite(steer):
+            return _hold(observation), state
         if not -1.0 <= steer <= 1.0:
             steer = min(max(steer, -1.0), 1.0)
             status = Status.SATURATED if status == Status.SOLVED else status
-        return Decision(steer, status), state
+        return Decision(steer, status), after
+
+
+def _hold(observation: Observation) -> Decision:
+    """The present steering, marked as a fallback."""
+    held = observation.steer if math.isfinite(observation.steer) else 0.0
+    return Decision(min(max(held, -1.0), 1.0), Status.FALLBACK)
 
 
 def is_finite(observation: Observation) -> bool:
