@@ -1,0 +1,87 @@
+"""Commands run within the process, and files that are wrong in many ways."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from steersman.cli import app
+from steersman.config import dump
+from steersman.encoding import ExtendedEncoding
+from steersman.kernels import encode
+
+Steersman = Callable[..., Result]
+
+
+@pytest.fixture
+def steersman(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> Steersman:
+    """Runs the command line in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words: str) -> Result:
+        return CliRunner().invoke(app, list(words), prog_name="steersman", catch_exceptions=False)
+
+    return run
+
+
+@pytest.fixture
+def wrong_files(tmp_path: FilePath) -> None:
+    """Files and folders that the wrong inputs name."""
+    (tmp_path / "folder").mkdir()
+    texts = {
+        "empty": "",
+        "list.yaml": "- 1\n- 2\n",
+        "twice.yaml": "duration: 5\nduration: 6\n",
+        "bad.yaml": "path: [1\n",
+        "typo.yaml": "path:\n  kind: circle\n  radius: 50m\n",
+        "one.csv": "x,y\n1,2\n",
+        "car.yaml": "base: bmw_320i\nmas: 5\n",
+        "broken.onnx": "x",
+        "broken.json": "{",
+        "alone.onnx": "x",
+    }
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    (tmp_path / "binary.yaml").write_bytes(b"\x00\xff\xfe")
+    _policy(tmp_path / "nonsense", {})
+    _policy(tmp_path / "period", {"dt": 0.1})
+    _policy(tmp_path / "other", {"sha256": "0" * 64})
+    _policy(tmp_path / "newer", {"format": 9})
+    _policy(tmp_path / "scales", {"scale": [1.0]})
+    _policy(tmp_path / "encoding", {"encoding": {"kind": "wayponts"}})
+    _policy(tmp_path / "unknown", {"sped": 1})
+    _policy(tmp_path / "negative", {"spacing": -1.0})
+    (tmp_path / "array.onnx").write_bytes(b"x")
+    (tmp_path / "array.json").write_text("[]", encoding="utf-8")
+
+
+def _policy(stem: FilePath, changes: dict[str, Any]) -> None:
+    """A card of today's format beside something that is no network."""
+    data, encoding = b"no network", ExtendedEncoding()
+    table = encoding.table(2.0, 0.05, True)
+    card = {
+        "format": 1,
+        "sha256": hashlib.sha256(data).hexdigest(),
+        "action": "rate",
+        "rate_limit": 1.5,
+        "dt": 0.05,
+        "waypoints": 15,
+        "spacing": 2.0,
+        "encoding": dump(encoding),
+        "observation": encoding.names(table),
+        "scale": [1.0] * encode.feature_count(table),
+        "units": {},
+        "limits": {},
+        "seed": 0,
+        "training": {},
+        "versions": {},
+        "commit": None,
+    }
+    stem.with_suffix(".onnx").write_bytes(data)
+    stem.with_suffix(".json").write_text(json.dumps(card | changes), encoding="utf-8")

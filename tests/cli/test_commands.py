@@ -1,0 +1,414 @@
+"""What each command prints and writes."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import sys
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path as FilePath
+from typing import Any
+
+import pytest
+import typer
+from typer.testing import Result
+
+from steersman.bench.metrics import METRICS
+from steersman.cli import output, settings
+from steersman.config import build, components, families, read_yaml, resolve
+from steersman.episode import load_episode
+from steersman.errors import ConfigError, DataError
+from steersman.learning.config import TrainConfig
+from steersman.plants.simulator import Simulator
+from steersman.rollout import RunConfig
+from steersman.types import Decision
+
+Steersman = Callable[..., Result]
+COMMANDS = ("list", "show", "drive", "train", "demo", "tune", "report")
+# Figures that differ from run to run.
+TIMES = [name for name in METRICS if name.startswith("control_time")]
+
+
+def without_times(metrics: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in metrics.items() if name not in TIMES}
+
+
+class Terminal:
+    """Standard error that says it is a terminal."""
+
+    def __init__(self, stream: Any) -> None:
+        self.stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)
+
+    def isatty(self) -> bool:
+        return True
+
+
+class TestHelp:
+    def test_alone_it_shows_the_help(self, steersman: Steersman) -> None:
+        result = steersman()
+        assert result.stdout == steersman("--help").stdout
+        assert result.exit_code == 0
+        for command in COMMANDS:
+            assert f"\n  {command} " in result.stdout
+
+    @pytest.mark.parametrize("command", COMMANDS)
+    def test_every_command_has_examples(self, steersman: Steersman, command: str) -> None:
+        result = steersman(command, "--help")
+        assert "Examples:\n" in result.stdout
+        assert f"\n    steersman {command}" in result.stdout
+        assert result.exit_code == 0
+
+    def test_version(self, steersman: Steersman) -> None:
+        assert steersman("--version").stdout == f"steersman {version('steersman')}\n"
+
+
+class TestList:
+    def test_everything_as_json(self, steersman: Steersman) -> None:
+        result = steersman("list", "--json")
+        listed = json.loads(result.stdout)
+        assert {family: list(names) for family, names in listed.items()} == {
+            family: list(components(family)) for family in families()
+        }
+        assert all(text for names in listed.values() for text in names.values())
+
+    def test_one_family_as_a_table_of_80_columns(self, steersman: Steersman) -> None:
+        lines = steersman("list", "path").stdout.splitlines()
+        assert lines[0].split() == ["kind", "name", "what", "it", "is"]
+        assert any(line.startswith("path  monza ") for line in lines)
+        assert not any(line.startswith("controller") for line in lines)
+        assert max(map(len, lines)) <= 80
+        assert "\x1b" not in "".join(lines)
+
+
+class TestShow:
+    def test_a_component(self, steersman: Steersman) -> None:
+        result = steersman("show", "path", "circle")
+        assert "path circle\n\nA full circle" in result.stdout
+        row = next(line for line in result.stdout.splitlines() if line.startswith("radius"))
+        assert row.split()[1:6] == ["50", "m", ">=", "0.1,", "<="]
+        assert "left | right" in result.stdout
+
+    def test_fields_as_json(self, steersman: Steersman) -> None:
+        data = json.loads(steersman("show", "controller", "mpc_pid", "--json").stdout)
+        assert (data["kind"], data["name"]) == ("controller", "mpc_pid")
+        fields = {field["name"]: field for field in data["fields"]}
+        assert fields["horizon"] == {
+            "name": "horizon",
+            "type": "whole number",
+            "required": False,
+            "default": 20,
+            "unit": "-",
+            "bounds": {"ge": 2, "le": 200},
+            "choices": [],
+            "meaning": "Steps of the MPC, one control period each.",
+        }
+        # The group's default here need not be that of the group's own class.
+        default = getattr(resolve("controller", "mpc_pid"), "gains").k_p  # noqa: B009
+        assert fields["gains.k_p"]["default"] == default
+        assert fields["corridor"]["type"] == "number or null"
+
+    @pytest.mark.parametrize("family", families())
+    def test_every_component_can_be_shown(self, steersman: Steersman, family: str) -> None:
+        for name, cls in components(family).items():
+            text = steersman("show", family, name).stdout
+            assert text.startswith(f"{family} {name}\n")
+            assert max(map(len, text.splitlines())) <= 80
+            data = json.loads(steersman("show", family, name, "--json").stdout)
+            shown = {field["name"].partition(".")[0] for field in data["fields"]}
+            assert shown == set(cls.model_fields)
+
+    @pytest.mark.parametrize("command", ["drive", "train", "tune"])
+    def test_settings_of_a_command(self, steersman: Steersman, command: str) -> None:
+        data = json.loads(steersman("show", command, "--json").stdout)
+        assert data["name"] is None
+        assert "seed" in {field["name"] for field in data["fields"]}
+
+    def test_settings_of_drive_are_those_of_a_run(self, steersman: Steersman) -> None:
+        data = json.loads(steersman("show", "drive", "--json").stdout)
+        assert [field["name"] for field in data["fields"]] == list(RunConfig.model_fields)
+        path = next(field for field in data["fields"] if field["name"] == "path")
+        assert path["type"] == "a path"
+        assert "a path" in steersman("show", "drive").stdout
+
+    def test_a_required_field(self, steersman: Steersman) -> None:
+        row = next(
+            line
+            for line in steersman("show", "controller", "policy").stdout.splitlines()
+            if line.startswith("file")
+        )
+        assert "(required)" in row
+
+
+class TestDrive:
+    def test_json_is_one_object_with_config_and_metrics(self, steersman: Steersman) -> None:
+        result = steersman("drive", "path.radius=40", "duration=2", "--json")
+        assert result.exit_code == 0
+        assert result.stderr == ""
+        data = json.loads(result.stdout)
+        assert list(data) == ["config", "metrics"]
+        assert data["config"]["path"] == {"kind": "circle", "radius": 40.0, "direction": "left"}
+        assert set(METRICS) < set(data["metrics"])
+        assert data["metrics"]["end"] == "duration"
+        assert data["metrics"]["duration_s"] == pytest.approx(2.0)
+        assert build(RunConfig, data["config"]).duration == 2.0
+
+    def test_table(self, steersman: Steersman) -> None:
+        result = steersman("drive", "controller=pid", "duration=1")
+        lines = result.stdout.splitlines()
+        assert lines[0] == (
+            "pid drives carla_model3 on circle, constant_throttle; ended by: duration"
+        )
+        assert sum(line.startswith("mean |lateral error|") for line in lines) == 1
+        assert max(map(len, lines)) <= 80
+        assert "\x1b" not in result.stdout
+
+    def test_files_in_the_folder(self, steersman: Steersman, tmp_path: FilePath) -> None:
+        result = steersman("drive", "duration=1", "seed=3", "--json", "--out", "a/b")
+        folder = tmp_path / "a" / "b"
+        names = {file.name for file in folder.iterdir()}
+        assert names == {"config.yaml", "episode.npz", "metrics.json"}
+        printed = json.loads(result.stdout)
+        assert json.loads((folder / "metrics.json").read_text()) == printed["metrics"]
+        assert read_yaml(folder / "config.yaml") == printed["config"]
+        episode = load_episode(folder / "episode.npz")
+        assert len(episode) == 20
+        assert episode.meta["config"] == printed["config"]
+
+    def test_its_config_drives_the_same_again(self, steersman: Steersman) -> None:
+        words = ["sensor.error_range=0.1", "duration=2", "seed=5", "controller=pid"]
+        first = json.loads(steersman("drive", *words, "--json", "--out", "run").stdout)
+        again = json.loads(steersman("drive", "run/config.yaml", "--json").stdout)
+        assert again["config"] == first["config"]
+        assert without_times(again["metrics"]) == without_times(first["metrics"])
+
+    def test_settings_go_over_the_file(self, steersman: Steersman, tmp_path: FilePath) -> None:
+        (tmp_path / "run.yaml").write_text("path: {kind: circle, radius: 30}\nduration: 9\n")
+        words = ["duration=1", "run.yaml", "path.direction=right", "--json"]
+        config = json.loads(steersman("drive", *words).stdout)["config"]
+        assert config["path"] == {"kind": "circle", "radius": 30.0, "direction": "right"}
+        assert config["duration"] == 1.0
+
+    def test_leaving_the_road_is_a_result(self, steersman: Steersman) -> None:
+        words = ["controller.c_mpc=0", "controller.c_pid=0", "path=training_circuit"]
+        result = steersman("drive", *words, "laps=1", "speed=constant_speed", "--json")
+        assert result.exit_code == 0
+        metrics = json.loads(result.stdout)["metrics"]
+        assert metrics["off_track"] is True
+        assert metrics["completed"] is False
+
+    def test_a_failing_controller_loses_nothing(
+        self, steersman: Steersman, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        pid = components("controller")["pid"]
+        calls = iter(range(1000))
+
+        def step(self: Any, state: Any, observation: Any) -> Any:
+            return Decision(math.nan if next(calls) == 30 else 0.1), state
+
+        monkeypatch.setattr(pid, "step", step)
+        result = steersman("drive", "controller=pid", "--json", "--out", "run")
+        assert result.exit_code == 2
+        assert result.stdout == ""
+        assert result.stderr.startswith("error: controller 'pid' returned steering nan")
+        assert "at t = 1.50 s" in result.stderr
+        assert result.stderr.count("\n") == 1
+        episode = load_episode(tmp_path / "run" / "episode.npz")
+        assert (episode.end, len(episode)) == ("error", 30)
+        assert json.loads((tmp_path / "run" / "metrics.json").read_text())["end"] == "error"
+
+    def test_interrupted_it_saves_what_was_driven(
+        self, steersman: Steersman, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        original, calls = Simulator.step, iter(range(1000))
+
+        def step(self: Any, command: Any) -> Any:
+            if next(calls) == 10:
+                raise KeyboardInterrupt
+            return original(self, command)
+
+        monkeypatch.setattr(Simulator, "step", step)
+        result = steersman("drive", "--json", "--out", "run")
+        assert result.exit_code == 130
+        assert json.loads(result.stdout)["metrics"]["completed"] is False
+        assert load_episode(tmp_path / "run" / "episode.npz").end == "interrupted"
+
+    def test_interrupted_before_the_run(
+        self, steersman: Steersman, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def interrupt(*_: Any) -> None:
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr("steersman.rollout.run", interrupt)
+        result = steersman("drive")
+        assert (result.exit_code, result.stdout, result.stderr) == (130, "", "")
+
+
+class TestReport:
+    def test_runs_become_a_page(self, steersman: Steersman, tmp_path: FilePath) -> None:
+        pytest.importorskip("plotly")
+        assert steersman("drive", "duration=1", "--out", "one").exit_code == 0
+        assert steersman("drive", "duration=1", "controller=pid", "--out", "two").exit_code == 0
+        result = steersman("report", "one", "two", "--out", "new/page.html", "--title", "Both")
+        assert result.exit_code == 0
+        assert result.stderr == "written: new/page.html\n"
+        page = (tmp_path / "new" / "page.html").read_text(encoding="utf-8")
+        assert "<title>Both</title>" in page
+
+    def test_a_missing_extra_is_named(
+        self, steersman: Steersman, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        assert steersman("drive", "duration=1", "--out", "one").exit_code == 0
+        monkeypatch.setitem(sys.modules, "jinja2", None)
+        result = steersman("report", "one", "--out", "page.html")
+        assert "pip install 'steersman[report]'" in result.stderr
+        assert result.exit_code == 2
+
+
+class TestTrain:
+    @pytest.fixture
+    def trained(self, monkeypatch: pytest.MonkeyPatch) -> list[TrainConfig]:
+        """What was asked for; nothing is trained."""
+        asked: list[TrainConfig] = []
+
+        def train(config: TrainConfig, out: FilePath, reporter: Any) -> FilePath:
+            asked.append(config)
+            row = {"reward_mean": 0.51, "validation_error_mm": 12.3, "off_track_resets": 4.0}
+            reporter({"steps": 500.0, **row})
+            return out / "policy.onnx"
+
+        monkeypatch.setattr("steersman.learning.train.train", train)
+        return asked
+
+    def test_preset_and_settings(self, steersman: Steersman, trained: list[TrainConfig]) -> None:
+        result = steersman("train", "demo", "steps=1000", "seed=4", "--out", "agent")
+        assert result.exit_code == 0
+        assert result.stdout == "agent/policy.onnx\n"
+        assert result.stderr.startswith("500/1000 steps: reward 0.51, error 12.3 mm, off track 4")
+        assert (trained[0].steps, trained[0].seed) == (1000, 4)
+
+    def test_a_file(
+        self, steersman: Steersman, trained: list[TrainConfig], tmp_path: FilePath
+    ) -> None:
+        (tmp_path / "mine.yaml").write_text("steps: 700\n")
+        assert steersman("train", "mine.yaml", "--out", "agent").exit_code == 0
+        assert trained == [TrainConfig(steps=700)]
+
+    def test_interrupted(self, steersman: Steersman, monkeypatch: pytest.MonkeyPatch) -> None:
+        def train(*_: Any) -> None:
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr("steersman.learning.train.train", train)
+        result = steersman("train", "--out", "agent")
+        assert result.exit_code == 130
+        assert result.stderr == (
+            "interrupted; what was learned until the last validation is in agent\n"
+        )
+
+    @pytest.mark.parametrize("module", ["torch", "stable_baselines3", "torch.utils.tensorboard"])
+    def test_a_missing_extra_is_named(
+        self, steersman: Steersman, monkeypatch: pytest.MonkeyPatch, module: str
+    ) -> None:
+        def train(*_: Any) -> None:
+            raise ModuleNotFoundError(f"No module named {module!r}", name=module)
+
+        monkeypatch.setattr("steersman.learning.train.train", train)
+        result = steersman("train", "--out", "agent")
+        assert result.exit_code == 2
+        assert result.stderr == (
+            f"error: {module}: not installed; this needs the extra 'train': "
+            "pip install 'steersman[train]'\n"
+        )
+
+    def test_our_own_missing_module_is_a_fault_of_ours(
+        self, steersman: Steersman, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def train(*_: Any) -> None:
+            raise ModuleNotFoundError("No module named 'steersman.x'", name="steersman.x")
+
+        monkeypatch.setattr("steersman.learning.train.train", train)
+        with pytest.raises(ModuleNotFoundError):
+            steersman("train", "--out", "agent")
+
+
+class TestSettings:
+    def test_the_first_word_without_a_sign_is_the_name(self) -> None:
+        assert settings.split(["a=1", "file", "b.c=x=y"]) == ("file", ["a=1", "b.c=x=y"])
+        assert settings.split([]) == (None, [])
+
+    def test_what_would_be_undone_is_refused(self) -> None:
+        with pytest.raises(ConfigError, match=r"a: a=pid would undo a\.b\.c=1; put a=pid first"):
+            settings.split(["a.b.c=1", "a=pid"])
+        settings.split(["a=pid", "a.b.c=1", "ab=2"])
+
+    def test_an_unwritable_folder_is_found(
+        self, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def refuse(**_: Any) -> None:
+            raise PermissionError(13, "Permission denied")
+
+        monkeypatch.setattr(settings.tempfile, "TemporaryFile", refuse)
+        with pytest.raises(DataError, match=r"cannot be written \(Permission denied\)"):
+            settings.out_folder(str(tmp_path))
+
+
+class TestOutput:
+    def test_progress_bars_in_a_terminal(
+        self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        with output.share_bar("driving") as progress:
+            assert progress is None
+        monkeypatch.setattr(sys, "stderr", Terminal(sys.stderr))
+        with output.share_bar("driving") as progress:
+            assert progress is not None
+            progress(0.5)
+        with output.steps_bar(10, "training") as update:
+            update(5, "reward [m] 0.5")
+        printed = capsys.readouterr()
+        assert "driving" in printed.err
+        assert "reward [m] 0.5" in printed.err
+        assert printed.out == ""
+
+    def test_a_closed_pipe_ends_quietly(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(sys, "stdout", Failing(BrokenPipeError(32, "Broken pipe")))
+        with pytest.raises(typer.Exit) as ended:
+            output.write("text")
+        assert ended.value.exit_code == 141
+
+    def test_a_full_disk_is_said(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(sys, "stdout", Failing(OSError(28, "No space left on device")))
+        with pytest.raises(DataError, match=r"^standard output: .* \(No space left on device\)$"):
+            output.write("text")
+
+    def test_tables_without_unicode(
+        self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        stream = Terminal(sys.stdout)
+        stream.encoding = "ascii"
+        stream.isatty = lambda: False  # type: ignore[method-assign]
+        monkeypatch.setattr(sys, "stdout", stream)
+        rows = output.table("a", "b")
+        rows.add_row("\u2013", "2")
+        output.show(rows)
+        printed = capsys.readouterr().out
+        assert printed.isascii()
+        assert "-+-" in printed
+
+
+class Failing:
+    """A stream that cannot be written, and has no descriptor."""
+
+    encoding = "utf-8"
+
+    def __init__(self, error: OSError) -> None:
+        self.error = error
+
+    def write(self, text: str) -> int:
+        raise self.error
+
+    def fileno(self) -> int:
+        raise io.UnsupportedOperation

@@ -1,0 +1,136 @@
+"""Whatever the user gets wrong: exit code 2, nothing on stdout, one line that says what."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path as FilePath
+
+import pytest
+from typer.testing import Result
+
+Steersman = Callable[..., Result]
+POLICY = "controller=policy"
+WRONG = [
+    # words, and what the line must hold
+    ("drvie", "no such command 'drvie'; did you mean 'drive'?"),
+    ("--versio", "no such option: --versio; did you mean --version?"),
+    ("drive --jsn", "no such option: --jsn; did you mean --json?"),
+    ("drive --duration 5", "--duration; settings are written key=value, like duration=..."),
+    ("drive --out", "option '--out' requires an argument"),
+    ("list contoller", "unknown kind of component 'contoller'; did you mean 'controller'?"),
+    ("list path circle", "(circle); see 'steersman list --help'"),
+    ("show", "missing argument 'KIND'"),
+    ("show pth circle", "unknown kind of component 'pth'; did you mean 'path'?"),
+    ("show path", "show path: which one? names: circle, csv"),
+    ("show path circel", "unknown path 'circel'; did you mean 'circle'?"),
+    ("show drive path", "'path' is too much"),
+    # keys and values
+    ("drive contoller=pid", "contoller: unknown field; did you mean 'controller'?"),
+    ("drive controller=mpcpid", "controller: unknown controller 'mpcpid'; did you mean 'mpc_pid'?"),
+    ("drive controller.horizn=3", "controller.horizn: unknown field of mpc_pid"),
+    ("drive controller.gains.k_p=a", "controller.gains.k_p: 'a' is not a number; the unit is 1/m"),
+    ("drive controller=5", "controller: a controller is a name, or fields among them 'kind'"),
+    ("drive path.radius=-3", "path.radius: -3 is not allowed; must be at least 0.1 [m]"),
+    ("drive path.radius=50m", "path.radius: '50m' is not a number; the unit is m, write e.g. 50"),
+    ("drive path.radius=50km", "path.radius: '50km' is not a number; the unit is m, write the"),
+    ("drive path=circle radius=50", "radius: unknown field; allowed: controller, corridor"),
+    ("drive duration=ten", "duration: 'ten' is not a number; the unit is s"),
+    ("drive corridor=0", "corridor: 0 is not allowed; must be greater than 0 [m]"),
+    ("drive corridor=true", "corridor: True is not a number; the unit is m"),
+    ("drive corridor=nan", "corridor: 'nan' is not allowed; must be finite [m]"),
+    ("drive seed=1.5", "seed: 1.5 is not a whole number"),
+    ("drive =5", "'=5' is not an assignment; write key=value"),
+    ("drive duration=5 duration=6", "duration: given twice: duration=5 and duration=6"),
+    ("drive path.radius=9 path=circle", "path: path=circle would undo path.radius=9; put path="),
+    # parts that do not fit together
+    ("drive duration=5 laps=1", "laps: give laps or duration, not both"),
+    ("drive laps=1 path=straight", "laps: path 'straight' is not closed; give a duration"),
+    ("drive start=600 path=straight", "start: 600 is not allowed; the path ends at 500 [m]"),
+    ("drive plant.dt=0.033", "plant.dt: 0.033 s is not a whole multiple of"),
+    ("drive plant.steering_delay=9", "plant.steering_delay: 9.0 s is too long; at most"),
+    # files
+    ("drive duration", "duration: no such file; settings are written key=value"),
+    ("drive typo.yaml mpc", "'mpc' is neither key=value nor the first name"),
+    ("drive folder", "folder: is a folder, expected a file"),
+    ("drive list.yaml", "list.yaml: holds a list, expected key: value pairs"),
+    ("drive twice.yaml", "twice.yaml: line 2: not valid YAML: 'duration' stands twice"),
+    ("drive bad.yaml", "bad.yaml: line 2: not valid YAML"),
+    ("drive binary.yaml", "binary.yaml: not valid YAML"),
+    ("drive typo.yaml", "path.radius: '50m' is not a number"),
+    ("drive path=csv", "path.file: required, but not given"),
+    ("drive path.file=x.csv", "path.file: unknown field of circle"),
+    ("drive path=csv path.file=no.csv", "no.csv: cannot be read (No such file or directory)"),
+    ("drive path=csv path.file=one.csv", "one.csv: holds 1 points, a path needs at least 3"),
+    ("drive path=csv path.file=folder", "folder: is a folder"),
+    ("drive speed=csv speed.file=one.csv", "one.csv, line 1: needs the columns time_s and"),
+    ("drive speed=csv speed.file=no.csv", "no.csv: cannot be read"),
+    ("drive vehicle=file vehicle.file=no.yaml", "vehicle: no.yaml: cannot be read"),
+    ("drive vehicle=file vehicle.file=car.yaml", "car.yaml: mas: unknown field of bmw_320i; did"),
+    # policies
+    (f"drive {POLICY}", "controller.file: required, but not given"),
+    (f"drive {POLICY} controller.file=no.onnx", "no.onnx: cannot be read (No such file"),
+    (f"drive {POLICY} controller.file=folder", "folder: cannot be read (Is a directory)"),
+    (f"drive {POLICY} controller.file=alone.onnx", "alone.json: cannot be read (No such file"),
+    (f"drive {POLICY} controller.file=broken.onnx", "broken.json: not a policy card: not valid"),
+    (f"drive {POLICY} controller.file=array.onnx", "array.json: not a policy card: expected an"),
+    (f"drive {POLICY} controller.file=unknown.onnx", "unknown.json: not a policy card: sped: unk"),
+    (f"drive {POLICY} controller.file=negative.onnx", "card: spacing: -1.0 is not allowed; must"),
+    (f"drive {POLICY} controller.file=newer.onnx", "newer.json: format 9 is not known"),
+    (f"drive {POLICY} controller.file=other.onnx", "other.onnx: does not match its card other"),
+    (f"drive {POLICY} controller.file=scales.onnx", "scales.onnx: card: 1 scales for"),
+    (f"drive {POLICY} controller.file=encoding.onnx", "encoding.onnx: card: unknown encoding"),
+    (f"drive {POLICY} controller.file=nonsense.onnx", "nonsense.onnx: not a network that ONNX"),
+    (f"drive {POLICY} controller.file=period.onnx", "trained for a control period of 0.1 s, but"),
+    # where to write
+    ("drive --out empty", "empty: is a file, expected a folder"),
+    ("drive --out empty/x", "empty/x: cannot be made (Not a directory)"),
+    ("report folder", "missing option '--out'"),
+    ("report", "missing argument 'DIR...'"),
+    ("report no --out page.html", "no: no such folder"),
+    ("report folder --out page.html", "folder: nothing to report; expected"),
+    ("report folder --out folder", "--out: expected the name of a file, given 'folder'"),
+    ("report folder --out empty/page.html", "empty: is a file, expected a folder"),
+    # training and tuning
+    ("train", "missing option '--out'"),
+    ("train dmo --out new", "unknown preset 'dmo'; did you mean 'demo'?"),
+    ("train no.yaml --out new", "no.yaml: no such file"),
+    ("train demo stps=5 --out new", "stps: unknown field; did you mean 'steps'?"),
+    ("train demo steps=0 --out new", "steps: 0 is not allowed; must be greater than 0"),
+    ("train demo --out empty", "empty: is a file, expected a folder"),
+    ("tune --trials 0 --out new", "invalid value for '--trials': "),
+    ("tune controler=pid --out new", "controler: unknown field; did you mean 'controller'?"),
+    ("demo --policy no.onnx --out new", "no.onnx: no such file"),
+]
+
+
+@pytest.mark.usefixtures("wrong_files")
+@pytest.mark.parametrize(("words", "expected"), WRONG, ids=[words for words, _ in WRONG])
+def test_wrong_input_is_one_line_and_exit_code_2(
+    steersman: Steersman, words: str, expected: str
+) -> None:
+    result = steersman(*words.split())
+    assert expected in result.stderr
+    assert result.stderr.startswith("error: ")
+    assert result.stderr.count("\n") == 1
+    assert result.stdout == ""
+    assert result.exit_code == 2
+
+
+@pytest.mark.usefixtures("wrong_files")
+def test_out_must_have_a_name(steersman: Steersman) -> None:
+    for words in (["drive", "--out", ""], ["report", "folder", "--out", " "]):
+        result = steersman(*words)
+        assert result.stderr.startswith("error: --out: expected the name of a ")
+        assert result.exit_code == 2
+
+
+def test_a_faulty_setting_makes_no_folder(steersman: Steersman, tmp_path: FilePath) -> None:
+    for command in ("drive", "train"):
+        assert steersman(command, "sead=1", "--out", "new").exit_code == 2
+    assert not any(tmp_path.iterdir())
+
+
+def test_a_file_name_that_is_too_long_is_no_traceback(steersman: Steersman) -> None:
+    result = steersman("drive", f"{'x' * 5000}.yaml")
+    assert "name too long" in result.stderr
+    assert result.exit_code == 2
