@@ -26,7 +26,7 @@ SHOW_EXAMPLES = (
     "  steersman show train"
 )
 # Whole commands whose settings can be shown, beside the components.
-_COMMANDS = ("drive", "train")
+_COMMANDS = ("drive", "train", "tune")
 
 
 def list_components(
@@ -54,7 +54,9 @@ def list_components(
 
 
 def show_component(
-    kind: Annotated[str, typer.Argument(metavar="KIND", help="E.g. controller; or drive, train.")],
+    kind: Annotated[
+        str, typer.Argument(metavar="KIND", help="E.g. controller; or drive, train, tune")
+    ],
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="E.g. mpc_pid.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
@@ -101,9 +103,13 @@ def _command_settings(command: str) -> type[BaseModel]:
         from steersman.rollout import RunConfig
 
         return RunConfig
-    from steersman.learning.config import TrainConfig
+    if command == "train":
+        from steersman.learning.config import TrainConfig
 
-    return TrainConfig
+        return TrainConfig
+    from steersman.studies.tune import TuneConfig
+
+    return TuneConfig
 
 
 def paragraphs(cls: type) -> list[str]:

@@ -111,6 +111,8 @@ def _type_text(annotation: Any) -> str:
         return _component(of)
     if annotation is type(None):
         return "null"
+    if inspect.isclass(annotation) and issubclass(annotation, BaseModel):
+        return "settings"
     origin, inner = get_origin(annotation), [a for a in get_args(annotation) if a is not ...]
     if origin in {tuple, list}:
         return f"list of {' or '.join(dict.fromkeys(map(_type_text, inner)))}"
@@ -129,6 +131,8 @@ def short(value: Any) -> str:
         return str(value["kind"])
     if isinstance(value, list):
         text = f"[{', '.join(map(short, value))}]"
+    elif isinstance(value, dict):
+        text = f"{{{', '.join(f'{key}: {short(item)}' for key, item in value.items())}}}"
     elif isinstance(value, float):
         text = f"{value:.6g}"
     else:

@@ -53,20 +53,22 @@ def read(words: Sequence[str]) -> dict[str, Any]:
     from steersman.config import override, read_yaml
 
     name, assignments = split(words)
-    return override(read_yaml(existing(name)) if name is not None else {}, assignments)
+    if name is None:
+        return override({}, assignments)
+    return override(read_yaml(existing(name, "; settings are written key=value")), assignments)
 
 
-def existing(name: str) -> FilePath:
-    """A file that is there.
+def existing(name: str, hint: str = "") -> FilePath:
+    """A file that is there; ``hint`` ends the message if it is not.
 
     Raises:
         DataError: it is not.
     """
     file = FilePath(name)
     if file.is_dir():
-        raise DataError(f"{name}: is a folder, expected a YAML file")
+        raise DataError(f"{name}: is a folder, expected a file")
     if not file.exists():
-        raise DataError(f"{name}: no such file; settings are written key=value")
+        raise DataError(f"{name}: no such file{hint}")
     return file
 
 

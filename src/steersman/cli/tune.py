@@ -27,7 +27,9 @@ def tune(
     words: Annotated[
         list[str] | None, typer.Argument(metavar=settings.METAVAR, help=settings.HELP)
     ] = None,
-    trials: Annotated[int, typer.Option("--trials", min=1, help="Trials in all.")] = 200,
+    trials: Annotated[
+        int | None, typer.Option("--trials", min=1, help="Trials in all; the same as trials=N.")
+    ] = None,
 ) -> None:
     """Tune a controller's gains with Optuna on a suite of runs.
 
@@ -39,7 +41,7 @@ def tune(
     from steersman.studies.tune import TuneConfig
     from steersman.studies.tune import tune as run
 
-    config = build(TuneConfig, override(tree, [f"trials={trials}"]))
+    config = build(TuneConfig, override(tree, [f"trials={trials}"] if trials else []))
     folder = settings.out_folder(out)
     try:
         with steps_bar(config.trials, "tuning") as update:
