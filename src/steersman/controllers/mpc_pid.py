@@ -35,13 +35,19 @@ class MpcPidState(NamedTuple):
     """What MPC-PID carries from step to step."""
 
     vehicle: Vehicle
-    problem: MpcProblem
+    problems: tuple[MpcProblem, ...]
+    """One for the tuned speed, or one for each speed of the grid."""
     pid: PidState
     plan: FloatArray | None
     """Last plan of wheel angles that DAQP solved [rad], and how many steps ago that was."""
     age: int
     angle: float
     """Wheel angle the MPC asked for last [rad]."""
+
+
+# Speeds of the scheduled models [m/s].
+_GRID_STEP = 2.0
+_GRID = tuple(_GRID_STEP * (i + 1) for i in range(20))
 
 
 @register("controller", "mpc_pid")
@@ -81,14 +87,24 @@ class MpcPid(ControllerComponent):
         None, "m", "Soft limit of the predicted lateral error; null: none.", gt=0
     )
     model_error: ModelError = param(ModelError(), "-", "How wrong the model's parameters are.")
+    scheduled: bool = param(
+        False,
+        "-",
+        "Beyond the paper: models at 2, 4, ... 40 m/s; above v0 the PID fades as (v0/v)^2.",
+    )
 
     def init(self, vehicle: Vehicle, dt: float) -> MpcPidState:
         """Build the QP for the vehicle's nominal parameters."""
         nominal = self.model_error.nominal(vehicle)
-        problem = build_problem(
-            nominal,
+        speeds = _GRID if self.scheduled else (self.v0,)
+        problems = tuple(self._problem(nominal, dt, v) for v in speeds)
+        return MpcPidState(nominal, problems, PidState(), None, 0, 0.0)
+
+    def _problem(self, vehicle: Vehicle, dt: float, v: float) -> MpcProblem:
+        return build_problem(
+            vehicle,
             dt,
-            v0=self.v0,
+            v0=v,
             horizon=self.horizon,
             q=self.q,
             p=self.p,
@@ -96,13 +112,16 @@ class MpcPid(ControllerComponent):
             rate_limit=self.rate_limit,
             corridor=self.corridor,
         )
-        return MpcPidState(nominal, problem, PidState(), None, 0, 0.0)
 
     def decide(
         self, state: MpcPidState, observation: Observation
     ) -> tuple[float, Status, MpcPidState]:
         """Normalised steering, unclipped."""
-        vehicle, problem, pid, plan, age, angle = state
+        vehicle, problems, pid, plan, age, angle = state
+        v, problem, c_pid = observation.v_x, problems[0], self.c_pid
+        if self.scheduled:
+            problem = problems[min(max(round(v / _GRID_STEP) - 1, 0), len(problems) - 1)]
+            c_pid *= min(1.0, self.v0 / max(v, 1.0)) ** 2
         feedback, pid = self.gains.update(pid, observation.lateral_error, problem.dt)
         solved = problem.solve(observation, angle)
         if solved is not None:
@@ -111,6 +130,6 @@ class MpcPid(ControllerComponent):
             age, status = age + 1, Status.FALLBACK
         usable = plan is not None and age < problem.horizon
         angle = float(plan[age]) if plan is not None and usable else 0.0
-        planned = vehicle.steer_for_wheel_angle(angle, observation.v_x)
-        steer = self.c_mpc * planned + self.c_pid * feedback
-        return steer, status, MpcPidState(vehicle, problem, pid, plan, age, angle)
+        planned = vehicle.steer_for_wheel_angle(angle, v)
+        steer = self.c_mpc * planned + c_pid * feedback
+        return steer, status, MpcPidState(vehicle, problems, pid, plan, age, angle)

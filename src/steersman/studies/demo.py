@@ -39,28 +39,26 @@ _PAPER = (
 )
 COLUMNS = {
     "test": "test",
-    "controller": "controller",
-    "end": "ended by",
+    "driver": "driver",
     "ale_mm": "mean |d| [mm]",
-    "steady_ale_mm": "mean |d|, last half [mm]",
+    "steady_ale_mm": "last half [mm]",
     "max_mm": "max |d| [mm]",
-    "paper_ale_mm": "paper [mm]",
     "steer_std": "SD of steering",
-    "paper_steer_std": "paper",
     "aoe_deg": "heading error [deg]",
-    "paper_aoe_deg": "paper [deg]",
     "speed": "mean speed [m/s]",
     "a_y": "max |a_y| [m/s^2]",
     "time_us": "control time p50 [us]",
+    "end": "ended by",
 }
 TITLE = "Agent and MPC-PID on roads that neither was trained or tuned on, beside the paper's agent"
+AGENT, MPC_PID, SCHEDULED, PAPER = "agent", "MPC-PID", "MPC-PID sched.", "paper's agent"
 
 
 def tests() -> list[Test]:
     """The circle of radius 50 m at the paper's throttles and at equal speeds, and Monza."""
     out = [
         Test(
-            f"circle, throttle {throttle}",
+            f"R50, throttle {throttle}",
             {
                 "path": _CIRCLE,
                 "speed": {"kind": "constant_throttle", "throttle": throttle},
@@ -72,7 +70,7 @@ def tests() -> list[Test]:
     ]
     out += [
         Test(
-            f"circle, {speed} m/s",
+            f"R50, {speed} m/s",
             {
                 "path": _CIRCLE,
                 "speed": {"kind": "constant_speed", "speed": speed},
@@ -90,13 +88,16 @@ def tests() -> list[Test]:
 def drive_tests(
     policy: FilePath, out: FilePath, progress: Callable[[str], None] | None = None
 ) -> list[dict[str, Any]]:
-    """Drive every test with the policy and with MPC-PID; returns the rows of the table.
+    """Drive every test with the policy, with MPC-PID and with the speed-scheduled MPC-PID.
+
+    Returns the rows of the table.
 
     Writes ``episodes/<test>/<controller>.npz`` and ``table.json`` into ``out``.
     """
-    controllers = {
-        "agent": {"kind": "policy", "file": str(policy)},
-        "mpc_pid": {"kind": "mpc_pid"},
+    controllers: dict[str, dict[str, Any]] = {
+        AGENT: {"kind": "policy", "file": str(policy)},
+        MPC_PID: {"kind": "mpc_pid"},
+        SCHEDULED: {"kind": "mpc_pid", "scheduled": True},
     }
     rows: list[dict[str, Any]] = []
     for test in tests():
@@ -104,13 +105,19 @@ def drive_tests(
             if progress is not None:
                 progress(f"{test.name}: {name}")
             episode = drive_one(build(RunConfig, test.config | {"controller": controller}))
-            slug = test.name.replace(", ", "_").replace(" ", "_").replace("/", "_per_")
-            episode.save(make_folder(out / "episodes" / slug) / f"{name}.npz")
+            folder = make_folder(out / "episodes" / _slug(test.name))
+            episode.save(folder / f"{_slug(name)}.npz")
             rows.append(_row(test, name, episode))
+        if test.ale_mm is not None:
+            rows.append(_paper_row(test))
     table = {"title": TITLE, "columns": COLUMNS, "rows": rows, **provenance()}
     write_text(out / "table.json", json.dumps(table, indent=1, allow_nan=False) + "\n")
     write_text(out / "table.md", markdown(rows))
     return rows
+
+
+def _slug(name: str) -> str:
+    return name.lower().replace(", ", "_").replace(" ", "_").replace("/", "_per_").strip(".")
 
 
 def drive_one(config: RunConfig) -> Episode:
@@ -121,48 +128,56 @@ def drive_one(config: RunConfig) -> Episode:
         return error.episode
 
 
-def _row(test: Test, controller: str, episode: Episode) -> dict[str, Any]:
+def _row(test: Test, driver: str, episode: Episode) -> dict[str, Any]:
     m = summarise(episode)
     steady = m["steady"]
-    agent = controller == "agent"
     return {
         "test": test.name,
-        "controller": controller,
-        "end": episode.end,
+        "driver": driver,
         "ale_mm": 1e3 * m["mean_abs_lateral_error_m"],
         "steady_ale_mm": 1e3 * steady["mean_abs_lateral_error_m"],
         "max_mm": 1e3 * m["max_abs_lateral_error_m"],
-        "paper_ale_mm": test.ale_mm if agent else None,
         "steer_std": m["steer_std"],
-        "paper_steer_std": test.steer_std if agent else None,
         "aoe_deg": m["mean_abs_heading_error_deg"],
-        "paper_aoe_deg": test.aoe_deg if agent else None,
         "speed": m["mean_speed_m_s"],
         "a_y": m["max_lateral_acceleration_m_s2"],
         "time_us": m["control_time_us_p50"],
+        "end": episode.end,
+        "completed": episode.completed,
         "duration_s": m["duration_s"],
     }
 
 
+def _paper_row(test: Test) -> dict[str, Any]:
+    return dict.fromkeys(COLUMNS) | {
+        "test": test.name,
+        "driver": PAPER,
+        "ale_mm": test.ale_mm,
+        "steer_std": test.steer_std,
+        "aoe_deg": test.aoe_deg,
+        "completed": True,
+    }
+
+
+_DIGITS = {"ale_mm": 2, "steady_ale_mm": 2, "steer_std": 4, "aoe_deg": 2}
+
+
 def _cells(row: dict[str, Any]) -> Iterator[str]:
-    digits = {"steer_std": 4, "paper_steer_std": 3, "ale_mm": 2, "steady_ale_mm": 2}
     for key in COLUMNS:
         value = row[key]
         if value is None:
             yield ""
         elif isinstance(value, str):
             yield value.replace("_", " ")
-        elif key.startswith("paper"):
-            yield f"{value:g}"
         else:
-            yield f"{value:.{digits.get(key, 1)}f}"
+            yield f"{value:.{_DIGITS.get(key, 1)}f}"
 
 
 def markdown(rows: list[dict[str, Any]]) -> str:
     """The table as the README shows it."""
     lines = [
         "| " + " | ".join(COLUMNS.values()) + " |",
-        "|---|---|---|" + "---:|" * (len(COLUMNS) - 3),
+        "|---|---|" + "---:|" * (len(COLUMNS) - 3) + "---|",
     ]
     lines += ["| " + " | ".join(_cells(row)) + " |" for row in rows]
     return "\n".join(lines) + "\n"
