@@ -1,0 +1,257 @@
+"""The vehicle's parts: actuators, steering law, longitudinal map, tyres and wheel loads."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from steersman.kernels import vehicle as kernel
+from steersman.vehicles import Bmw320i, CarlaMkz2020, CarlaModel3
+
+CAR = CarlaModel3()
+TABLE = CAR.table
+WEIGHT = CAR.mass * kernel.GRAVITY
+
+steers = st.floats(-1.0, 1.0)
+speeds = st.floats(0.0, 60.0)
+forces = st.floats(-3e4, 3e4)
+
+
+# ------------------------------------------------------------------------------- actuators
+
+
+@given(steers, steers, st.floats(1e-4, 0.5))
+def test_slew_in_two_halves_is_slew_in_one(position: float, command: float, h: float) -> None:
+    half = kernel.slew(position, command, 2.5, 5.0, 0.5 * h)
+    twice = kernel.slew(half, command, 2.5, 5.0, 0.5 * h)
+    assert twice == pytest.approx(kernel.slew(position, command, 2.5, 5.0, h), abs=1e-12)
+
+
+@given(steers, steers, st.floats(1e-4, 0.5))
+def test_slew_never_overshoots_nor_turns_back(position: float, command: float, h: float) -> None:
+    reached = kernel.slew(position, command, 2.5, 5.0, h)
+    low, high = sorted((position, command))
+    assert low - 1e-15 <= reached <= high + 1e-15
+    assert abs(reached - position) <= 5.0 * h + 1e-12
+
+
+@pytest.mark.parametrize(
+    ("position", "command", "h", "expected"),
+    [
+        (0.0, 1.0, 0.05, 0.125),
+        (0.0, -1.0, 0.05, -0.125),
+        (0.8, 0.0, 0.05, 0.55),
+        (0.8, 0.7, 0.05, 0.7),
+        (0.2, -1.0, 0.04, 0.0),
+        # 0.02 s down to zero at 5 per second, then 0.03 s up at 2.5 per second.
+        (0.1, -1.0, 0.05, -0.075),
+        (-0.1, 1.0, 0.05, 0.075),
+    ],
+)
+def test_slew_rates(position: float, command: float, h: float, expected: float) -> None:
+    assert kernel.slew(position, command, 2.5, 5.0, h) == pytest.approx(expected, abs=1e-15)
+
+
+@given(steers, steers, st.floats(1e-4, 0.5))
+def test_slew_equals_python(position: float, command: float, h: float) -> None:
+    args = (position, command, 2.5, 5.0, h)
+    assert kernel.slew(*args) == kernel.slew.py_func(*args)
+
+
+# ------------------------------------------------------------------------------- steering
+
+
+def test_full_lock() -> None:
+    left, right, _ = kernel.wheel_tangents(TABLE, 0, 1.0, 0.0)
+    assert math.degrees(math.atan(left)) == pytest.approx(70.0)
+    assert math.degrees(math.atan(right)) == pytest.approx(47.4, abs=0.05)
+    for speed, factor in ((20.0, 0.9), (60.0, 0.8), (90.0, 0.75), (120.0, 0.7), (200.0, 0.7)):
+        left, _, _ = kernel.wheel_tangents(TABLE, 0, 1.0, speed / 3.6)
+        assert math.degrees(math.atan(left)) == pytest.approx(70.0 * factor)
+
+
+@given(steers.filter(lambda u: abs(u) > 1e-3), speeds)
+def test_ackermann(steer: float, speed: float) -> None:
+    left, right, middle = kernel.wheel_tangents(TABLE, 0, steer, speed)
+    inner, outer = (left, right) if steer > 0.0 else (-right, -left)
+    # Measured: 1.667 m track over 3.005 m wheelbase.
+    assert 1.0 / outer - 1.0 / inner == pytest.approx(0.5548, abs=2e-4)
+    assert 1.0 / abs(middle) == pytest.approx(0.5 * (1.0 / outer + 1.0 / inner))
+
+
+@given(steers, speeds)
+def test_steering_law_is_inverted_and_odd(steer: float, speed: float) -> None:
+    left, right, middle = kernel.wheel_tangents(TABLE, 0, steer, speed)
+    assert kernel.wheel_tangents(TABLE, 0, -steer, speed) == (-right, -left, -middle)
+    back = kernel.steer_for_wheel(TABLE, 0, math.atan(middle), speed)
+    assert back == pytest.approx(steer, abs=1e-12)
+    args = (TABLE, 0, steer, speed)
+    assert kernel.wheel_tangents(*args) == pytest.approx(
+        kernel.wheel_tangents.py_func(*args), abs=1e-12
+    )
+    assert back == pytest.approx(
+        kernel.steer_for_wheel.py_func(TABLE, 0, math.atan(middle), speed), abs=1e-12
+    )
+
+
+def test_parallel_wheels() -> None:
+    left, right, middle = kernel.wheel_tangents(Bmw320i().table, 0, 0.5, 10.0)
+    assert left == right == middle == pytest.approx(math.tan(0.5 * 1.066))
+
+
+# ------------------------------------------------------------------------- longitudinal map
+
+
+@given(st.floats(-0.5, 1.5), st.floats(0.0, 80.0))
+def test_map_is_bilinear_and_held_at_its_edges(throttle: float, speed: float) -> None:
+    found = kernel.map_acceleration(TABLE, throttle, speed)
+    assert found == pytest.approx(kernel.map_acceleration.py_func(TABLE, throttle, speed))
+    t = min(max(throttle, 0.0), 1.0)
+    columns = [np.interp(speed, TABLE.map_speed, row) for row in TABLE.map_accel]
+    assert found == pytest.approx(float(np.interp(t, TABLE.map_throttle, columns)), abs=1e-9)
+
+
+def test_beyond_the_map_drive_power_is_constant() -> None:
+    # The map's force is held at its last speed; the drive fades so that its power stays.
+    power = []
+    for speed in (38.7, 45.0, 60.0):
+        front, rear = kernel.wheel_demand(TABLE, 0, 1.0, 0.0, speed)
+        power.append((front + rear) * speed)
+    assert power == pytest.approx([power[0]] * 3)
+
+
+@given(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(-30.0, 30.0))
+def test_brakes_and_engine_drag_oppose_the_motion(
+    throttle: float, brake: float, v_x: float
+) -> None:
+    args = (TABLE, 0, throttle, brake, v_x)
+    assert kernel.wheel_demand(*args) == pytest.approx(kernel.wheel_demand.py_func(*args))
+    driven = sum(kernel.wheel_demand(TABLE, 0, throttle, 0.0, v_x))
+    braked = sum(kernel.wheel_demand(*args)) - driven
+    assert braked * v_x <= 0.0
+    assert sum(kernel.wheel_demand(TABLE, 0, 0.0, 0.0, v_x)) * v_x <= 0.0
+    assert abs(braked) <= CAR.brake_force * brake + 1e-9
+
+
+# ----------------------------------------------------------------------------------- tyres
+
+
+def test_side_force_starts_with_the_stiffness() -> None:
+    slope = kernel.side_force(5e4, 1e-6, 8e3) / 1e-6
+    assert slope == pytest.approx(-5e4, rel=1e-4)
+
+
+@given(st.floats(1e3, 1e5), st.floats(-2.0, 2.0), st.floats(10.0, 4e4))
+def test_side_force_is_odd_and_limited(stiffness: float, slip: float, limit: float) -> None:
+    force = kernel.side_force(stiffness, slip, limit)
+    assert force == kernel.side_force.py_func(stiffness, slip, limit)
+    assert force == -kernel.side_force(stiffness, -slip, limit)
+    assert abs(force) <= limit * (1.0 + 1e-12)
+    assert force * slip <= 0.0
+    sliding = 3.0 * limit / stiffness
+    assert kernel.side_force(stiffness, 1.001 * sliding, limit) == -limit
+
+
+def test_side_force_grows_up_to_sliding() -> None:
+    slips = np.linspace(0.0, 3.0 * 8e3 / 5e4, 400)
+    forces = [-kernel.side_force(5e4, s, 8e3) for s in slips]
+    assert (np.diff(forces) > 0.0).all()
+    assert forces[-1] == pytest.approx(8e3)
+
+
+@given(st.floats(0.0, 3e4), forces, st.floats(-3.0, 3.0), st.floats(-40, 40), st.floats(-40, 40))
+def test_no_wheel_exceeds_its_grip(
+    grip: float, demand: float, tangent: float, v_x: float, v_y: float
+) -> None:
+    args = (6e4, grip, demand, tangent, v_x, v_y, 1.0)
+    f_x, f_y = kernel._wheel(*args)
+    assert math.hypot(f_x, f_y) <= grip * (1.0 + 1e-9) + 1e-9
+    assert (f_x, f_y) == pytest.approx(kernel._wheel.py_func(*args), abs=1e-9)
+
+
+def test_longitudinal_force_takes_from_the_side_force() -> None:
+    # Sliding sideways at full slip: the friction ellipse (here a circle) is used up.
+    f_x, f_y = kernel._wheel(6e4, 5e3, 3e3, 0.0, 1.0, -30.0, 1.0)
+    assert (f_x, f_y) == pytest.approx((3e3, 4e3))
+
+
+@given(forces, st.floats(0.0, 2e4), st.floats(0.0, 2e4))
+def test_axle_split_passes_on_everything(demand: float, left: float, right: float) -> None:
+    one, two = kernel.split_axle(demand, left, right)
+    assert (one, two) == kernel.split_axle.py_func(demand, left, right)
+    assert one + two == pytest.approx(demand, abs=1e-9)
+    if abs(demand) <= min(left, right):
+        assert one == two
+    # Symmetric: whichever side has less grip.
+    assert kernel.split_axle(demand, right, left) == (two, one)
+
+
+def test_axle_split_relieves_the_lifted_wheel() -> None:
+    assert kernel.split_axle(4e3, 0.0, 2e4) == (0.0, 4e3)
+
+
+# ----------------------------------------------------------------------------------- loads
+
+
+@given(st.floats(-40.0, 40.0), st.floats(-40.0, 40.0))
+def test_loads_sum_to_the_weight(a_x: float, a_y: float) -> None:
+    loads = kernel.wheel_loads(TABLE.rows[0], a_x, a_y)
+    assert loads == pytest.approx(kernel.wheel_loads.py_func(TABLE.rows[0], a_x, a_y))
+    assert sum(loads) == pytest.approx(WEIGHT)
+    assert min(loads) >= 0.0
+
+
+@given(st.floats(-6.0, 6.0), st.floats(-14.0, 14.0))
+def test_load_transfer(a_x: float, a_y: float) -> None:
+    fl, fr, rl, rr = kernel.wheel_loads(TABLE.rows[0], a_x, a_y)
+    pitch = CAR.mass * a_x * CAR.height / CAR.wheelbase
+    assert fl + fr == pytest.approx(WEIGHT * CAR.l_r / CAR.wheelbase - pitch)
+    assert rl + rr == pytest.approx(WEIGHT * CAR.l_f / CAR.wheelbase + pitch)
+    roll = CAR.mass * a_y * CAR.height / CAR.track_width
+    assert fr + rr - fl - rl == pytest.approx(2.0 * roll, abs=1e-6)
+
+
+def test_rolls_over_when_the_inner_wheels_lift() -> None:
+    limit = CAR.roll_over_acceleration
+    assert limit == pytest.approx(14.87, abs=0.005)
+    row = TABLE.rows[0]
+    for side in (-1.0, 1.0):
+        assert not kernel.rolls_over(row, side * 0.999 * limit)
+        assert kernel.rolls_over(row, side * 1.001 * limit)
+        assert kernel.rolls_over.py_func(row, side * 1.001 * limit)
+        fl, fr, _, _ = kernel.wheel_loads(row, 0.0, side * 1.001 * limit)
+        assert min(fl, fr) == 0.0
+
+
+@given(
+    st.sampled_from([CarlaModel3().table, CarlaMkz2020().table, Bmw320i().table]),
+    st.tuples(*[st.floats(-1.0, 1.0)] * 6),
+    st.floats(0.0, 1.0),
+    st.floats(0.0, 1.0),
+)
+def test_derivative_equals_python_and_stays_within_the_grip(
+    table: kernel.VehicleTable, unit: tuple[float, ...], throttle: float, brake: float
+) -> None:
+    q, out, other = np.zeros((3, kernel.N_MOTION))
+    q[kernel.VX :] = np.array((40.0, 15.0, 3.0, 20.0, 20.0)) * unit[:5]
+    found = kernel.derivative(table, 0, q, unit[5], throttle, brake, out)
+    assert found == pytest.approx(
+        kernel.derivative.py_func(table, 0, q, unit[5], throttle, brake, other), abs=1e-10
+    )
+    np.testing.assert_allclose(out, other, rtol=1e-12, atol=1e-10)
+    row = table.rows[0]
+    drag = row[kernel.DRAG] * q[kernel.VX] * abs(q[kernel.VX]) / row[kernel.MASS]
+    tyres = math.hypot(found[0] + drag, found[1])
+    assert tyres <= row[kernel.MU] * kernel.GRAVITY * (1.0 + 1e-9)
+
+
+def test_interpolate() -> None:
+    grid, values = np.array([0.0, 1.0, 3.0]), np.array([2.0, 4.0, 0.0])
+    for at in np.linspace(-1.0, 4.0, 41):
+        expected = np.interp(at, grid, values)
+        assert kernel.interpolate(grid, values, at) == pytest.approx(expected)
+        assert kernel.interpolate.py_func(grid, values, at) == pytest.approx(expected)
