@@ -22,6 +22,7 @@ import numpy as np
 import threadpoolctl
 import torch
 from stable_baselines3 import DDPG
+
 from steersman.config import build
 from steersman.controllers.mpc_pid import MpcPid
 from steersman.files import write_text
@@ -167,7 +168,7 @@ def main() -> None:
     with threadpoolctl.threadpool_limits(1):
         figures = simulation() | controller() | learning()
     for name, value in figures.items():
-        print(f"{name:32s} {value:14,.2f}")
+        print(f"{name:32s} {value:14,.2f}")  # noqa: T201 - its output
     if out is not None:
         record = {"figures": figures, "processor": platform.processor(), **provenance()}
         write_text(out, json.dumps(record, indent=1) + "\n")

@@ -10,9 +10,7 @@ from steersman.types import FloatArray
 
 
 @njit(cache=True, error_model="numpy")
-def reference(
-    preview: FloatArray, spacing: float, distance: float, out: FloatArray
-) -> None:
+def reference(preview: FloatArray, spacing: float, distance: float, out: FloatArray) -> None:
     """Lateral position of the path at distances ``distance``, 2 ``distance``, ... [m].
 
     Cubic Lagrange interpolation of the waypoints (n, 2) over arc length; beyond the last
@@ -28,13 +26,15 @@ def reference(
         t -= k
         y0, y1, y2, y3 = preview[k, 1], preview[k + 1, 1], preview[k + 2, 1], preview[k + 3, 1]
         a, b, c, d = t, t - 1.0, t - 2.0, t - 3.0
-        y = -b * c * d * y0 / 6.0 + a * c * d * y1 / 2.0 - a * b * d * y2 / 2.0 + a * b * c * y3 / 6.0
+        outer = a * b * c * y3 - b * c * d * y0
+        inner = a * c * d * y1 - a * b * d * y2
+        y = outer / 6.0 + inner / 2.0
         slope = (11.0 * y3 - 18.0 * y2 + 9.0 * y1 - 2.0 * y0) / (6.0 * spacing)
         out[i] = y + over * slope
 
 
 @njit(cache=True, error_model="numpy")
-def gradient(
+def gradient(  # noqa: PLR0917 - numba takes no keyword-only arguments
     preview: FloatArray,
     spacing: float,
     distance: float,

@@ -40,7 +40,7 @@ def track(table: PathTable, p: int, state: FloatArray, near: float, out: FloatAr
 
 
 @njit(cache=True, error_model="numpy")
-def sense(
+def sense(  # noqa: PLR0917 - numba takes no keyword-only arguments
     table: PathTable,
     p: int,
     state: FloatArray,

@@ -51,7 +51,7 @@ def target_speed(
 
 
 @njit(cache=True, error_model="numpy")
-def pedals(
+def pedals(  # noqa: PLR0917 - numba takes no keyword-only arguments
     speed: SpeedTable,
     n: int,
     table: PathTable,

@@ -90,7 +90,7 @@ def empty_fleet(n: int, encoding: EncodingTable, waypoints: int) -> Fleet:
 
 
 @njit(cache=True, error_model="numpy")
-def drive(
+def drive(  # noqa: PLR0917 - numba takes no keyword-only arguments
     vehicles: VehicleTable,
     n: int,
     state: FloatArray,

@@ -94,7 +94,11 @@ class DemonstratedDDPG(DDPG):
         """Lay the weights of all four networks flat, so that the compiled update shares them."""
         nets = (self.actor, self.critic, self.actor_target, self.critic_target)
         self._nets = tuple(_flatten(net) for net in nets)
-        self.moments = tuple(updates.make_moments(net.flat.size) for net in self._nets[:2])
+        actor, critic = self._nets[:2]
+        self.moments = (
+            updates.make_moments(actor.flat.size),
+            updates.make_moments(critic.flat.size),
+        )
         self._work = updates.make_work(self.batch_size, *self._nets[:2])
         buffer = self.replay_buffer
         assert buffer is not None
@@ -141,7 +145,6 @@ class DemonstratedDDPG(DDPG):
         if self.rate is None:
             return float(self.lr_schedule(self._current_progress_remaining))
         return self.rate(self.num_timesteps - self.n_envs * (1.0 - (k + 1) / gradient_steps))
-
 
     def act(self, features: Any) -> Any:
         """The policy's actions (n,) for features (n, k), without noise."""
@@ -204,9 +207,7 @@ def make_agent(config: TrainConfig, env: PathFollowingVecEnv) -> DemonstratedDDP
         device="cpu",
     )
     agent.rate = lambda step: settings.learning_rate.value(step, total)
-    agent.prepare_demonstration(
-        p_action, store_agent=demo.store == "agent", seed=int(seeds[2])
-    )
+    agent.prepare_demonstration(p_action, store_agent=demo.store == "agent", seed=int(seeds[2]))
     return agent
 
 
@@ -218,7 +219,5 @@ def _flatten(module: Any) -> updates.Net:
     for p in parameters:
         p.data = flat[at : at + p.numel()].view(p.shape)
         at += p.numel()
-    shapes = [tuple(p.shape) for p in parameters if p.dim() == 2]
-    return updates.view_net(
-        flat.numpy(), (shapes[0][1], shapes[0][0], shapes[1][0], shapes[2][0])
-    )
+    shapes = [tuple(p.shape) for p in parameters[::2]]
+    return updates.view_net(flat.numpy(), (shapes[0][1], shapes[0][0], shapes[1][0], shapes[2][0]))

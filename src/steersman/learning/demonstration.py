@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import numpy as np
+
 from steersman.config import Of, Settings, param
 from steersman.controllers.base import ControllerComponent
 from steersman.controllers.mpc_pid import MpcPid

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from steersman.config import dump
-from steersman.kernels.encode import FEATURE_LIMIT
 from steersman.files import replacing, write_text
+from steersman.kernels.encode import FEATURE_LIMIT
 from steersman.learning.config import TrainConfig
 from steersman.learning.updates import Net
 from steersman.policy_file import PolicyCard, sha256
@@ -68,7 +68,9 @@ def network(net: Net, scale: Any) -> bytes:
     return bytes(model.SerializeToString())
 
 
-def export_policy(net: Net, config: TrainConfig, folder: FilePath, note: dict[str, Any]) -> FilePath:
+def export_policy(
+    net: Net, config: TrainConfig, folder: FilePath, note: dict[str, Any]
+) -> FilePath:
     """Write ``policy.onnx`` and ``policy.json`` into ``folder``; ``note`` goes into the card."""
     problem = config.problem
     table = problem.encoding.table(problem.sensor.spacing, problem.plant.dt, problem.indirect)

@@ -124,9 +124,7 @@ class FleetDriver:
         )
         speed = start.speed
         if math.isnan(speed):
-            speed = speed_kernel.target_speed(
-                world.speed, i, world.paths, start.road, 0.0, start.s
-            )
+            speed = speed_kernel.target_speed(world.speed, i, world.paths, start.road, 0.0, start.s)
         x, y, psi, kappa = paths.at(world.paths, start.road, start.s)
         pose = Pose(
             x - start.offset * math.sin(psi), y + start.offset * math.cos(psi), psi + start.heading

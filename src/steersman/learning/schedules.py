@@ -30,8 +30,9 @@ class Linear(Schedule):
 
     start: float = param(1.0, "-", "Value at the beginning.")
     end: float = param(0.0, "-", "Value at the end.")
-    until: float = param(1.0, "-", "Share of the training after which the end is reached.",
-                         gt=0, le=1)
+    until: float = param(
+        1.0, "-", "Share of the training after which the end is reached.", gt=0, le=1
+    )
 
     def value(self, step: float, total: float) -> float:
         """The value at environment step ``step`` of ``total``."""
@@ -73,6 +74,6 @@ class Cyclical(Schedule):
         if since < 0.0:
             return self.maximum
         cycle, within = divmod(since, self.period)
-        bound = self.maximum * self.decay**cycle
+        bound = self.maximum * float(self.decay**cycle)
         low = bound * self.ratio
         return low + (bound - low) * abs(1.0 - 2.0 * within / self.period)

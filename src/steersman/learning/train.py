@@ -38,6 +38,10 @@ COLUMNS = (
     "saturated_share",
     "learning_rate",
 )
+# Training is stopped when this share of the actions sat at a limit for this many validations.
+_STUCK_SHARE, _STUCK_ROWS = 0.95, 3
+# SB3's own log, which is not wanted: its interval in episodes.
+_NEVER = 2**62
 Reporter = Callable[[dict[str, float]], None]
 
 
@@ -121,7 +125,7 @@ class _Training:
 
         self.writer = SummaryWriter(str(self.out / "tensorboard"))
         try:
-            self.agent.learn(self.config.steps, callback=Hook(), log_interval=None)
+            self.agent.learn(self.config.steps, callback=Hook(), log_interval=_NEVER)
             self._validate()
             self._checkpoint()
         finally:
@@ -206,11 +210,11 @@ class _Training:
                 f"mean Q is {row['q_mean']:.3g}, beyond anything the reward can add up to "
                 f"({bound:.3g}); try a smaller agent.learning_rate or agent.gamma"
             )
-        stuck = [r["saturated_share"] > 0.95 for r in self.rows[-3:]]
-        if learning and len(stuck) == 3 and all(stuck):
+        stuck = [r["saturated_share"] > _STUCK_SHARE for r in self.rows[-_STUCK_ROWS:]]
+        if learning and len(stuck) == _STUCK_ROWS and all(stuck):
             raise TrainingDiverged(
-                "the action sat at a limit for 95 % of the last "
-                f"{3 * self.config.validation.interval} steps; try a smaller "
+                f"the action sat at a limit for {100 * _STUCK_SHARE:g} % of the last "
+                f"{_STUCK_ROWS * self.config.validation.interval} steps; try a smaller "
                 "agent.learning_rate, or other reward coefficients"
             )
 

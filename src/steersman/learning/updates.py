@@ -83,7 +83,8 @@ def view_net(flat: Any, sizes: tuple[int, int, int, int]) -> Net:
         at += rows
     if at != flat.size:
         raise ValueError(f"{flat.size} parameters do not fill layers of {sizes}, which have {at}")
-    return Net(*parts, flat)
+    w1, b1, w2, b2, w3, b3 = parts
+    return Net(w1, b1, w2, b2, w3, b3, flat)
 
 
 def make_moments(size: int) -> Moments:
@@ -132,7 +133,7 @@ def _bias_relu(h: Any, b: Any) -> None:
 
 @njit(cache=True, error_model="numpy", fastmath=_FAST)
 def forward(net: Net, x: Any, h1: Any, h2: Any, y: Any) -> None:
-    """y (B, 1) = network(x), keeping the hidden layers for the way back."""
+    """Fill y (B, 1) with network(x), keeping the hidden layers for the way back."""
     np.dot(x, net.w1.T, h1)
     _bias_relu(h1, net.b1)
     np.dot(h1, net.w2.T, h2)
@@ -247,9 +248,7 @@ def _improve_critic(
 
 
 @njit(cache=True, error_model="numpy", fastmath=_FAST)
-def _improve_actor(
-    actor: Net, critic: Net, moments: Moments, rate: float, work: Work
-) -> float:
+def _improve_actor(actor: Net, critic: Net, moments: Moments, rate: float, work: Work) -> float:
     """Ascend Q(s, mu(s)) for the observations in ``work.x``; returns the loss, -mean Q."""
     n, count = work.x.shape[1], work.x.shape[0]
     forward(actor, work.x, work.a1, work.a2, work.y)
@@ -274,7 +273,7 @@ def _improve_actor(
 
 
 @njit(cache=True, error_model="numpy", fastmath=_FAST)
-def update(
+def update(  # noqa: PLR0913, PLR0917 - numba takes no keyword-only arguments
     batch: Batch,
     rows: Any,
     envs: Any,
@@ -295,9 +294,7 @@ def update(
     steps = rows.shape[0]
     for k in range(steps):
         _targets(batch, rows[k], envs[k], actor_target, critic_target, gamma, work)
-        loss, mean = _improve_critic(
-            batch, rows[k], envs[k], critic, moments[1], rates[k], work
-        )
+        loss, mean = _improve_critic(batch, rows[k], envs[k], critic, moments[1], rates[k], work)
         actor_loss += _improve_actor(actor, critic, moments[0], rates[k], work) / steps
         critic_loss += loss / steps
         value += mean / steps

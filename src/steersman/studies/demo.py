@@ -186,5 +186,3 @@ def markdown(rows: list[dict[str, Any]]) -> str:
 def cells(rows: list[dict[str, Any]]) -> list[list[str]]:
     """The table's cells as text, for the terminal."""
     return [list(_cells(row)) for row in rows]
-
-
