@@ -35,6 +35,7 @@ class World(NamedTuple):
     weights: FloatArray
     h: float
     substeps: int
+    dt: float
     corridor: float
     rate_limit: float
     """Largest steering rate of the indirect action [1/s]; 0: the action is the steering."""
@@ -144,7 +145,7 @@ def step(world: World, fleet: Fleet, actions: FloatArray, shifts: FloatArray) ->
     """
     work = np.empty((3, car.N_MOTION))
     command = np.empty(3)
-    dt = world.h * world.substeps
+    dt = world.dt
     for n in range(actions.shape[0]):
         state, memory, tracking = fleet.state[n], fleet.memory[n], fleet.tracking[n]
         clock = fleet.clock[n]
@@ -206,5 +207,5 @@ def _judge(world: World, fleet: Fleet, n: int, steer: float, previous: float) ->
         fleet.ended[n] = ROLLED
     elif meta[CLOSED] == 0.0 and tracking[obs.S] >= meta[LENGTH]:
         fleet.ended[n] = ROAD_ENDED
-    elif clock[CLOCK_STEPS] * world.h * world.substeps >= clock[CLOCK_LIMIT] - 1e-9:
+    elif clock[CLOCK_STEPS] * world.dt >= clock[CLOCK_LIMIT] - 1e-9:
         fleet.ended[n] = TIME_UP

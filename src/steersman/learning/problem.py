@@ -87,6 +87,12 @@ class Problem(Settings):
             )
         return self
 
+    @model_validator(mode="after")
+    def _delay(self) -> Problem:
+        longest = self.plant.steering_delay + self.spread.delay
+        self.plant.model_copy(update={"steering_delay": longest}).delay_substeps()
+        return self
+
     @property
     def indirect(self) -> bool:
         """Whether the action is the steering rate."""
@@ -113,6 +119,7 @@ class Problem(Settings):
             weights=self.sensor.fit_weights(),
             h=self.plant.integration_step,
             substeps=self.plant.substeps(),
+            dt=self.plant.dt,
             corridor=self.corridor,
             rate_limit=self.rate_limit if self.indirect else 0.0,
         )
