@@ -74,7 +74,7 @@ def _train(words: list[str], folder: FilePath) -> FilePath:
     from steersman.learning.train import train_config
 
     config = train_config(train.read(["demo", *words]))
-    return train.train_with_bar(config, folder / "training")
+    return train.train_with_bar(config, folder / "training", overwrite=True)
 
 
 def _drive(policy: FilePath, folder: FilePath) -> list[dict[str, Any]]:

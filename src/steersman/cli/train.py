@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -29,6 +30,9 @@ def train(
     out: Annotated[
         str, typer.Option("--out", metavar="DIR", help="Folder for policy, record and logs.")
     ],
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace an earlier training in DIR.")
+    ] = False,
     words: Annotated[
         list[str] | None,
         typer.Argument(
@@ -49,7 +53,7 @@ def train(
     config = train_config(tree)
     folder = settings.out_folder(out)
     try:
-        policy = train_with_bar(config, folder)
+        policy = train_with_bar(config, folder, overwrite=overwrite)
     except KeyboardInterrupt:
         note(f"interrupted; what was learned until the last validation is in {folder}")
         raise typer.Exit(INTERRUPTED) from None
@@ -78,16 +82,23 @@ def _is_file(name: str) -> bool:
     return file.suffix in {".yaml", ".yml"} or file.name != name or file.exists()
 
 
-def train_with_bar(config: TrainConfig, folder: FilePath) -> FilePath:
+def train_with_bar(config: TrainConfig, folder: FilePath, *, overwrite: bool) -> FilePath:
     """Train, and show reward, tracking error, off-track resets and the time left on stderr."""
     from steersman.learning.train import train as run
 
     with steps_bar(config.steps, "training") as update:
+        text = "training"
 
         def tell(row: dict[str, float]) -> None:
-            update(row["steps"], _progress_text(row))
+            nonlocal text
+            text = _progress_text(row)
+            update(row["steps"], text)
 
-        return run(config, folder, tell)
+        def tick(steps: int) -> None:
+            update(steps, text)
+
+        in_terminal = sys.stderr.isatty()
+        return run(config, folder, tell, tick=tick if in_terminal else None, overwrite=overwrite)
 
 
 def _progress_text(row: dict[str, float]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import shutil
 import time
 from collections.abc import Callable
 from importlib.resources import files
@@ -14,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from steersman.config import build, read_yaml, to_yaml
-from steersman.errors import ConfigError, TrainingDiverged, suggestion
+from steersman.errors import ConfigError, DataError, TrainingDiverged, suggestion
 from steersman.files import make_folder, replacing, write_text
 from steersman.learning.config import TrainConfig
 
@@ -63,7 +64,14 @@ def load_preset(name: str) -> dict[str, Any]:
     return read_yaml(FilePath(str(files("steersman.presets").joinpath(f"{name}.yaml"))))
 
 
-def train(config: TrainConfig, out: FilePath, reporter: Reporter | None = None) -> FilePath:
+def train(
+    config: TrainConfig,
+    out: FilePath,
+    reporter: Reporter | None = None,
+    *,
+    tick: Callable[[int], None] | None = None,
+    overwrite: bool = False,
+) -> FilePath:
     """Run a training and return the path of the exported policy.
 
     Writes ``config.yaml``, ``progress.csv``, TensorBoard events, ``checkpoints/`` and the best
@@ -73,23 +81,39 @@ def train(config: TrainConfig, out: FilePath, reporter: Reporter | None = None) 
         config: what to train.
         out: folder, made if need be.
         reporter: called at every validation with the new row of ``progress.csv``.
+        tick: called about twice a second with the environment steps done.
+        overwrite: replace an earlier training in ``out``.
 
     Raises:
+        DataError: ``out`` holds a training already, or cannot be written.
         TrainingDiverged: losses or values are no longer finite or plausible, or the action
             sticks to its limit.
     """
     import threadpoolctl
 
+    if (out / "progress.csv").exists():
+        if not overwrite:
+            raise DataError(f"{out}: holds a training already; give another folder or --overwrite")
+        for name in ("checkpoints", "tensorboard"):
+            shutil.rmtree(out / name, ignore_errors=True)
+        for name in ("progress.csv", "policy.onnx", "policy.json"):
+            (out / name).unlink(missing_ok=True)
     make_folder(out)
     write_text(out / "config.yaml", to_yaml(config))
     with threadpoolctl.threadpool_limits(config.threads):
-        return _Training(config, out, reporter).run()
+        return _Training(config, out, reporter, tick).run()
 
 
 class _Training:
     """One training run; SB3 calls back after every vector step."""
 
-    def __init__(self, config: TrainConfig, out: FilePath, reporter: Reporter | None) -> None:
+    def __init__(
+        self,
+        config: TrainConfig,
+        out: FilePath,
+        reporter: Reporter | None,
+        tick: Callable[[int], None] | None,
+    ) -> None:
         import torch
 
         from steersman.learning.agent import make_agent
@@ -98,7 +122,8 @@ class _Training:
 
         torch.set_num_threads(config.threads)
         torch.set_flush_denormal(True)
-        self.config, self.out, self.reporter = config, out, reporter
+        self.config, self.out, self.reporter, self.tick = config, out, reporter, tick
+        self.next_tick = 0.0
         self.env = PathFollowingVecEnv(config.problem, config.agent.vehicles)
         self.agent = make_agent(config, self.env)
         self.validator = Validator(config.problem, config.validation)
@@ -126,7 +151,8 @@ class _Training:
         self.writer = SummaryWriter(str(self.out / "tensorboard"))
         try:
             self.agent.learn(self.config.steps, callback=Hook(), log_interval=_NEVER)
-            self._validate()
+            if not self.rows or self.rows[-1]["steps"] < self.agent.num_timesteps:
+                self._validate()
             self._checkpoint()
         finally:
             self.writer.close()
@@ -137,6 +163,9 @@ class _Training:
         self._sums += rewards[:, [0, 2, 3]].mean(axis=0)
         self._count += 1
         steps = self.agent.num_timesteps
+        if self.tick is not None and time.perf_counter() >= self.next_tick:
+            self.next_tick = time.perf_counter() + 0.5
+            self.tick(steps)
         if steps >= self.next_validation:
             self.next_validation += self.config.validation.interval
             self._validate()
