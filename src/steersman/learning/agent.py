@@ -81,7 +81,8 @@ class DemonstratedDDPG(DDPG):
         self.saturated_steps += int((np.abs(action) >= 1.0 - 1e-6).sum())
         probability = self.p_action()
         if probability <= 0.0:
-            return action, stored
+            # SB3's own two differ in the last bits, as one went to the range [-1, 1] and back.
+            return action, stored if self.store_agent else action
         takes = self.demo_rng.random(n_envs) < probability
         if takes.any():
             env = cast(PathFollowingVecEnv, self.env)

@@ -59,7 +59,9 @@ class Validator:
             ended = fleet.ended != kernel.RUNNING
             lost = np.isin(fleet.ended, (kernel.LEFT_CORRIDOR, kernel.ROLLED))
             errors[k, alive] = np.minimum(np.abs(fleet.tracking[alive, observe.D]), corridor)
-            changes += float(((driver.last_commands() - before)[alive] ** 2).sum())
+            # A command that is NaN counts as the largest change there is, lock to lock.
+            step = np.nan_to_num(driver.last_commands() - before, nan=2.0)
+            changes += float((step[alive] ** 2).sum())
             moves += int(alive.sum())
             failed |= alive & lost
             alive &= ~ended

@@ -1,0 +1,159 @@
+"""The compiled update against stock Stable-Baselines3, update by update."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from gymnasium import Env, spaces
+from stable_baselines3 import DDPG
+from stable_baselines3.common.logger import Logger
+
+from steersman.learning import updates
+from steersman.learning.agent import DemonstratedDDPG
+
+NETS = ("actor", "critic", "actor_target", "critic_target")
+FEATURES = 7
+
+
+class Nothing(Env):  # type: ignore[type-arg]
+    """Spaces and nothing else."""
+
+    observation_space = spaces.Box(-100.0, 100.0, (FEATURES,), np.float32)
+    action_space = spaces.Box(-1.0, 1.0, (1,), np.float32)
+
+    def reset(self, **_: Any) -> Any:
+        return np.zeros(FEATURES, np.float32), {}
+
+
+def agent(cls: type[DDPG], hidden: tuple[int, int] = (24, 16), rate: float = 1e-3) -> Any:
+    torch.manual_seed(3)
+    made = cls(
+        "MlpPolicy", Nothing(), buffer_size=300, batch_size=32, learning_rate=rate, seed=3,
+        policy_kwargs={"net_arch": list(hidden)}, gamma=0.95, device="cpu",
+    )  # fmt: skip
+    made.set_logger(Logger(None, []))
+    return made
+
+
+def fill(made: Any, count: int = 200) -> None:
+    """Random transitions: ends, time limits, actions on their limits."""
+    rng = np.random.default_rng(1)
+    for _ in range(count):
+        done, cut = rng.random() < 0.2, bool(rng.random() < 0.5)
+        made.replay_buffer.add(
+            rng.normal(size=(1, FEATURES)).astype(np.float32),
+            rng.normal(size=(1, FEATURES)).astype(np.float32),
+            np.clip(rng.normal(size=(1, 1)), -1.0, 1.0),
+            rng.normal(size=1),
+            np.array([done]),
+            [{"TimeLimit.truncated": cut and done}],
+        )
+
+
+def weights(made: Any) -> dict[str, Any]:
+    return {
+        name: np.concatenate([p.detach().numpy().ravel() for p in getattr(made, name).parameters()])
+        for name in NETS
+    }
+
+
+def train(made: Any, gradient_steps: int) -> None:
+    np.random.seed(11)  # noqa: NPY002 - SB3's buffer draws from it
+    made.train(gradient_steps, 32)
+
+
+@pytest.mark.parametrize("steps", [1, 10, 50])
+@pytest.mark.parametrize("count", [200, 500])  # the buffer of 300 half full, and overwritten
+def test_is_stock_sb3(steps: int, count: int) -> None:
+    stock, ours = agent(DDPG), agent(DemonstratedDDPG)
+    for made in (stock, ours):
+        fill(made, count)
+    before = weights(ours)
+    assert all(np.array_equal(before[name], weights(stock)[name]) for name in NETS)
+    for made in (stock, ours):
+        train(made, steps)
+    expected, got = weights(stock), weights(ours)
+    for name in NETS:
+        moved = abs(expected[name] - before[name]).max()
+        assert moved > 0.0
+        # Single precision; Adam divides by gradients that may be tiny at first.
+        assert abs(got[name] - expected[name]).max() < 2e-2 * moved + 1e-6, name
+        assert abs(got[name] - expected[name]).mean() < 1e-3 * moved + 1e-7, name
+    values = stock.logger.name_to_value
+    assert ours.last_losses[0] == pytest.approx(values["train/actor_loss"], rel=1e-4, abs=1e-6)
+    assert ours.last_losses[1] == pytest.approx(values["train/critic_loss"], rel=1e-4)
+    assert ours._n_updates == stock._n_updates == steps
+
+
+def test_one_call_of_many_updates_is_many_calls() -> None:
+    one, many = agent(DemonstratedDDPG), agent(DemonstratedDDPG)
+    for made in (one, many):
+        fill(made)
+    train(one, 6)
+    np.random.seed(11)  # noqa: NPY002
+    for _ in range(6):
+        many.train(1, 32)
+    assert all(np.array_equal(weights(one)[name], weights(many)[name]) for name in NETS)
+
+
+def test_torch_sees_the_trained_weights() -> None:
+    """The networks' parameters are the very memory that the compiled update changes."""
+    made = agent(DemonstratedDDPG)
+    fill(made)
+    train(made, 5)
+    features = np.random.default_rng(0).normal(size=(9, FEATURES)).astype(np.float32)
+    predicted, _ = made.predict(features, deterministic=True)
+    assert made.act(features) == pytest.approx(predicted[:, 0], abs=1e-6)
+    flat = made.weights()
+    assert all(np.array_equal(flat[name], weights(made)[name]) for name in NETS)
+
+
+def test_adam_is_torchs() -> None:
+    rng = np.random.default_rng(0)
+    ours = rng.normal(size=50).astype(np.float32)
+    theirs = torch.nn.Parameter(torch.tensor(ours.copy()))
+    moments = updates.make_moments(50)
+    optimiser = torch.optim.Adam([theirs], lr=1.0)
+    for k in range(60):
+        gradient = (rng.normal(size=50) * 10.0 ** rng.integers(-6, 3, 50)).astype(np.float32)
+        rate = 1e-3 * 0.97**k
+        for group in optimiser.param_groups:
+            group["lr"] = rate
+        theirs.grad = torch.tensor(gradient)
+        optimiser.step()
+        updates.adam(ours, gradient, moments, rate)
+        assert ours == pytest.approx(theirs.detach().numpy(), abs=2e-6), k
+    assert moments.count[0] == 60
+
+
+def test_nan_stays_nan() -> None:
+    """Sums may be reordered, but a loss that is not finite must show."""
+    made = agent(DemonstratedDDPG)
+    fill(made)
+    made.replay_buffer.rewards[:] = np.nan
+    train(made, 1)
+    assert np.isnan(made.last_losses[1])
+
+
+def test_learning_rate_is_set_at_every_update() -> None:
+    made = agent(DemonstratedDDPG)
+    asked: list[float] = []
+
+    def rate(step: float) -> float:
+        asked.append(step)
+        return 0.0
+
+    made.rate, made.num_timesteps = rate, 100
+    fill(made)
+    before = weights(made)
+    train(made, 4)
+    assert asked == pytest.approx([99.25, 99.5, 99.75, 100.0])
+    assert np.array_equal(weights(made)["actor"], before["actor"])
+
+
+def test_sizes_that_do_not_fit_are_refused() -> None:
+    with pytest.raises(ValueError, match="do not fill"):
+        updates.view_net(np.zeros(30, np.float32), (2, 3, 3, 1))

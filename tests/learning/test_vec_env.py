@@ -1,0 +1,160 @@
+"""The vector environment: the same as single ones, episodes renewed as SB3 expects."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from steersman.kernels import step as kernel
+from steersman.learning.env import PathFollowingEnv
+from steersman.learning.vec_env import PathFollowingVecEnv
+
+from .problems import problem
+
+STEPS = 130  # past the first time limit, at 80
+SETTINGS: dict[str, dict[str, Any]] = {
+    "rate": {},
+    "direct": {"action": "direct", "demonstration": {"enabled": False}},
+    "errors": {"sensor": {"kind": "waypoints", "error_range": 0.1}},
+}
+
+
+def actions(n: int) -> Any:
+    return np.random.default_rng(0).uniform(-0.4, 0.4, (STEPS, n, 1))
+
+
+def single(env: PathFollowingEnv, moves: Any) -> list[tuple[Any, float, bool, bool]]:
+    """What each step gives, with the observation that follows it (the new episode's, if any)."""
+    out = []
+    for move in moves:
+        features, reward, ended, cut, _ = env.step(move)
+        if ended or cut:
+            features, _ = env.reset()
+        out.append((features, reward, ended, cut))
+    return out
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+@pytest.mark.parametrize("n", [1, 4])
+def test_agrees_with_single_environments_to_the_bit(name: str, n: int) -> None:
+    task, moves = problem(**SETTINGS[name]), actions(n)
+    fleet = PathFollowingVecEnv(task, n)
+    fleet.seed(7)
+    start = fleet.reset()
+    together = [fleet.step(row) for row in moves]
+    done = np.array([step[2] for step in together])
+    assert done.any(axis=0).all()
+    children = np.random.SeedSequence(7).spawn(n)
+    for i in range(n):
+        env = PathFollowingEnv(task)
+        env.reset(seed=7)
+        env.driver._rngs[0] = np.random.default_rng(children[i])
+        first, _ = env.reset()
+        assert np.array_equal(first, start[i])
+        for k, (features, reward, ended, cut) in enumerate(single(env, moves[:, i])):
+            observation, rewards, dones, infos = together[k]
+            assert np.array_equal(features, observation[i])
+            assert rewards[i] == np.float32(reward)
+            assert dones[i] == (ended or cut)
+            if dones[i]:
+                assert infos[i]["TimeLimit.truncated"] == cut
+
+
+def test_same_seed_same_everything() -> None:
+    runs = []
+    for seed in (5, 5, 6):
+        env = PathFollowingVecEnv(problem(), 3)
+        env.seed(seed)
+        runs.append([env.reset(), *(env.step(row)[0] for row in actions(3))])
+    assert np.array_equal(runs[0], runs[1])
+    assert not np.array_equal(runs[0], runs[2])
+
+
+def test_an_episode_that_ends_begins_anew() -> None:
+    env = PathFollowingVecEnv(problem(episode_time=0.5, corridor=50.0), 2)
+    env.reset()
+    for _ in range(9):
+        _, _, done, infos = env.step(np.zeros((2, 1)))
+        assert not done.any()
+        assert infos == [{}, {}]
+    observation, _, done, infos = env.step(np.zeros((2, 1)))
+    assert done.all()
+    for i, info in enumerate(infos):
+        assert info["TimeLimit.truncated"]
+        assert not info["off_track"]
+        assert info["episode"]["l"] == 10
+        assert info["terminal_observation"].shape == observation[i].shape
+        assert not np.array_equal(info["terminal_observation"], observation[i])
+    assert (env.driver.fleet.clock[:, kernel.CLOCK_STEPS] == 0.0).all()
+    assert env.off_track == 0
+
+
+def test_leaving_the_corridor_is_no_truncation() -> None:
+    env = PathFollowingVecEnv(problem(), 3)
+    env.reset()
+    ends = []
+    for _ in range(60):
+        _, _, done, infos = env.step(np.ones((3, 1)))
+        ends += [infos[i] for i in np.flatnonzero(done)]
+    assert ends
+    assert all(info["off_track"] and not info["TimeLimit.truncated"] for info in ends)
+    assert env.off_track == len(ends)
+
+
+def test_a_finished_vehicle_leaves_the_others_alone() -> None:
+    together = PathFollowingVecEnv(problem(), 2)
+    together.seed(3)
+    together.reset()
+    calm = PathFollowingVecEnv(problem(), 2)
+    calm.seed(3)
+    calm.reset()
+    for k in range(60):
+        wild = together.step(np.array([[1.0], [0.0]]))
+        quiet = calm.step(np.array([[0.0], [0.0]]))
+        assert np.array_equal(wild[0][1], quiet[0][1]), k
+    assert together.off_track > 0
+
+
+def test_the_demonstrator_begins_anew_with_the_episode() -> None:
+    """Its integral and its last plan belong to the episode that is over."""
+    env = PathFollowingVecEnv(problem(episode_time=1.0, corridor=50.0), 2)
+    env.reset()
+    demonstrator = env.driver._demonstrator
+    assert demonstrator is not None
+    seen = []
+    for _ in range(20):
+        seen.append(demonstrator._states[0])
+        _, _, done, _ = env.step(np.full((2, 1), 0.1))
+    assert done.all()
+    assert abs(seen[-1].pid.integral) > abs(seen[0].pid.integral)
+    expected, _ = demonstrator._controller.step(demonstrator._fresh, _observation(env, 0))
+    assert env.driver.fleet.demo[0] == expected.steer
+
+
+def _observation(env: PathFollowingVecEnv, i: int) -> Any:
+    from steersman.sensing import to_observation
+
+    return to_observation(env.driver.fleet.rows[i], 0.0, env.driver.problem.sensor.spacing)
+
+
+def test_spread_varies_the_car_and_the_start() -> None:
+    env = PathFollowingVecEnv(problem(), 8)
+    env.reset()
+    rows = env.driver.world.vehicles.rows
+    assert len(set(rows[:, 0])) == 8
+    assert abs(rows[:, 0] / env.driver.problem.vehicle.row()[0] - 1.0).max() <= 0.1
+    offsets = env.driver.fleet.tracking[:, 1]
+    assert 0.0 < abs(offsets).max() <= 0.3 + 1e-6
+
+
+def test_sb3s_other_methods() -> None:
+    env = PathFollowingVecEnv(problem(), 2)
+    assert env.get_attr("steps") == [0, 0]
+    env.set_attr("steps", 5)
+    assert env.steps == 5
+    assert env.env_is_wrapped(object) == [False, False]
+    env.reset()
+    assert len(env.env_method("demonstrated_actions")) == 2
+    env.close()

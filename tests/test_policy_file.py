@@ -1,0 +1,107 @@
+"""Policies that are damaged, strange or of another loop get one clear line."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import Any
+
+import pytest
+
+from steersman.controllers.policy import Policy
+from steersman.errors import ConfigError, DataError, SteersmanError
+from steersman.learning.config import TrainConfig
+from steersman.learning.export import network
+from steersman.policy_file import PolicyCard, read_policy, sha256
+from steersman.sensing import WaypointSensor
+
+from .loops import CAR, DT, Posed, drive, random_net, random_policy
+
+
+@pytest.fixture
+def file(tmp_path: FilePath) -> FilePath:
+    """A sound policy."""
+    return random_policy(tmp_path)
+
+
+def load(file: FilePath, dt: float = DT) -> Any:
+    return Policy(file=str(file)).init(CAR, dt)
+
+
+def edit(file: FilePath, **fields: Any) -> None:
+    """Change fields of the card; None removes one."""
+    card = json.loads(file.with_suffix(".json").read_text(encoding="utf-8")) | fields
+    card = {name: value for name, value in card.items() if name not in fields or value is not None}
+    file.with_suffix(".json").write_text(json.dumps(card), encoding="utf-8")
+
+
+def replace(file: FilePath, data: bytes) -> None:
+    """Another network, with the card made to match."""
+    file.write_bytes(data)
+    edit(file, sha256=sha256(data))
+
+
+def test_a_sound_policy_loads(file: FilePath) -> None:
+    data, card = read_policy(file)
+    assert data == file.read_bytes()
+    assert card == PolicyCard.model_validate_json(card.model_dump_json())
+    assert load(file).rate_step == pytest.approx(card.rate_limit * DT)
+
+
+FAULTS: dict[str, tuple[Callable[[FilePath], object], str]] = {
+    "no network": (lambda f: f.unlink(), r"policy\.onnx: cannot be read \(No such file"),
+    "no card": (lambda f: f.with_suffix(".json").unlink(), r"policy\.json: cannot be read"),
+    "folder": (lambda f: (f.unlink(), f.mkdir()), "cannot be read"),
+    "damaged": (lambda f: f.write_bytes(f.read_bytes()[:-7]), "SHA-256 differs"),
+    "other policy's card": (lambda f: edit(f, sha256="0" * 64), "SHA-256 differs"),
+    "no onnx": (lambda f: replace(f, b"no network"), "not a network that ONNX Runtime reads"),
+    "empty": (lambda f: replace(f, b""), "policy.onnx: "),
+    "other inputs": (
+        lambda f: replace(f, network(random_net(3), [1.0] * 3)), "does not map .* features",
+    ),
+    "not json": (lambda f: f.with_suffix(".json").write_text("{"), "not valid JSON"),
+    "not text": (lambda f: f.with_suffix(".json").write_bytes(b"\xff\xfe\x00"), "not text"),
+    "a list": (lambda f: f.with_suffix(".json").write_text("[1]"), "not a policy card"),
+    "missing field": (lambda f: edit(f, dt=None), "dt"),
+    "unknown field": (lambda f: edit(f, colour="red"), "colour"),
+    "wrong type": (lambda f: edit(f, spacing="wide"), "spacing"),
+    "negative period": (lambda f: edit(f, dt=-0.05), "dt"),
+    "later format": (lambda f: edit(f, format=2), "format 2 is not known; this version reads 1"),
+    "contradiction": (lambda f: edit(f, scale=[1.0]), "1 scales for"),
+    "unknown encoding": (lambda f: edit(f, encoding={"kind": "telepathy"}), "telepathy"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_faults_get_one_clear_line(file: FilePath, name: str) -> None:
+    spoil, message = FAULTS[name]
+    spoil(file)
+    with pytest.raises(DataError, match=message) as caught:
+        load(file)
+    assert "\n" not in str(caught.value)
+    assert str(file.with_suffix("")) in str(caught.value)
+
+
+def test_other_control_period_is_refused(file: FilePath) -> None:
+    with pytest.raises(ConfigError, match=r"period of 0\.05 s, but plant\.dt is 0\.1 s"):
+        load(file, 0.1)
+
+
+@pytest.mark.parametrize("fields", [{"count": 5}, {"spacing": 1.0}])
+def test_other_waypoints_are_refused(file: FilePath, fields: dict[str, Any]) -> None:
+    with pytest.raises(SteersmanError, match=r"set sensor\.count and sensor\.spacing"):
+        drive(Policy(file=str(file)), Posed(), sensor=WaypointSensor(**fields), duration=1.0)
+
+
+def test_more_waypoints_than_it_reads_do_no_harm(file: FilePath) -> None:
+    policy = Policy(file=str(file))
+    plain = drive(policy, Posed(), duration=1.0)
+    more = drive(policy, Posed(), sensor=WaypointSensor(count=30), duration=1.0)
+    assert plain["steer_command"] == pytest.approx(more["steer_command"], abs=1e-9)
+
+
+def test_card_holds_the_training(file: FilePath) -> None:
+    _, card = read_policy(file)
+    assert card.training["config"]["problem"]["action"] == TrainConfig().problem.action
+    assert card.observation[0].endswith("]")
