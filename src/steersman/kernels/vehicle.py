@@ -348,7 +348,7 @@ def _holding_throttle(table: VehicleTable, speed: float) -> float:
             low = middle
         else:
             high = middle
-    return 0.5 * (low + high)
+    return float(0.5 * (low + high))
 
 
 @njit(cache=True, error_model="numpy")
@@ -410,4 +410,4 @@ def steady_turn(
 @njit(cache=True, error_model="numpy")
 def rolls_over(row: FloatArray, load_a_y: float) -> bool:
     """Whether both inner wheels have lifted: |a_y| >= g track / (2 height)."""
-    return abs(load_a_y) * 2.0 * row[HEIGHT] >= GRAVITY * row[TRACK]
+    return bool(abs(load_a_y) * 2.0 * row[HEIGHT] >= GRAVITY * row[TRACK])
