@@ -144,6 +144,7 @@ def _write(config: TuneConfig, out: FilePath, best: ControllerComponent, study: 
     write_text(out / "tuned.yaml", to_yaml(best))
     result = {
         "controller": dump(best),
+        "start": dump(config.controller),
         "cost_m": study.best_value,
         "cost_of_first_trial_m": study.trials[0].value,
         "trials": len(study.trials),
