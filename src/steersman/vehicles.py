@@ -276,10 +276,10 @@ class VehicleFile(Vehicle):
         if not isinstance(data, dict) or "file" not in data:
             return data
         figures = read_yaml(FilePath(str(data["file"])))
-        base = lookup("vehicle", str(figures.pop("base", "custom")))
-        if base is cls:
-            raise ConfigError(f"{data['file']}: base must name a vehicle that is not a file")
         try:
+            base = lookup("vehicle", str(figures.pop("base", "custom")))
+            if base is cls:
+                raise ConfigError("base must name a vehicle that is not a file")
             known = build(base, figures)
         except ConfigError as error:
             raise ConfigError(f"{data['file']}: {error}") from None

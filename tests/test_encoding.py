@@ -1,0 +1,70 @@
+"""Encodings: names, scales and layouts belong together, for every registered one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from steersman.config import build, components, lookup
+from steersman.encoding import EncodingComponent, ExtendedEncoding, WaypointEncoding
+from steersman.kernels import encode as kernel
+from steersman.plants.simulator import SimulatorConfig
+from steersman.sensing import WaypointSensor, track
+from steersman.types import Pose
+from steersman.vehicles import CarlaModel3
+
+ENCODINGS = [
+    *(build(cls, {}) for cls in components("encoding").values()),
+    WaypointEncoding(waypoints=1, steer=True),
+    ExtendedEncoding(waypoints=5, roads=0, history=8),
+    ExtendedEncoding(errors=False, integral=False, command=False, roads=1),
+]
+
+
+@pytest.mark.parametrize("rate", [False, True])
+@pytest.mark.parametrize("encoding", ENCODINGS, ids=str)
+def test_every_feature_has_a_name_with_unit_and_a_scale(
+    encoding: EncodingComponent, rate: bool
+) -> None:
+    table = encoding.table(2.0, 0.05, rate)
+    names, scale = encoding.names(table), encoding.scale(table)
+    assert len(names) == len(scale) == kernel.feature_count(table)
+    assert len(set(names)) == len(names)
+    assert all(name.endswith("]") and " [" in name for name in names)
+    assert (scale > 0.0).all()
+
+
+def test_steering_is_seen_when_its_rate_is_the_action() -> None:
+    for encoding, rate, seen in (
+        (WaypointEncoding(), False, False),
+        (WaypointEncoding(), True, True),
+        (WaypointEncoding(steer=True), False, True),
+        (ExtendedEncoding(), False, True),
+    ):
+        names = encoding.names(encoding.table(2.0, 0.05, rate))
+        assert ("steer [-]" in names) == seen
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS, ids=str)
+def test_features_are_of_about_unit_size(encoding: EncodingComponent) -> None:
+    table = encoding.table(2.0, 0.05, True)
+    scale, names = encoding.scale(table), encoding.names(table)
+    largest = np.zeros(len(names))
+    sensor, plant = WaypointSensor(), SimulatorConfig().make(CarlaModel3())
+    rng = np.random.default_rng(0)
+    for kind in ("training_circuit", "monza"):
+        path = build(lookup("path", kind), {})
+        for s in np.arange(0.0, path.length, 47.0):
+            at = path.at(float(s))
+            speed = min(25.0, (5.0 / max(abs(at.kappa), 1e-3)) ** 0.5)
+            state = plant.reset(Pose(at.x - 0.5, at.y + 0.5, at.psi + 0.05), speed, at.kappa)
+            shown = sensor.observe(None, state, track(state, path, float(s)), path, rng)
+            row = np.array([*shown[1:8], *shown.preview.ravel()])
+            memory, out = np.zeros(kernel.memory_size(table)), np.zeros(len(names))
+            kernel.encode(table, row, memory, out)
+            kernel.normalise(out, scale)
+            largest = np.maximum(largest, np.abs(out))
+    assert largest.max() < 5.0, names[int(largest.argmax())]
+    # Side effects of the draw aside (an integral starts at zero), nothing is far below one.
+    seen = [v for v, name in zip(largest, names, strict=True) if "integral" not in name]
+    assert np.median(seen) > 0.1
