@@ -184,6 +184,14 @@ def test_without_a_demonstrator_nothing_is_proposed() -> None:
     assert "demo_steer" not in env.reset(seed=0)[1]
 
 
+def test_after_the_end_nothing_is_proposed() -> None:
+    env = PathFollowingEnv(problem(episode_time=0.1, corridor=50.0))
+    env.reset(seed=0)
+    assert "demo_steer" in env.step([0.0])[4]
+    assert "demo_steer" not in env.step([0.0])[4]
+    assert "demo_steer" in env.reset()[1]
+
+
 def test_demonstrated_action_closed_form() -> None:
     demo, last = np.array([0.2, 0.2, -0.5]), np.array([0.2, 0.19, 0.4])
     assert np.array_equal(demonstrated_action(demo, last, 0.0, DT), demo)

@@ -72,6 +72,16 @@ def test_same_seed_same_everything() -> None:
     assert not np.array_equal(runs[0], runs[2])
 
 
+def test_a_seed_counts_for_the_next_reset_alone() -> None:
+    env = PathFollowingVecEnv(problem(), 2)
+    env.seed(5)
+    first, second = env.reset(), env.reset()
+    assert not np.array_equal(first, second)
+    env.seed(5)
+    assert np.array_equal(env.reset(), first)
+    assert np.array_equal(env.reset(), second)
+
+
 def test_an_episode_that_ends_begins_anew() -> None:
     env = PathFollowingVecEnv(problem(episode_time=0.5, corridor=50.0), 2)
     env.reset()

@@ -30,7 +30,7 @@ class PathFollowingEnv(gymnasium.Env[Features, Features]):
     Action: (1,) in [-1, 1], left positive. Leaving the corridor or rolling over terminates;
     time and the end of a road truncate. ``info`` holds the true lateral error [m], heading error
     [rad], speed [m/s], arc length [m], and the demonstrator's steering and action for the
-    returned observation (if there is one).
+    returned observation (if there is one, and the episode goes on).
     """
 
     metadata: dict[str, Any] = {"render_modes": [], "render_fps": 20}  # noqa: RUF012 - Gymnasium's
@@ -80,7 +80,7 @@ class PathFollowingEnv(gymnasium.Env[Features, Features]):
             "s": tracking[observe.S],
             "speed": float(np.hypot(v_x, v_y)),
         }
-        if driver.demonstrates:
+        if driver.demonstrates and fleet.ended[0] == kernel.RUNNING:
             info["demo_steer"] = float(fleet.demo[0])
             limit = driver.world.rate_limit
             action = demonstrated_action(fleet.demo, driver.last_commands(), limit, driver.dt)

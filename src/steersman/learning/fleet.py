@@ -136,6 +136,7 @@ class FleetDriver:
         clock[kernel.CLOCK_LIMIT] = self.problem.episode_time
         observe.track(world.paths, start.road, state, start.s, fleet.tracking[i])
         fleet.memory[i] = 0.0
+        fleet.ended[i] = kernel.RUNNING
 
     def _scaled(self, profile: Profile) -> Profile:
         """The profile's cap relative to the one that the roads' table was made with."""

@@ -38,7 +38,7 @@ class PathFollowingVecEnv(VecEnv):
         )
         self._actions = np.zeros(n)
         self._infos: list[dict[str, Any]] = [{} for _ in range(n)]
-        self._seed = 0
+        self._pending: int | None = 0
         self.off_track = 0
         """Episodes ended by leaving the corridor or rolling over."""
         self._sums = np.zeros(n)
@@ -50,13 +50,15 @@ class PathFollowingVecEnv(VecEnv):
         """Largest |reward| of a step so far."""
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
-        """Seed of all vehicles' generators; takes effect at the next reset."""
-        self._seed = 0 if seed is None else seed
-        return [self._seed] * self.num_envs
+        """Seed of all vehicles' generators; takes effect at the next reset, and only there."""
+        self._pending = 0 if seed is None else seed
+        return [self._pending] * self.num_envs
 
     def reset(self) -> Any:
         """Begin new episodes everywhere."""
-        self.driver.seed(self._seed)
+        if self._pending is not None:
+            self.driver.seed(self._pending)
+            self._pending = None
         for i in range(self.num_envs):
             self.driver.reset(i)
         self._sums[:], self._lengths[:] = 0.0, 0
