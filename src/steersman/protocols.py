@@ -51,9 +51,7 @@ class Plant(Protocol):
         """Control period [s]."""
         ...
 
-    def reset(
-        self, pose: Pose, speed: float, curvature: float, rng: np.random.Generator
-    ) -> VehicleState:
+    def reset(self, pose: Pose, speed: float, curvature: float) -> VehicleState:
         """Put the vehicle at ``pose`` in the steady turn of that curvature at that speed."""
         ...
 
@@ -81,22 +79,26 @@ class Controller(Protocol):
 class SpeedSource(Protocol):
     """The longitudinal side of a run: throttle and brake."""
 
-    def init(self, path: Path, dt: float) -> Any:
+    def init(self, path: Path, dt: float, start: VehicleState) -> Any:
         """State before the first step."""
         ...
 
-    def step(self, state: Any, vehicle: VehicleState, s: float) -> tuple[float, float]:
-        """Throttle and brake, each in [0, 1]."""
+    def step(self, state: Any, vehicle: VehicleState, s: float) -> tuple[float, float, Any]:
+        """Throttle and brake, each in [0, 1], and the new state."""
         ...
 
 
 class Sensor(Protocol):
-    """Makes an observation out of the vehicle's state and the path."""
+    """Makes an observation out of the vehicle's state and its place on the path."""
+
+    def init(self, rng: np.random.Generator) -> Any:
+        """State before the first step."""
+        ...
 
     def observe(
-        self, state: VehicleState, path: Path, s: float, rng: np.random.Generator
+        self, state: Any, vehicle: VehicleState, tracking: Any, path: Path, rng: np.random.Generator
     ) -> Observation:
-        """Observe the path from the vehicle whose projection lies at arc length ``s`` [m]."""
+        """What a controller is told; ``tracking`` is the truth (``sensing.Tracking``)."""
         ...
 
 

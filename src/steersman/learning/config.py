@@ -42,9 +42,6 @@ class ValidationConfig(Settings):
     roads: tuple[Annotated[PathComponent, Of("path")], ...] = param(
         tuple(RandomRoad(seed=1000 + i) for i in range(8)), "-", "Roads."
     )
-    noise_dt: float = param(
-        1.0, "-", "Time step of the noise; 0.01 is Stable-Baselines3's, slow and persistent.", gt=0
-    )
     vehicles: int = param(16, "-", "Drives.", ge=1)
     interval: int = param(20_000, "steps", "Environment steps between validations.", gt=0)
     seed: int = param(12345, "-", "Seed of starts, speeds, cars and sensor errors.", ge=0)
