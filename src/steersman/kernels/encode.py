@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from numba import njit
-
 from steersman.kernels import observe as o
+from steersman.kernels.compiled import kernel
 from steersman.types import FloatArray
 
 # Columns of a memory row: started flag, integral of the lateral error, last command, then the
@@ -64,7 +63,7 @@ def feature_count(table: EncodingTable) -> int:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _remember_error(table: EncodingTable, row: FloatArray, memory: FloatArray) -> None:
     error = row[o.O_D]
     k = table.history
@@ -80,7 +79,7 @@ def _remember_error(table: EncodingTable, row: FloatArray, memory: FloatArray) -
     memory[INTEGRAL] = min(max(total, -table.integral_limit), table.integral_limit)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def remember(table: EncodingTable, row: FloatArray, memory: FloatArray, command: float) -> None:
     """Push this step's lateral error and the last command into the history; keep ``command``."""
     k = table.history
@@ -93,7 +92,7 @@ def remember(table: EncodingTable, row: FloatArray, memory: FloatArray, command:
     memory[LAST_COMMAND] = command
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def encode(table: EncodingTable, row: FloatArray, memory: FloatArray, out: FloatArray) -> None:
     """Write the features of an observation row in SI units; updates the integral."""
     _remember_error(table, row, memory)
@@ -125,14 +124,14 @@ def encode(table: EncodingTable, row: FloatArray, memory: FloatArray, out: Float
         i += 1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def normalise(features: FloatArray, scale: FloatArray) -> None:
     """Scale features to about unit size and clip them, in place; a policy file does the same."""
     for j in range(features.shape[0]):
         features[j] = min(max(features[j] * scale[j], -FEATURE_LIMIT), FEATURE_LIMIT)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _roads(table: EncodingTable, row: FloatArray, out: FloatArray, i: int) -> int:
     """Curvature beside the vehicle, then twice the road's offset from its tangent over u^2.
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from steersman.kernels.compiled import kernel
 from steersman.types import FloatArray
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def reference(preview: FloatArray, spacing: float, distance: float, out: FloatArray) -> None:
     """Lateral position of the path at distances ``distance``, 2 ``distance``, ... [m].
 
@@ -33,7 +32,7 @@ def reference(preview: FloatArray, spacing: float, distance: float, out: FloatAr
         out[i] = y + over * slope
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def gradient(  # noqa: PLR0917 - numba takes no keyword-only arguments
     preview: FloatArray,
     spacing: float,
@@ -61,7 +60,7 @@ def gradient(  # noqa: PLR0917 - numba takes no keyword-only arguments
         out[i] = total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def all_finite(values: FloatArray) -> bool:
     """Whether no element is NaN or infinite."""
     for i in range(values.shape[0]):

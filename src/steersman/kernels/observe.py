@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from steersman.kernels import path as paths
 from steersman.kernels import vehicle
+from steersman.kernels.compiled import kernel
 from steersman.kernels.path import PathTable
 from steersman.types import FloatArray
 
@@ -19,13 +18,13 @@ O_D, O_HEADING, O_VX, O_VY, O_RATE, O_STEER, O_KAPPA = range(7)
 O_PREVIEW = 7
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def wrap_angle(angle: float) -> float:
     """The same direction in (-pi, pi]."""
     return angle - 2.0 * math.pi * math.ceil(angle / (2.0 * math.pi) - 0.5)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def track(table: PathTable, p: int, state: FloatArray, near: float, out: FloatArray) -> None:
     """Fill a tracking row: projection, errors and path point beside the centre of mass."""
     s, d, psi, kappa = paths.project_near(table, p, state[vehicle.X], state[vehicle.Y], near)
@@ -39,7 +38,7 @@ def track(table: PathTable, p: int, state: FloatArray, near: float, out: FloatAr
     out[PATH_Y] = state[vehicle.Y] - d * math.cos(psi)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def sense(  # noqa: PLR0917 - numba takes no keyword-only arguments
     table: PathTable,
     p: int,

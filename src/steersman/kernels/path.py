@@ -13,8 +13,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from steersman.kernels.compiled import kernel
 from steersman.types import FloatArray
 
 # Columns of PathTable.pieces.
@@ -39,12 +39,6 @@ _STEP_LIMIT = 20.0
 # Convergence is quadratic: after a step this short the point is right to rounding.
 _SHORT_STEP = 1e-6
 
-# These kernels allocate nothing. Without numba's run time they need not count references to the
-# table's arrays at every call, which makes them five times faster ("numpy": no test for zero
-# divisors).
-_OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
-_kernel = njit(**_OPTIONS)
-
 
 class PathTable(NamedTuple):
     """Paths as the kernels read them."""
@@ -57,7 +51,7 @@ class PathTable(NamedTuple):
     """(P, 7): first piece, pieces, first cell, cells, cell length, length, closed of each path."""
 
 
-@_kernel
+@kernel
 def _cos_sin(a: float) -> tuple[float, float]:
     """Cosine and sine of an angle of at most 0.25 rad, by Taylor series, to rounding."""
     q = a * a
@@ -66,7 +60,7 @@ def _cos_sin(a: float) -> tuple[float, float]:
     return c, s
 
 
-@_kernel
+@kernel
 def _wrap(table: PathTable, p: int, s: float) -> float:
     """Arc length within [0, length) on closed paths, unchanged on open ones."""
     length = table.meta[p, LENGTH]
@@ -78,7 +72,7 @@ def _wrap(table: PathTable, p: int, s: float) -> float:
     return s
 
 
-@_kernel
+@kernel
 def locate(table: PathTable, p: int, s: float) -> int:
     """Row of the piece of path ``p`` that holds arc length ``s`` (already wrapped)."""
     meta = table.meta
@@ -99,7 +93,7 @@ def locate(table: PathTable, p: int, s: float) -> int:
     return row
 
 
-@_kernel
+@kernel
 def _inside(
     pieces: FloatArray, row: int, u: float
 ) -> tuple[float, float, float, float, float, float]:
@@ -119,7 +113,7 @@ def _inside(
     return x, y, pieces[row, PSI0] + turned, kappa + sharp * u, c * ct - s * st, s * ct + c * st
 
 
-@_kernel
+@kernel
 def _frame(table: PathTable, p: int, s: float) -> tuple[float, float, float, float, float, float]:
     """Point of path ``p`` at arc length ``s``: x, y, psi, kappa, cos psi, sin psi."""
     s = _wrap(table, p, s)
@@ -134,7 +128,7 @@ def _frame(table: PathTable, p: int, s: float) -> tuple[float, float, float, flo
     return x, y, psi, kappa, c, n
 
 
-@_kernel
+@kernel
 def at(table: PathTable, p: int, s: float) -> tuple[float, float, float, float]:
     """Position, tangent direction and curvature of path ``p`` at arc length ``s`` [m, rad, 1/m].
 
@@ -144,7 +138,7 @@ def at(table: PathTable, p: int, s: float) -> tuple[float, float, float, float]:
     return x, y, psi, kappa
 
 
-@_kernel
+@kernel
 def _towards(along: float, aside: float, kappa: float) -> float:
     """Arc length to the closest point of the osculating circle.
 
@@ -161,7 +155,7 @@ def _towards(along: float, aside: float, kappa: float) -> float:
     return math.atan2(kappa * along, room) / kappa
 
 
-@_kernel
+@kernel
 def project_near(
     table: PathTable, p: int, x: float, y: float, near: float
 ) -> tuple[float, float, float, float]:
@@ -189,7 +183,7 @@ def project_near(
     return _wrap(table, p, s + step), d, psi + kappa * step, kappa
 
 
-@_kernel
+@kernel
 def _closest_in_piece(
     pieces: FloatArray, row: int, piece_length: float, x: float, y: float
 ) -> tuple[float, float]:
@@ -209,7 +203,7 @@ def _closest_in_piece(
     return best, gap
 
 
-@_kernel
+@kernel
 def project(table: PathTable, p: int, x: float, y: float) -> tuple[float, float]:
     """Closest point of the whole path: arc length s and signed offset d (left positive) [m].
 

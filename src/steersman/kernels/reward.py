@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from numba import njit
+from steersman.kernels.compiled import kernel
 
 # Values of RewardTable.shape, .blend.
 PAPER, FINITE_SLOPE = 0, 1
@@ -37,7 +37,7 @@ class RewardTable(NamedTuple):
     """r_diff is divided by this before sigmoid and sum."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def sigmoid(x: float) -> float:
     """1 / (1 + exp(-x)) without overflow."""
     if x >= 0.0:
@@ -46,7 +46,7 @@ def sigmoid(x: float) -> float:
     return e / (1.0 + e)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def track_reward(table: RewardTable, speed: float, d: float, course: float, slip: float) -> float:
     """Tracking reward of a state: lateral error d [m], course error and side-slip [rad].
 
@@ -60,7 +60,7 @@ def track_reward(table: RewardTable, speed: float, d: float, course: float, slip
     return 1.0 - table.root_weight * root - 0.5 * abs(d) - 0.5 * abs(math.sin(phi))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def combine(
     table: RewardTable, r_track: float, steer: float, previous: float, demo: float
 ) -> tuple[float, float, float]:

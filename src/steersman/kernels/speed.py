@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from numba import njit
-
 from steersman.kernels import path as paths
+from steersman.kernels.compiled import kernel
 from steersman.kernels.path import PathTable
 from steersman.kernels.vehicle import interpolate
 from steersman.types import FloatArray
@@ -34,7 +33,7 @@ class SpeedTable(NamedTuple):
     """Distance between limits [m]."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def target_speed(
     speed: SpeedTable, n: int, table: PathTable, p: int, time: float, s: float
 ) -> float:
@@ -50,7 +49,7 @@ def target_speed(
     return target
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def pedals(  # noqa: PLR0917 - numba takes no keyword-only arguments
     speed: SpeedTable,
     n: int,

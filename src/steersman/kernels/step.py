@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from steersman.kernels import encode as enc
 from steersman.kernels import observe as obs
 from steersman.kernels import vehicle as car
+from steersman.kernels.compiled import kernel
 from steersman.kernels.encode import EncodingTable
 from steersman.kernels.path import CLOSED, LENGTH, PathTable
 from steersman.kernels.reward import RewardTable, combine, track_reward
@@ -65,6 +65,10 @@ class Fleet(NamedTuple):
     """(N, 4): reward, r_track, c_track, c_diff of this step."""
     ended: Any
     """(N,) int64 reason the episode ended with this step, or RUNNING."""
+    work: FloatArray
+    """Scratch of the integration."""
+    command: FloatArray
+    """Scratch: the command of the vehicle in turn."""
 
 
 CLOCK_STEPS, CLOCK_INTEGRAL, CLOCK_LIMIT = range(3)
@@ -87,10 +91,12 @@ def empty_fleet(n: int, encoding: EncodingTable, waypoints: int) -> Fleet:
         executed=np.zeros(n),
         reward=np.zeros((n, 4)),
         ended=np.zeros(n, dtype=np.int64),
+        work=np.zeros((3, car.N_MOTION)),
+        command=np.zeros(3),
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def drive(  # noqa: PLR0917 - numba takes no keyword-only arguments
     vehicles: VehicleTable,
     n: int,
@@ -115,7 +121,7 @@ def drive(  # noqa: PLR0917 - numba takes no keyword-only arguments
     car.advance(vehicles, n, state, command, h, substeps - late, work)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def look(world: World, fleet: Fleet, n: int, shift: FloatArray) -> None:
     """Sense and encode for vehicle ``n``, whose tracking row is up to date."""
     enc_table = world.encoding
@@ -136,16 +142,14 @@ def look(world: World, fleet: Fleet, n: int, shift: FloatArray) -> None:
     enc.normalise(fleet.inputs[n], world.scale)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def step(world: World, fleet: Fleet, actions: FloatArray, shifts: FloatArray) -> None:
     """Move every vehicle by one control period under ``actions`` (N,) in [-1, 1].
 
     ``shifts`` (N, waypoints or 0, 2) are this step's waypoint errors. ``fleet.demo`` must hold
     the demonstrator's steering for the state before the step.
     """
-    work = np.empty((3, car.N_MOTION))
-    command = np.empty(3)
-    dt = world.dt
+    work, command, dt = fleet.work, fleet.command, world.dt
     for n in range(actions.shape[0]):
         state, memory, tracking = fleet.state[n], fleet.memory[n], fleet.tracking[n]
         clock = fleet.clock[n]
@@ -187,7 +191,7 @@ def step(world: World, fleet: Fleet, actions: FloatArray, shifts: FloatArray) ->
         look(world, fleet, n, shifts[n])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _judge(world: World, fleet: Fleet, n: int, steer: float, previous: float) -> None:
     """Fill reward and end of vehicle ``n`` after its step."""
     state, tracking, clock = fleet.state[n], fleet.tracking[n], fleet.clock[n]

@@ -16,8 +16,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from steersman.kernels.compiled import allocating, kernel
 from steersman.types import FloatArray
 
 GRAVITY = 9.81
@@ -85,7 +85,7 @@ class VehicleTable(NamedTuple):
     """Net acceleration on a straight, (throttles, speeds) [m/s^2]."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def interpolate(grid: FloatArray, values: FloatArray, at: float) -> float:
     """Piecewise linear, held constant beyond the ends."""
     if at <= grid[0]:
@@ -97,7 +97,7 @@ def interpolate(grid: FloatArray, values: FloatArray, at: float) -> float:
     return float(values[-1])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def slew(position: float, command: float, up: float, down: float, h: float) -> float:
     """Where an actuator gets in time ``h``: ``up`` limits it away from zero, ``down`` towards."""
     if position * command < 0.0:
@@ -111,7 +111,7 @@ def slew(position: float, command: float, up: float, down: float, h: float) -> f
     return position + min(max(gap, -rate * h), rate * h)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def wheel_tangents(
     table: VehicleTable, n: int, steer: float, speed: float
 ) -> tuple[float, float, float]:
@@ -129,7 +129,7 @@ def wheel_tangents(
     return -outer, -inner, -middle
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def steer_for_wheel(table: VehicleTable, n: int, wheel_angle: float, speed: float) -> float:
     """Normalised steering that gives the single-track wheel angle [rad]; not clipped."""
     row = table.rows[n]
@@ -139,7 +139,7 @@ def steer_for_wheel(table: VehicleTable, n: int, wheel_angle: float, speed: floa
     return math.copysign(math.atan(inner) / (row[MAX_STEER] * factor), wheel_angle)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def map_acceleration(table: VehicleTable, throttle: float, speed: float) -> float:
     """Net acceleration on a straight for a throttle position and speed, bilinear [m/s^2]."""
     t, v, a = table.map_throttle, table.map_speed, table.map_accel
@@ -156,7 +156,7 @@ def map_acceleration(table: VehicleTable, throttle: float, speed: float) -> floa
     return float(low + wt * (high - low))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def wheel_demand(
     table: VehicleTable, n: int, throttle: float, brake: float, v_x: float
 ) -> tuple[float, float]:
@@ -178,7 +178,7 @@ def wheel_demand(
     return front, force + braking - front
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def split_axle(demand: float, grip_left: float, grip_right: float) -> tuple[float, float]:
     """An axle's force on its two wheels [N]: halves, as by an open differential.
 
@@ -190,7 +190,7 @@ def split_axle(demand: float, grip_left: float, grip_right: float) -> tuple[floa
     return left + (half - right), right + (half - left)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def side_force(stiffness: float, slip: float, limit: float) -> float:
     """Fiala's lateral force for tan(slip angle), opposing it; ``limit`` is the grip left [N]."""
     z = stiffness * abs(slip) / (3.0 * limit + 1e-9)
@@ -199,7 +199,7 @@ def side_force(stiffness: float, slip: float, limit: float) -> float:
     return -stiffness * slip * (1.0 - z + z * z / 3.0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _wheel(
     stiffness: float,
     grip: float,
@@ -224,7 +224,7 @@ def _wheel(
     return c * f_x - s * f_y, s * f_x + c * f_y
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def wheel_loads(row: FloatArray, a_x: float, a_y: float) -> tuple[float, float, float, float]:
     """Vertical loads, front left, front right, rear left, rear right [N]; lifted wheels carry 0.
 
@@ -239,7 +239,7 @@ def wheel_loads(row: FloatArray, a_x: float, a_y: float) -> tuple[float, float, 
     return front * (0.5 - lean), front * (0.5 + lean), rear * (0.5 - lean), rear * (0.5 + lean)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def derivative(
     table: VehicleTable,
     n: int,
@@ -284,7 +284,7 @@ def derivative(
     return a_x, a_y
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def advance(
     table: VehicleTable,
     n: int,
@@ -323,7 +323,7 @@ def advance(
     state[WHEEL] = math.atan(wheel_tangents(table, n, steer, abs(state[VX]))[2])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _turn_residual(
     table: VehicleTable, n: int, q: FloatArray, unknown: FloatArray, out: FloatArray
 ) -> None:
@@ -338,7 +338,7 @@ def _turn_residual(
     derivative(table, n, q, unknown[1], drive, brake, out)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _holding_throttle(table: VehicleTable, speed: float) -> float:
     """Throttle that holds a speed on a straight, by bisection; the nearer end if none does."""
     low, high = table.map_throttle[0], table.map_throttle[-1]
@@ -351,7 +351,7 @@ def _holding_throttle(table: VehicleTable, speed: float) -> float:
     return float(0.5 * (low + high))
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def steady_turn(
     table: VehicleTable, n: int, state: FloatArray, speed: float, curvature: float
 ) -> bool:
@@ -407,7 +407,7 @@ def steady_turn(
     return found
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def rolls_over(row: FloatArray, load_a_y: float) -> bool:
     """Whether both inner wheels have lifted: |a_y| >= g track / (2 height)."""
     return bool(abs(load_a_y) * 2.0 * row[HEIGHT] >= GRAVITY * row[TRACK])
