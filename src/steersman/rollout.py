@@ -184,6 +184,10 @@ def rollout(  # noqa: PLR0913 - the nouns of a closed loop
         while not (end := _end(plant, path, place, corridor, step * dt, distance, goal, limit)):
             observation = sensor.observe(sensor_state, state, place, path, rng)
             try:
+                if step == 0:
+                    # Once without effect (states are values), so that no figure of computing
+                    # time holds the compilation of kernels.
+                    _ask(controller, controller_state, observation)
                 decision, controller_state, took = _ask(controller, controller_state, observation)
             except ControllerError as error:
                 so_far = recorder.episode(ending.ERROR, distance, dt, path)
