@@ -205,10 +205,9 @@ class TestDrive:
         self, steersman: Steersman, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         pid = components("controller")["pid"]
-        calls = iter(range(1000))
 
         def step(self: Any, state: Any, observation: Any) -> Any:
-            return Decision(math.nan if next(calls) == 30 else 0.1), state
+            return Decision(math.nan if observation.time >= 1.499 else 0.1), state
 
         monkeypatch.setattr(pid, "step", step)
         result = steersman("drive", "controller=pid", "--json", "--out", "run")

@@ -66,7 +66,7 @@ class Pid(ControllerComponent):
         "gains.k_i": (1e-4, 1.0, True),
         "gains.k_d": (1e-4, 0.5, True),
         "gains.filter_time": (1e-3, 0.5, True),
-        "k_heading": (1e-3, 3.0, True),
+        "k_heading": (0.0, 3.0, False),
         "preview_time": (1e-2, 1.0, True),
     }
 

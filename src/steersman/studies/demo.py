@@ -176,7 +176,7 @@ def _cells(row: dict[str, Any]) -> Iterator[str]:
 def markdown(rows: list[dict[str, Any]]) -> str:
     """The table as the README shows it."""
     lines = [
-        "| " + " | ".join(COLUMNS.values()) + " |",
+        "| " + " | ".join(text.replace("|", r"\|") for text in COLUMNS.values()) + " |",
         "|---|---|" + "---:|" * (len(COLUMNS) - 3) + "---|",
     ]
     lines += ["| " + " | ".join(_cells(row)) + " |" for row in rows]

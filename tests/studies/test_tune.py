@@ -1,0 +1,95 @@
+"""Tuning: never worse than the start, repeatable, resumable, honest about failures."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path as FilePath
+from typing import Any
+
+import pytest
+
+from steersman.config import build, override, read_yaml, resolve
+from steersman.errors import ConfigError
+from steersman.rollout import RunConfig
+from steersman.studies.tune import TuneConfig, cost, tune
+
+RUN = {
+    "path": {"kind": "circle", "radius": 30.0},
+    "speed": {"kind": "constant_speed", "speed": 8.0},
+    "duration": 3.0,
+}
+
+
+def study(**changes: Any) -> TuneConfig:
+    return build(TuneConfig, {"controller": "pid", "suite": [RUN], "trials": 6} | changes)
+
+
+def run_cost(controller: Any, **changes: Any) -> float:
+    return cost(build(RunConfig, RUN | changes | {"controller": controller}), 0.05)
+
+
+def test_the_result_is_never_worse_than_the_start(tmp_path: FilePath) -> None:
+    best = tune(study(), tmp_path)
+    assert run_cost(best) <= run_cost("pid")
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert result["trials"] == 6
+    assert result["cost_m"] == pytest.approx(run_cost(best))
+    assert result["cost_of_first_trial_m"] == pytest.approx(run_cost("pid"))
+
+
+def test_tuned_values_stay_in_their_ranges_and_read_back(tmp_path: FilePath) -> None:
+    best = tune(study(), tmp_path)
+    for name, (low, high, _) in best.search.items():
+        value: Any = best
+        for part in name.split("."):
+            value = getattr(value, part)
+        assert low <= value <= high
+    assert resolve("controller", read_yaml(tmp_path / "tuned.yaml")) == best
+
+
+def test_same_seed_same_result(tmp_path: FilePath) -> None:
+    assert tune(study(), tmp_path / "a") == tune(study(), tmp_path / "b")
+
+
+def test_an_interrupted_study_goes_on(tmp_path: FilePath) -> None:
+    seen: list[int] = []
+
+    def stop(number: int, _: float) -> None:
+        seen.append(number)
+        if number == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        tune(study(), tmp_path, stop)
+    tune(study(), tmp_path, lambda number, _: seen.append(number))
+    assert seen == [1, 2, 3, 4, 5, 6]
+
+
+def test_leaving_the_road_costs_more_than_staying_on_it_badly() -> None:
+    off = run_cost({"kind": "pid", "gains": {"k_p": 0.0, "k_i": 0.0, "k_d": 0.0}}, corridor=0.1)
+    assert off > 0.1
+    assert run_cost("mpc_pid") < off
+
+
+@pytest.mark.parametrize("limit", [{"duration": 20.0}, {"duration": None, "laps": 1}])
+def test_leaving_the_road_later_costs_less(limit: dict[str, Any]) -> None:
+    """With little steering the car leaves later than with steering to the wrong side."""
+    none = {"kind": "pid", "gains": {"k_p": 0.0, "k_i": 0.0, "k_d": 0.0}}
+    some = {"kind": "pid", "gains": {"k_p": 0.02, "k_i": 0.0, "k_d": 0.0}}
+    path = {"kind": "circle", "radius": 200.0}
+    far, near = (run_cost(c, path=path, **limit) for c in (some, none))
+    assert 0.0 < far < near
+
+
+def test_a_controller_with_nothing_to_tune_is_refused(tmp_path: FilePath) -> None:
+
+    config = study()
+    bare = type("Bare", (type(config.controller),), {"search": {}})
+    with pytest.raises(ConfigError, match="nothing to tune"):
+        tune(config.model_copy(update={"controller": bare()}), tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_empty_suite_is_refused() -> None:
+    with pytest.raises(ConfigError, match="at least one run"):
+        build(TuneConfig, override({}, ["suite=[]"]))
