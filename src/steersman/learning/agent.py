@@ -15,9 +15,23 @@ import torch
 from stable_baselines3 import DDPG
 from stable_baselines3.common.noise import ActionNoise, VectorizedActionNoise
 
+from steersman.errors import DataError
 from steersman.learning import updates
 from steersman.learning.config import TrainConfig
+from steersman.learning.snapshot import Tree, fill
 from steersman.learning.vec_env import PathFollowingVecEnv
+
+# What SB3 and this module count; the rest of an agent's state are arrays and generators.
+_COUNTERS = (
+    "num_timesteps",
+    "_n_updates",
+    "_episode_num",
+    "_current_progress_remaining",
+    "demonstrated_steps",
+    "saturated_steps",
+    "sampled_steps",
+    "last_losses",
+)
 
 
 class OrnsteinUhlenbeck(VectorizedActionNoise):
@@ -76,20 +90,28 @@ class DemonstratedDDPG(DDPG):
         self, learning_starts: int, action_noise: ActionNoise | None = None, n_envs: int = 1
     ) -> tuple[Any, Any]:
         """Executed and stored action, each (n_envs, 1); the demonstrator acts with p_action."""
-        action, stored = super()._sample_action(learning_starts, action_noise, n_envs)
+        own = self._own_action(learning_starts, action_noise, n_envs)
         self.sampled_steps += n_envs
-        self.saturated_steps += int((np.abs(action) >= 1.0 - 1e-6).sum())
-        probability = self.p_action()
-        if probability <= 0.0:
-            # SB3's own two differ in the last bits, as one went to the range [-1, 1] and back.
-            return action, stored if self.store_agent else action
-        takes = self.demo_rng.random(n_envs) < probability
-        if takes.any():
-            env = cast(PathFollowingVecEnv, self.env)
-            action = action.copy()
-            action[takes, 0] = env.demonstrated_actions()[takes]
-            self.demonstrated_steps += int(takes.sum())
-        return action, stored if self.store_agent else action
+        self.saturated_steps += int((np.abs(own) >= 1.0 - 1e-6).sum())
+        takes = self.demo_rng.random(n_envs) < self.p_action()
+        if not takes.any():
+            return own, own
+        executed = own.copy()
+        executed[takes, 0] = cast(PathFollowingVecEnv, self.env).demonstrated_actions()[takes]
+        self.demonstrated_steps += int(takes.sum())
+        return executed, own if self.store_agent else executed
+
+    def _own_action(
+        self, learning_starts: int, action_noise: ActionNoise | None, n_envs: int
+    ) -> Any:
+        """The agent's action with exploration noise, (n_envs, 1); random before learning.
+
+        As SB3's, without its detour through torch at every step.
+        """
+        if self.num_timesteps < learning_starts or action_noise is None:
+            return super()._sample_action(learning_starts, action_noise, n_envs)[1]
+        noise = action_noise()
+        return np.clip(self.act(self._last_obs)[:, None] + noise, -1.0, 1.0).astype(np.float32)
 
     def _compile(self) -> None:
         """Lay the weights of all four networks flat, so that the compiled update shares them."""
@@ -175,6 +197,50 @@ class DemonstratedDDPG(DDPG):
         for name, m in zip(names, self.moments, strict=False):
             out |= {f"{name}_first": m.first, f"{name}_second": m.second, f"{name}_count": m.count}
         return out
+
+    def _stored(self, size: int) -> dict[str, Any]:
+        """The filled part of the replay buffer."""
+        return {name: getattr(self.replay_buffer, name)[:size] for name in updates.Batch._fields}
+
+    def _generators(self) -> dict[str, Any]:
+        """Noise's, demonstrator's, and that of the random actions before learning."""
+        noise = cast(OrnsteinUhlenbeck, self.action_noise)
+        return {
+            "noise": noise.rng.bit_generator,
+            "demonstrator": self.demo_rng.bit_generator,
+            "actions": self.action_space.np_random.bit_generator,
+        }
+
+    def snapshot(self) -> dict[str, Any]:
+        """All that changes from step to step, the environment apart; taken between two steps."""
+        buffer = self.replay_buffer
+        assert buffer is not None
+        size = buffer.buffer_size if buffer.full else buffer.pos
+        return {
+            "weights": self.weights(),
+            "buffer": {"position": buffer.pos, "full": buffer.full, "size": size}
+            | self._stored(size),
+            "noise": cast(OrnsteinUhlenbeck, self.action_noise).state,
+            "generators": {name: bits.state for name, bits in self._generators().items()},
+            "counters": {name: getattr(self, name) for name in _COUNTERS},
+            "observation": self._last_obs,
+        }
+
+    def restore(self, saved: Tree) -> None:
+        """Go on from a snapshot."""
+        buffer, kept = self.replay_buffer, saved["buffer"]
+        assert buffer is not None
+        if not 0 <= kept["size"] <= buffer.buffer_size:
+            raise DataError(f"the replay buffer holds {buffer.buffer_size} rows")
+        fill(self.weights(), saved["weights"])
+        fill(self._stored(kept["size"]), kept)
+        buffer.pos, buffer.full = kept["position"], kept["full"]
+        cast(OrnsteinUhlenbeck, self.action_noise).state = saved["noise"]
+        for name, bits in self._generators().items():
+            bits.state = saved["generators"][name]
+        for name in _COUNTERS:
+            setattr(self, name, saved["counters"][name])
+        self._last_obs = saved["observation"]
 
 
 def make_agent(config: TrainConfig, env: PathFollowingVecEnv) -> DemonstratedDDPG:
