@@ -9,21 +9,12 @@ import numpy as np
 import pytest
 
 from steersman.config import build, lookup
-from steersman.errors import ConfigError, DataError
+from steersman.errors import DataError
+from steersman.kernels import turn
 from steersman.kernels import vehicle as kernel
 from steersman.plants.simulator import SimulatorConfig
-from steersman.speed import (
-    ConstantSpeed,
-    ConstantThrottle,
-    Nedc,
-    Profile,
-    RandomProfile,
-    SpeedCsv,
-    check_profile,
-    curvature_cap,
-    read_profile,
-    stack_profiles,
-)
+from steersman.profiles import Profile, curvature_cap, read_profile, stack_profiles
+from steersman.speed import ConstantSpeed, ConstantThrottle, Nedc, RandomProfile, SpeedCsv
 from steersman.types import Command, FloatArray, PathPoint, Pose
 from steersman.vehicles import CarlaModel3
 
@@ -128,7 +119,7 @@ def test_speed_is_held_on_the_circle(speed: float, offset: float) -> None:
     assert source.start_speed(CIRCLE, 0.0) == speed
     state = plant.reset(Pose(0.0, 0.0, 0.0), speed - offset, 0.02)
     memory, held = source.init(CIRCLE, plant.dt, state), np.zeros(kernel.N_STATE)
-    kernel.steady_turn(CAR.table, 0, held, speed, 0.02)
+    turn.steady_turn(CAR.table, 0, held, speed, 0.02)
     errors = []
     for _ in range(400):
         throttle, brake, memory = source.step(memory, state, 0.0)
@@ -235,10 +226,3 @@ def test_unreadable_files(tmp_path: FilePath) -> None:
     file.write_bytes(b"\xff\xfe\x00\x80")
     with pytest.raises(DataError, match="not text"):
         read_profile(file)
-
-
-def test_check_profile() -> None:
-    source = ConstantThrottle()
-    assert check_profile(source) is source
-    with pytest.raises(ConfigError, match="not a source of speed"):
-        check_profile(CIRCLE)

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from steersman.config import build, lookup
 from steersman.kernels import speed as kernel
 from steersman.paths.segments import stack
-from steersman.speed import ConstantThrottle, Nedc, Profile, stack_profiles
+from steersman.profiles import Profile, stack_profiles
+from steersman.speed import ConstantThrottle, Nedc
 
 CIRCLE = build(lookup("path", "circle"), {"radius": 50.0})
 CIRCUIT = build(lookup("path", "training_circuit"), {})

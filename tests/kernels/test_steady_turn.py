@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from steersman.kernels import turn
 from steersman.kernels import vehicle as kernel
 from steersman.types import FloatArray
 from steersman.vehicles import Bmw320i, CarlaMkz2020, CarlaModel3, Vehicle
@@ -16,9 +17,9 @@ CAR = CarlaModel3()
 CARS = {car.kind: car for car in (CAR, CarlaMkz2020(), Bmw320i())}
 
 
-def turn(car: Vehicle, speed: float, curvature: float) -> FloatArray:
+def steady(car: Vehicle, speed: float, curvature: float) -> FloatArray:
     state = np.zeros(kernel.N_STATE)
-    assert kernel.steady_turn(car.table, 0, state, speed, curvature)
+    assert turn.steady_turn(car.table, 0, state, speed, curvature)
     return state
 
 
@@ -27,7 +28,7 @@ def slip(state: FloatArray) -> float:
 
 
 def held_throttle(speed: float) -> float:
-    return float(turn(CAR, speed, 0.02)[kernel.THROTTLE])
+    return float(steady(CAR, speed, 0.02)[kernel.THROTTLE])
 
 
 @pytest.mark.parametrize("car", CARS.values(), ids=CARS)
@@ -38,7 +39,7 @@ def test_closed_forms_at_small_slip(
 ) -> None:
     # A softer front axle understeers; much grip keeps the tyres in their linear range.
     car = car.replace(c_f=soft * car.c_f, friction=30.0)
-    state = turn(car, speed, curvature)
+    state = steady(car, speed, curvature)
     assert state[kernel.YAW_RATE] == speed * curvature
     base, m = car.wheelbase, car.mass
     # Rajamani, Vehicle Dynamics and Control, 2nd ed., eqs. 3.15 and 3.21.
@@ -56,7 +57,7 @@ def test_every_turn_within_the_grip_is_found(car: Vehicle) -> None:
     for speed in np.arange(0.0, 45.0, 1.5):
         for curvature in (-0.1, -0.02, -0.005, 0.0, 0.005, 0.02, 0.1):
             if speed**2 * abs(curvature) < 0.6 * car.friction * kernel.GRAVITY / 1.5:
-                state = turn(car, speed, curvature)
+                state = steady(car, speed, curvature)
                 assert np.isfinite(state).all()
                 assert math.hypot(*state[kernel.VX : kernel.YAW_RATE]) == pytest.approx(speed)
 
@@ -64,19 +65,19 @@ def test_every_turn_within_the_grip_is_found(car: Vehicle) -> None:
 @pytest.mark.parametrize("curvature", [0.02, -0.02, 0.06])
 def test_turn_is_an_equilibrium(curvature: float) -> None:
     for speed in (2.0, 5.0, 9.9, 14.0):
-        state = turn(CAR, speed, curvature)
+        state = steady(CAR, speed, curvature)
         out = np.zeros(kernel.N_MOTION)
         pedals = state[kernel.THROTTLE], state[kernel.BRAKE]
         kernel.derivative(CAR.table, 0, state[: kernel.N_MOTION], state[kernel.STEER], *pedals, out)
         assert out[kernel.VX :] == pytest.approx(np.zeros(5), abs=1e-8)
         python = np.zeros(kernel.N_STATE)
-        assert kernel.steady_turn.py_func(CAR.table, 0, python, speed, curvature)
+        assert turn.steady_turn.py_func(CAR.table, 0, python, speed, curvature)
         assert python == pytest.approx(state, abs=1e-10)
 
 
 def test_impossible_turn_is_kinematic() -> None:
     state = np.zeros(kernel.N_STATE)
-    assert not kernel.steady_turn(CAR.table, 0, state, 30.0, 0.1)
+    assert not turn.steady_turn(CAR.table, 0, state, 30.0, 0.1)
     assert np.isfinite(state).all()
     assert abs(state[kernel.STEER]) <= 1.0
     assert slip(state) == pytest.approx(math.atan(CAR.l_r * 0.1))
@@ -85,7 +86,7 @@ def test_impossible_turn_is_kinematic() -> None:
 
 @pytest.mark.parametrize("speed", [6.0, 12.0, 18.0])
 def test_disturbed_car_settles_in_the_turn(speed: float) -> None:
-    expected = turn(CAR, speed, 0.02)
+    expected = steady(CAR, speed, 0.02)
     state = expected.copy()
     state[kernel.VY] += 0.4
     state[kernel.YAW_RATE] -= 0.1
@@ -107,14 +108,14 @@ def test_speed_on_the_circle(throttle: float, speed: float, tolerance: float) ->
 
 
 def test_slip_on_the_circle() -> None:
-    assert -math.degrees(slip(turn(CAR, 18.3, 0.02))) == pytest.approx(2.15, abs=0.05)
+    assert -math.degrees(slip(steady(CAR, 18.3, 0.02))) == pytest.approx(2.15, abs=0.05)
     # The published agent's heading errors, explained by side-slip: 0.92 and 2.12 degrees.
-    assert math.degrees(slip(turn(CAR, 9.9, 0.02))) == pytest.approx(0.92, abs=0.1)
+    assert math.degrees(slip(steady(CAR, 9.9, 0.02))) == pytest.approx(0.92, abs=0.1)
 
 
 def test_full_throttle_rolls_over_before_it_settles() -> None:
     lifting = brentq(
-        lambda v: turn(CAR, v, 0.02)[kernel.LOAD_AY] - CAR.roll_over_acceleration, 25.0, 29.0
+        lambda v: steady(CAR, v, 0.02)[kernel.LOAD_AY] - CAR.roll_over_acceleration, 25.0, 29.0
     )
     # sqrt(14.87 m/s^2 x 50 m); a little more, because the car points inwards.
     assert lifting == pytest.approx(27.3, abs=0.2)

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steersman.errors import ConfigError
+from steersman.kernels import turn
 from steersman.kernels import vehicle as kernel
 from steersman.plants.simulator import Simulator, SimulatorConfig
 from steersman.types import Command, Pose, VehicleState
@@ -87,7 +88,7 @@ def test_delay_line_starts_with_the_steady_turn() -> None:
 
 def kernel_steer(speed: float, curvature: float) -> float:
     row = np.zeros(kernel.N_STATE)
-    assert kernel.steady_turn(CAR.table, 0, row, speed, curvature)
+    assert turn.steady_turn(CAR.table, 0, row, speed, curvature)
     return float(row[kernel.STEER])
 
 

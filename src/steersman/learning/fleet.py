@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,9 @@ from steersman.kernels import vehicle as car
 from steersman.kernels.step import Fleet
 from steersman.learning.demonstration import Demonstrator
 from steersman.learning.problem import Problem
+from steersman.learning.snapshot import Tree, fill
 from steersman.plants.simulator import place
-from steersman.speed import Profile, write_profile
+from steersman.profiles import Profile, write_profile
 from steersman.types import FloatArray, Pose
 
 _UNCAPPED = 1e6
@@ -175,3 +176,32 @@ class FleetDriver:
     def last_commands(self) -> FloatArray:
         """Steering executed in the last step, (n,)."""
         return self.fleet.memory[:, encode.LAST_COMMAND]
+
+    def _arrays(self) -> dict[str, Any]:
+        """Every array that changes while driving."""
+        speed = self.world.speed
+        return {
+            **self.fleet._asdict(),
+            "cars": self.world.vehicles.rows,
+            "speed_rows": speed.rows,
+            "speed_times": speed.times,
+            "speed_speeds": speed.speeds,
+            "shifts": self._shifts,
+        }
+
+    def snapshot(self) -> dict[str, Any]:
+        """All that changes while driving."""
+        demonstrator = self._demonstrator
+        return {
+            "arrays": self._arrays(),
+            "generators": [rng.bit_generator.state for rng in self._rngs],
+            "demonstrator": demonstrator.snapshot() if demonstrator is not None else {},
+        }
+
+    def restore(self, saved: Tree) -> None:
+        """Go on from a snapshot."""
+        fill(self._arrays(), saved["arrays"])
+        for rng, state in zip(self._rngs, saved["generators"], strict=True):
+            rng.bit_generator.state = state
+        if self._demonstrator is not None:
+            self._demonstrator.restore(saved["demonstrator"])

@@ -16,8 +16,9 @@ from steersman.learning.task import PreciseTask, TaskComponent
 from steersman.paths.base import PathComponent
 from steersman.paths.segments import stack
 from steersman.plants.simulator import SimulatorConfig
+from steersman.profiles import stack_profiles
 from steersman.sensing import WaypointSensor
-from steersman.speed import Nedc, SpeedComponent, stack_profiles
+from steersman.speed import Nedc, SpeedComponent
 from steersman.vehicles import CarlaModel3, Vehicle
 
 # Steering rate of the indirect action [1/s]; the paper's limit.

@@ -7,6 +7,7 @@ import numpy as np
 from steersman.config import Component, param, register
 from steersman.errors import ConfigError
 from steersman.kernels import step as kernel
+from steersman.kernels import turn
 from steersman.kernels import vehicle as car
 from steersman.types import Command, FloatArray, Pose, VehicleState
 from steersman.vehicles import LONGEST_STEP, Vehicle
@@ -134,7 +135,7 @@ def place(
     curvature: float,
 ) -> None:
     """Fill a state row with the steady turn on ``pose``, and the delay line with its steering."""
-    car.steady_turn(table, n, state, speed, curvature)
+    turn.steady_turn(table, n, state, speed, curvature)
     slip = float(np.arctan2(state[car.VY], state[car.VX])) if speed > 0.0 else 0.0
     state[car.X], state[car.Y], state[car.PSI] = pose.x, pose.y, pose.psi - slip
     delayed[:] = state[car.STEER]

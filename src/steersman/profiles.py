@@ -1,0 +1,129 @@
+"""Speed profiles: what the longitudinal controller tracks, its tables, its files."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path as FilePath
+from typing import NamedTuple
+
+import numpy as np
+
+from steersman.errors import DataError
+from steersman.kernels import speed as kernel
+from steersman.kernels.speed import SpeedTable
+from steersman.protocols import Path
+from steersman.types import FloatArray
+
+CAP_STEP = 1.0
+_NO_CAP = np.zeros(0)
+
+
+class Profile(NamedTuple):
+    """Longitudinal demand: a constant throttle, or speed over time."""
+
+    throttle: float | None
+    times: FloatArray
+    speeds: FloatArray
+    a_lat_max: float | None
+    deceleration: float
+    k_p: float = 0.0
+    k_i: float = 0.0
+    cap_scale: float = 1.0
+
+
+def curvature_cap(path: Path, a_lat_max: float | None, deceleration: float) -> FloatArray:
+    """Speed limits every metre along a path [m/s].
+
+    At each place sqrt(a_lat_max / |kappa|), lowered ahead of corners so that braking with
+    ``deceleration`` [m/s^2] suffices. Empty without a limit.
+    """
+    if a_lat_max is None:
+        return _NO_CAP
+    count = math.ceil(path.length / CAP_STEP) + 1
+    kappa = np.array([abs(path.at(min(i * CAP_STEP, path.length)).kappa) for i in range(count)])
+    limit: FloatArray = np.sqrt(a_lat_max / np.maximum(kappa, 1e-4))
+    for _ in range(2 if path.closed else 1):
+        for i in range(count - 2, -1, -1):
+            reach = math.sqrt(limit[i + 1] ** 2 + 2.0 * deceleration * CAP_STEP)
+            limit[i] = min(limit[i], reach)
+        if path.closed:
+            limit[-1] = min(limit[-1], limit[0])
+    return limit
+
+
+def stack_profiles(profiles: list[Profile], paths_: list[Path]) -> SpeedTable:
+    """One table for vehicles with a profile each, over a bank of paths.
+
+    The curvature cap is that of the first profile: it belongs to the road, not to the vehicle.
+    """
+    width = max(len(p.times) for p in profiles)
+    n = len(profiles)
+    rows = np.zeros((n, kernel.N_COLUMNS))
+    times, speeds = np.zeros((n, width)), np.zeros((n, width))
+    for i, profile in enumerate(profiles):
+        write_profile(profile, i, rows, times, speeds)
+    caps = [curvature_cap(p, profiles[0].a_lat_max, profiles[0].deceleration) for p in paths_]
+    first = np.cumsum([0, *(len(c) for c in caps[:-1])]).astype(np.int64)
+    return SpeedTable(rows, times, speeds, np.concatenate(caps), first, CAP_STEP)
+
+
+def write_profile(
+    profile: Profile, i: int, rows: FloatArray, times: FloatArray, speeds: FloatArray
+) -> None:
+    """Put a profile into row ``i`` of a table; unused breakpoints repeat the last speed."""
+    tracks = profile.throttle is None
+    rows[i] = (
+        float(tracks),
+        profile.throttle or 0.0,
+        profile.k_p,
+        profile.k_i,
+        profile.cap_scale,
+    )
+    k = len(profile.times)
+    times[i, :k], speeds[i, :k] = profile.times, profile.speeds
+    times[i, k:] = profile.times[-1] + 1.0 + np.arange(times.shape[1] - k)
+    speeds[i, k:] = profile.speeds[-1]
+
+
+def read_profile(file: FilePath) -> tuple[FloatArray, FloatArray]:
+    """Times [s] from zero and speeds [m/s].
+
+    Raises:
+        DataError: names the file, the line and what is wrong.
+    """
+    try:
+        lines = file.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not text"
+        raise DataError(f"{file}: cannot be read ({reason})") from None
+    header = [name.strip() for name in lines[0].split(",")] if lines else []
+    factors = {"speed_m_s": 1.0, "speed_km_h": 1.0 / 3.6}
+    column = next((name for name in factors if name in header), None)
+    if "time_s" not in header or column is None:
+        raise DataError(f"{file}, line 1: needs the columns time_s and speed_m_s or speed_km_h")
+    filled = [(i, line) for i, line in enumerate(lines[1:], start=2) if line.strip()]
+    rows = [_numbers(file, i, line, len(header)) for i, line in filled]
+    if not rows:
+        raise DataError(f"{file}: holds no breakpoints; give at least one line of numbers")
+    data = np.array(rows)
+    times, speeds = data[:, header.index("time_s")], data[:, header.index(column)]
+    back = np.flatnonzero(np.diff(times) <= 0.0)
+    if back.size:
+        raise DataError(
+            f"{file}, line {filled[back[0] + 1][0]}: time_s must increase from line to line"
+        )
+    if (speeds < 0.0).any():
+        line = filled[np.flatnonzero(speeds < 0.0)[0]][0]
+        raise DataError(f"{file}, line {line}: {column} must not be negative")
+    return times - times[0], speeds * factors[column]
+
+
+def _numbers(file: FilePath, line: int, text: str, count: int) -> list[float]:
+    cells = text.split(",")
+    try:
+        values = [float(cell) for cell in cells]
+    except ValueError:
+        raise DataError(f"{file}, line {line}: not numbers: {text.strip()!r}") from None
+    if len(values) != count or not np.isfinite(values).all():
+        raise DataError(f"{file}, line {line}: needs {count} finite numbers, has {text.strip()!r}")
+    return values
