@@ -10,6 +10,7 @@ from steersman.config import Of, Settings, param
 from steersman.controllers.base import ControllerComponent
 from steersman.controllers.mpc_pid import MpcPid
 from steersman.learning.schedules import Constant, Schedule
+from steersman.learning.snapshot import Tree, changed, rebuilt
 from steersman.sensing import to_observation
 from steersman.types import FloatArray
 from steersman.vehicles import Vehicle
@@ -49,6 +50,14 @@ class Demonstrator:
             self._states[n], to_observation(row, time, spacing)
         )
         return decision.steer
+
+    def snapshot(self) -> dict[str, Any]:
+        """The state kept for each vehicle, without what ``init`` makes again."""
+        return {str(n): changed(state, self._fresh) for n, state in self._states.items()}
+
+    def restore(self, saved: Tree) -> None:
+        """Go on from a snapshot."""
+        self._states = {int(n): rebuilt(state, self._fresh) for n, state in saved.items()}
 
 
 def demonstrated_action(

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-import shutil
 import time
 from collections.abc import Callable
 from importlib.resources import files
@@ -15,34 +12,17 @@ from typing import Any
 import numpy as np
 
 from steersman.config import build, read_yaml, to_yaml
-from steersman.errors import ConfigError, DataError, TrainingDiverged, suggestion
+from steersman.errors import ConfigError, suggestion
 from steersman.files import make_folder, replacing, write_text
+from steersman.learning import alarm, checkpoint
 from steersman.learning.config import TrainConfig
+from steersman.learning.record import COLUMNS, Record
+from steersman.learning.snapshot import Tree
 
-COLUMNS = (
-    "steps",
-    "updates",
-    "seconds",
-    "reward_mean",
-    "training_error_mm",
-    "off_track_resets",
-    "validation_error_mm",
-    "validation_rms_mm",
-    "validation_failures",
-    "steer_activity",
-    "actor_loss",
-    "critic_loss",
-    "q_mean",
-    "c_track",
-    "c_diff",
-    "demo_share",
-    "saturated_share",
-    "learning_rate",
-)
-# Training is stopped when this share of the actions sat at a limit for this many validations.
-_STUCK_SHARE, _STUCK_ROWS = 0.95, 3
 # SB3's own log, which is not wanted: its interval in episodes.
 _NEVER = 2**62
+# What the loop itself counts, beside agent and environments.
+_COUNTERS = ("best", "next_validation", "next_checkpoint", "_marks", "_count")
 Reporter = Callable[[dict[str, float]], None]
 
 
@@ -70,38 +50,53 @@ def train(
     reporter: Reporter | None = None,
     *,
     tick: Callable[[int], None] | None = None,
+    notify: Callable[[str], None] | None = None,
     overwrite: bool = False,
+    resume: bool = False,
 ) -> FilePath:
     """Run a training and return the path of the exported policy.
 
     Writes ``config.yaml``, ``progress.csv``, TensorBoard events, ``checkpoints/`` and the best
-    policy so far (by validation) as ``policy.onnx`` with its card.
+    policy so far (by validation) as ``policy.onnx`` with its card; ``resume/`` while it runs.
 
     Args:
         config: what to train.
         out: folder, made if need be.
         reporter: called at every validation with the new row of ``progress.csv``.
         tick: called about twice a second with the environment steps done.
+        notify: told in a sentence where it resumes, or why not.
         overwrite: replace an earlier training in ``out``.
+        resume: go on from the last checkpoint in ``out``, or begin if there is none.
 
     Raises:
         DataError: ``out`` holds a training already, or cannot be written.
+        ConfigError: the training to be resumed has another configuration.
         TrainingDiverged: losses or values are no longer finite or plausible, or the action
             sticks to its limit.
     """
     import threadpoolctl
 
-    if (out / "progress.csv").exists():
-        if not overwrite:
-            raise DataError(f"{out}: holds a training already; give another folder or --overwrite")
-        for name in ("checkpoints", "tensorboard"):
-            shutil.rmtree(out / name, ignore_errors=True)
-        for name in ("progress.csv", "policy.onnx", "policy.json"):
-            (out / name).unlink(missing_ok=True)
-    make_folder(out)
-    write_text(out / "config.yaml", to_yaml(config))
+    say = notify if notify is not None else _silent
+    checkpoint.check_folder(config, out, overwrite=overwrite, resume=resume)
+    saved = None
+    if resume and checkpoint.is_finished(config, out):
+        say(f"{out}: finished already")
+        return out / "policy.onnx"
+    if resume:
+        saved = checkpoint.load(out, say)
+    if saved is None:
+        checkpoint.clear(make_folder(out))
+        write_text(out / "config.yaml", to_yaml(config))
+    checkpoint.sweep(out)
     with threadpoolctl.threadpool_limits(config.threads):
-        return _Training(config, out, reporter, tick).run()
+        done = None if saved is None else int(saved["agent"]["counters"]["num_timesteps"])
+        if done is not None:
+            say(f"{out}: going on after {done} steps")
+        return _Training(config, out, reporter, tick, done).run(saved)
+
+
+def _silent(_: str) -> None:
+    """Tell nobody."""
 
 
 class _Training:
@@ -113,6 +108,7 @@ class _Training:
         out: FilePath,
         reporter: Reporter | None,
         tick: Callable[[int], None] | None,
+        resumed_at: int | None = None,
     ) -> None:
         import torch
 
@@ -128,35 +124,82 @@ class _Training:
         self.agent = make_agent(config, self.env)
         self.validator = Validator(config.problem, config.validation)
         self.best = math.inf
-        self.rows: list[dict[str, float]] = []
+        self.record = Record(out, resumed_at)
+        self.rows = self.record.rows
         self.begun = time.perf_counter()
         self.next_validation = config.validation.interval
         self.next_checkpoint = config.checkpoint_interval
         self._marks = {"steps": 0, "error": 0.0, "demo": 0, "saturated": 0, "sampled": 0}
         self._sums = np.zeros(3)
         self._count = 0
-        self.writer: Any = None
+        self.agent.weights()  # laid flat now, so that every run computes on the same memory
 
-    def run(self) -> FilePath:
+    def run(self, saved: Tree | None = None) -> FilePath:
+        """Train to the end, from the beginning or from a checkpoint."""
         from stable_baselines3.common.callbacks import BaseCallback
-        from torch.utils.tensorboard import SummaryWriter
 
-        after_step = self._after_step
+        training = self
 
         class Hook(BaseCallback):
+            def _on_training_start(self) -> None:
+                if saved is not None:  # now, as SB3 has just reset noise and environments
+                    training.restore(saved)
+
+            def _on_rollout_start(self) -> None:
+                training._between_steps()
+
             def _on_step(self) -> bool:
-                after_step()
+                training._after_step()
                 return True
 
-        self.writer = SummaryWriter(str(self.out / "tensorboard"))
+        agent = self.agent
+        if saved is not None:  # SB3 counts from here
+            agent.num_timesteps = saved["agent"]["counters"]["num_timesteps"]
         try:
-            self.agent.learn(self.config.steps, callback=Hook(), log_interval=_NEVER)
-            if not self.rows or self.rows[-1]["steps"] < self.agent.num_timesteps:
+            agent.learn(
+                self.config.steps - agent.num_timesteps,
+                callback=Hook(),
+                log_interval=_NEVER,
+                reset_num_timesteps=False,
+            )
+            if not self.rows or self.rows[-1]["steps"] < agent.num_timesteps:
                 self._validate()
-            self._checkpoint()
+            self._save_weights()
+            checkpoint.finish(self.out)
         finally:
-            self.writer.close()
+            self.record.close()
         return self.out / "policy.onnx"
+
+    def snapshot(self) -> dict[str, Any]:
+        """All that the rest of the training depends on."""
+        return {
+            "agent": self.agent.snapshot(),
+            "env": self.env.snapshot(),
+            "rows": self.rows,
+            "sums": self._sums,
+            "counters": {name: getattr(self, name) for name in _COUNTERS},
+            "seconds": time.perf_counter() - self.begun,
+        }
+
+    def restore(self, saved: Tree) -> None:
+        """Go on from a checkpoint; what was recorded after it is forgotten."""
+        self.agent.restore(saved["agent"])
+        self.env.restore(saved["env"])
+        self.record.restore(saved["rows"])
+        self._sums[:] = saved["sums"]
+        for name in _COUNTERS:
+            setattr(self, name, saved["counters"][name])
+        self.begun = time.perf_counter() - saved["seconds"]
+        checkpoint.restore_random(saved)
+
+    def _between_steps(self) -> None:
+        """Before a step: the last one is stored and learned from, so the state is whole."""
+        steps = self.agent.num_timesteps
+        if steps >= self.next_checkpoint:
+            self.next_checkpoint += self.config.checkpoint_interval
+            self.record.flush()
+            self._save_weights()
+            checkpoint.save(self.out, steps, self.snapshot())
 
     def _after_step(self) -> None:
         rewards = self.env.driver.fleet.reward
@@ -169,18 +212,11 @@ class _Training:
         if steps >= self.next_validation:
             self.next_validation += self.config.validation.interval
             self._validate()
-        if steps >= self.next_checkpoint:
-            self.next_checkpoint += self.config.checkpoint_interval
-            self._checkpoint()
 
     def _validate(self) -> None:
         score = self.validator.score(self.agent.act)
         row = self._row(score)
-        self.rows.append(row)
-        self._write_progress()
-        for name, value in row.items():
-            if math.isfinite(value):
-                self.writer.add_scalar(f"train/{name}", value, self.agent.num_timesteps)
+        self.record.add(row)
         if self.reporter is not None:
             self.reporter(row)
         self._alarm(row)
@@ -225,27 +261,7 @@ class _Training:
         return {name: float(row[name]) for name in COLUMNS}
 
     def _alarm(self, row: dict[str, float]) -> None:
-        learning = row["updates"] > 0
-        losses = (row["actor_loss"], row["critic_loss"], row["q_mean"])
-        if learning and not all(math.isfinite(v) for v in losses):
-            raise TrainingDiverged(
-                f"loss is not finite after {row['updates']:.0f} updates; "
-                "try a smaller agent.learning_rate"
-            )
-        # No return can exceed the largest reward forever; a tenfold margin for untrained critics.
-        bound = 10.0 * self._largest_reward() / (1.0 - self.config.agent.gamma)
-        if learning and abs(row["q_mean"]) > bound:
-            raise TrainingDiverged(
-                f"mean Q is {row['q_mean']:.3g}, beyond anything the reward can add up to "
-                f"({bound:.3g}); try a smaller agent.learning_rate or agent.gamma"
-            )
-        stuck = [r["saturated_share"] > _STUCK_SHARE for r in self.rows[-_STUCK_ROWS:]]
-        if learning and len(stuck) == _STUCK_ROWS and all(stuck):
-            raise TrainingDiverged(
-                f"the action sat at a limit for {100 * _STUCK_SHARE:g} % of the last "
-                f"{_STUCK_ROWS * self.config.validation.interval} steps; try a smaller "
-                "agent.learning_rate, or other reward coefficients"
-            )
+        alarm.check(self.config, self.rows, self._largest_reward())
 
     def _largest_reward(self) -> float:
         return max(1.0, float(np.abs(self.env.largest_reward)))
@@ -261,17 +277,10 @@ class _Training:
         }
         export_policy(self.agent.actor_net(), self.config, self.out, note)
 
-    def _checkpoint(self) -> None:
+    def _save_weights(self) -> None:
         file = self.out / "checkpoints" / f"step_{self.agent.num_timesteps:09d}.npz"
         with replacing(file) as stream:
             np.savez(stream, **self.agent.weights())
-
-    def _write_progress(self) -> None:
-        text = io.StringIO()
-        table = csv.DictWriter(text, COLUMNS, lineterminator="\n")
-        table.writeheader()
-        table.writerows({k: f"{v:.8g}" for k, v in row.items()} for row in self.rows)
-        write_text(self.out / "progress.csv", text.getvalue())
 
 
 def train_config(data: dict[str, Any]) -> TrainConfig:

@@ -15,8 +15,10 @@ from steersman.kernels.encode import FEATURE_LIMIT
 from steersman.learning.demonstration import demonstrated_action
 from steersman.learning.fleet import FleetDriver
 from steersman.learning.problem import Problem
+from steersman.learning.snapshot import Tree, fill
 from steersman.types import FloatArray
 
+_COUNTERS = ("off_track", "sum_error", "steps", "largest_reward")
 TERMINAL = (kernel.LEFT_CORRIDOR, kernel.ROLLED)
 
 
@@ -109,6 +111,22 @@ class PathFollowingVecEnv(VecEnv):
         return demonstrated_action(
             driver.fleet.demo, driver.last_commands(), driver.world.rate_limit, driver.dt
         )
+
+    def snapshot(self) -> dict[str, Any]:
+        """All that changes from step to step."""
+        return {
+            "driver": self.driver.snapshot(),
+            "arrays": {"sums": self._sums, "lengths": self._lengths},
+            "counters": {name: getattr(self, name) for name in _COUNTERS},
+        }
+
+    def restore(self, saved: Tree) -> None:
+        """Go on from a snapshot; to be called between two steps."""
+        self._pending = None
+        self.driver.restore(saved["driver"])
+        fill({"sums": self._sums, "lengths": self._lengths}, saved["arrays"])
+        for name in _COUNTERS:
+            setattr(self, name, saved["counters"][name])
 
     def close(self) -> None:
         """Nothing to release."""

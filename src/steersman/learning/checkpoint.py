@@ -1,0 +1,170 @@
+"""Checkpoints: all that a training needs to go on as if it had never stopped."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Mapping
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from steersman.config import build, dump, read_yaml
+from steersman.errors import ConfigError, DataError
+from steersman.files import replacing
+from steersman.learning import snapshot
+from steersman.learning.config import TrainConfig
+from steersman.learning.snapshot import Tree
+
+FOLDER = "resume"
+_FORMAT = 1
+_KEPT = 2
+_WRITTEN = ("checkpoints", FOLDER, "tensorboard")
+_FILES = ("config.yaml", "progress.csv", "policy.onnx", "policy.json")
+Notify = Callable[[str], None]
+
+
+def save(out: FilePath, steps: int, tree: Tree) -> None:
+    """Write the checkpoint after ``steps`` environment steps; the one before stays, too.
+
+    Raises:
+        DataError: it cannot be written.
+    """
+    with replacing(out / FOLDER / f"step_{steps:09d}.npz") as stream:
+        snapshot.write({"format": _FORMAT, "random": _random_state(), **tree}, stream)
+    for file in _found(out)[_KEPT:]:
+        file.unlink(missing_ok=True)
+
+
+def load(out: FilePath, notify: Notify | None = None) -> dict[str, Any] | None:
+    """The newest checkpoint that is whole; None if there is none at all.
+
+    Args:
+        out: the training's folder.
+        notify: told about every damaged checkpoint that was passed over.
+
+    Raises:
+        DataError: there are checkpoints, but none can be read.
+    """
+    faults = []
+    for file in _found(out):
+        try:
+            with file.open("rb") as stream:
+                tree = snapshot.read(stream)
+            if tree.get("format") != _FORMAT:
+                raise DataError(f"format {tree.get('format')!r} is not known")
+        except (OSError, DataError) as error:
+            faults.append(f"{file}: not a whole checkpoint ({error})")
+            continue
+        if notify is not None:
+            for fault in faults:
+                notify(f"{fault}; going on from {file.name}")
+        return tree
+    if faults:
+        raise DataError(f"{faults[0]}; --overwrite trains anew")
+    return None
+
+
+def _found(out: FilePath) -> list[FilePath]:
+    """Checkpoint files, newest first."""
+    return sorted((out / FOLDER).glob("step_*.npz"), reverse=True)
+
+
+def _random_state() -> dict[str, Any]:
+    """The process-wide generators from which SB3 draws."""
+    import torch
+
+    return {
+        "numpy": np.random.get_state(legacy=False),  # noqa: NPY002 - SB3's generator
+        "torch": torch.get_rng_state().numpy(),
+    }
+
+
+def restore_random(tree: Tree) -> None:
+    """Set the process-wide generators to where a checkpoint found them."""
+    import torch
+
+    np.random.set_state(tree["random"]["numpy"])  # noqa: NPY002 - SB3's generator
+    torch.set_rng_state(torch.from_numpy(tree["random"]["torch"]))
+
+
+def check_folder(config: TrainConfig, out: FilePath, *, overwrite: bool, resume: bool) -> None:
+    """Whether this training may go to ``out``; nothing is written.
+
+    Raises:
+        DataError: it holds a training, and nobody asked to replace it or to go on with it.
+        ConfigError: that training has another configuration.
+    """
+    if overwrite and resume:
+        raise ConfigError("--overwrite and --resume contradict each other; give one of them")
+    kept = out / "config.yaml"
+    if resume and kept.exists():
+        _check_same(config, kept)
+    elif not overwrite and ((out / "progress.csv").exists() or _found(out)):
+        raise DataError(
+            f"{out}: holds a training already; give another folder, --resume or --overwrite"
+        )
+
+
+def _check_same(config: TrainConfig, file: FilePath) -> None:
+    try:
+        kept = build(TrainConfig, read_yaml(file))
+    except ConfigError as error:
+        raise ConfigError(f"{file}: {error}") from None
+    found = first_difference(dump(config), dump(kept))
+    if found is not None:
+        where, given, had = found
+        raise ConfigError(
+            f"{given!r} is given, but {file} has {had!r}; a training resumes as it began", where
+        )
+
+
+def first_difference(
+    a: Any, b: Any, where: tuple[str, ...] = ()
+) -> tuple[tuple[str, ...], Any, Any] | None:
+    """Where two trees of plain data first differ, and what they hold there.
+
+    >>> first_difference({"a": 1, "b": {"c": [1, 2]}}, {"a": 1, "b": {"c": [1, 3]}})
+    (('b', 'c', '1'), 2, 3)
+    """
+    if isinstance(a, Mapping) and isinstance(b, Mapping):
+        pairs = [(key, a.get(key), b.get(key)) for key in {**a, **b}]
+    elif isinstance(a, list) and isinstance(b, list) and len(a) == len(b):
+        pairs = [(str(i), *pair) for i, pair in enumerate(zip(a, b, strict=True))]
+    else:
+        return None if a == b else (where, a, b)
+    found = (first_difference(x, y, (*where, key)) for key, x, y in pairs)
+    return next((f for f in found if f is not None), None)
+
+
+def is_finished(config: TrainConfig, out: FilePath) -> bool:
+    """Whether the training in ``out`` came to its end."""
+    last = max((out / "checkpoints").glob("step_*.npz"), default=None)
+    if last is None or not (out / "policy.onnx").exists():
+        return False
+    digits = last.stem.removeprefix("step_")
+    return digits.isdecimal() and int(digits) >= config.steps
+
+
+def finish(out: FilePath) -> None:
+    """Remove what only resuming needs: the replay buffer is large."""
+    shutil.rmtree(out / FOLDER, ignore_errors=True)
+
+
+def clear(out: FilePath) -> None:
+    """Remove an earlier training."""
+    for name in _WRITTEN:
+        shutil.rmtree(out / name, ignore_errors=True)
+    for name in _FILES:
+        (out / name).unlink(missing_ok=True)
+    sweep(out)
+
+
+def sweep(out: FilePath) -> None:
+    """Remove half-written files of a process that was killed."""
+    for name in _FILES:
+        for file in out.glob(f".{name}.*"):
+            file.unlink(missing_ok=True)
+    for folder in ("checkpoints", FOLDER):
+        for file in (out / folder).glob(".step_*"):
+            file.unlink(missing_ok=True)

@@ -1,0 +1,319 @@
+"""Trainings that were killed go on as if they had not been."""
+
+from __future__ import annotations
+
+import csv
+import random
+import subprocess
+import sys
+import time
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+import pytest
+
+from steersman.config import components, dump, to_yaml
+from steersman.controllers.base import ControllerComponent
+from steersman.errors import ConfigError, ControllerError, DataError
+from steersman.learning import checkpoint, snapshot
+from steersman.learning.config import TrainConfig
+from steersman.learning.demonstration import Demonstrator
+from steersman.learning.snapshot import changed, rebuilt
+from steersman.learning.train import _Training, train
+from steersman.vehicles import CarlaModel3
+
+from .problems import tiny
+
+# All that can carry state from step to step: noise on waypoints and cars, a schedule in the
+# middle of its fall, an MPC with a rate limit (so that it asks for its last angle), a small
+# buffer that overflows.
+CHANGES: dict[str, Any] = {
+    "problem": {
+        "sensor": {"error_range": 0.05},
+        "demonstration": {"controller": {"kind": "mpc_pid", "rate_limit": True, "horizon": 8}},
+        "episode_time": 2.0,
+    },
+    "agent": {"buffer": 1200, "noise": {"kind": "linear", "start": 0.3, "end": 0.0}},
+    "steps": 3000,
+    "checkpoint_interval": 100,
+}
+
+
+def config(**changes: Any) -> TrainConfig:
+    return tiny(**{**CHANGES, **changes})
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+    """A training that nothing stopped."""
+    folder = tmp_path_factory.mktemp("whole")
+    train(config(), folder)
+    return folder
+
+
+class Stopped(Exception):
+    """Stands for whatever ends a process."""
+
+
+def stop_at(at: int, out: FilePath, **changes: Any) -> None:
+    """Train, and stop in the middle of the step that is validated at ``at``."""
+
+    def reporter(row: dict[str, float]) -> None:
+        if row["steps"] >= at:
+            raise Stopped
+
+    with pytest.raises(Stopped):
+        train(config(**changes), out, reporter)
+
+
+def rows(folder: FilePath) -> list[dict[str, str]]:
+    with (folder / "progress.csv").open(encoding="utf-8") as stream:
+        return [{k: v for k, v in row.items() if k != "seconds"} for row in csv.DictReader(stream)]
+
+
+def assert_same(folder: FilePath, whole: FilePath) -> None:
+    assert (folder / "policy.onnx").read_bytes() == (whole / "policy.onnx").read_bytes()
+    assert rows(folder) == rows(whole)
+    last = "checkpoints/step_000003000.npz"
+    with np.load(folder / last) as ours, np.load(whole / last) as theirs:
+        assert set(ours) == set(theirs)
+        assert all(np.array_equal(ours[name], theirs[name]) for name in ours)
+    assert not list(folder.rglob(".*"))
+    assert not (folder / "resume").exists()
+
+
+def newest(out: FilePath) -> FilePath:
+    return max((out / "resume").glob("step_*.npz"))
+
+
+# --------------------------------------------------------------------------------- exact resume
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs SIGKILL")
+def test_killed_at_any_moment(whole: FilePath, tmp_path: FilePath) -> None:
+    out = tmp_path / "out"
+    (tmp_path / "c.yaml").write_text(to_yaml(config()), encoding="utf-8")
+    moment = random.Random(time.time_ns())
+    command = [sys.executable, "-c", "from steersman.cli import main; main()", "train"]
+    command += [str(tmp_path / "c.yaml"), "--out", str(out), "--resume"]
+    for _ in range(3):
+        before = newest(out).name if list(out.glob("resume/step_*")) else ""
+        process = subprocess.Popen(
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+        )
+        while process.poll() is None:
+            files = [file.name for file in out.glob("resume/step_*")]
+            if files and max(files) > before:
+                time.sleep(moment.uniform(0.0, 0.3))
+                break
+            time.sleep(0.005)
+        process.kill()
+        _, errors = process.communicate()
+        assert "Traceback" not in errors
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert "going on after" in done.stderr or "finished" in done.stderr
+    assert_same(out, whole)
+
+
+@pytest.mark.parametrize("steps", [500, 1500, 2500])
+def test_stopped_in_the_middle_of_a_step(whole: FilePath, tmp_path: FilePath, steps: int) -> None:
+    stop_at(steps, tmp_path)
+    told: list[str] = []
+    train(config(), tmp_path, resume=True, notify=told.append)
+    # The step in which it stopped was not stored yet, so the checkpoint is of the one before.
+    assert told == [f"{tmp_path}: going on after {steps - 100} steps"]
+    assert_same(tmp_path, whole)
+
+
+@pytest.mark.parametrize("action", ["direct", "rate"])
+@pytest.mark.parametrize("demonstrator", ["pid", "mpc_pid", "none"])
+def test_every_kind_of_training(tmp_path: FilePath, action: str, demonstrator: str) -> None:
+    demonstration: dict[str, Any] = {"enabled": False}
+    if demonstrator != "none":
+        demonstration = {"controller": {"kind": demonstrator}, "store": "agent"}
+    changes: dict[str, Any] = {
+        "problem": {**CHANGES["problem"], "action": action, "demonstration": demonstration},
+        "steps": 900,
+    }
+    train(config(**changes), tmp_path / "whole")
+    stop_at(500, tmp_path / "out", **changes)
+    train(config(**changes), tmp_path / "out", resume=True)
+    assert rows(tmp_path / "out") == rows(tmp_path / "whole")
+    ours, theirs = ((tmp_path / name / "policy.onnx").read_bytes() for name in ("out", "whole"))
+    assert ours == theirs
+
+
+def test_stopped_before_the_first_validation(
+    tmp_path: FilePath, whole: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stop(_: Any) -> None:
+        raise Stopped
+
+    with monkeypatch.context() as patch:
+        patch.setattr(_Training, "_validate", stop)
+        with pytest.raises(Stopped):
+            train(config(), tmp_path)
+    with pytest.raises(DataError, match=r"holds a training already; .* --resume"):
+        train(config(), tmp_path)
+    train(config(), tmp_path, resume=True)
+    assert_same(tmp_path, whole)
+
+
+def test_an_empty_folder_begins_anew(tmp_path: FilePath, whole: FilePath) -> None:
+    train(config(), tmp_path, resume=True)
+    assert_same(tmp_path, whole)
+
+
+def test_nothing_is_done_twice(whole: FilePath) -> None:
+    before = {file: file.stat().st_mtime_ns for file in whole.rglob("*")}
+    told: list[str] = []
+    assert train(config(), whole, resume=True, notify=told.append) == whole / "policy.onnx"
+    assert told == [f"{whole}: finished already"]
+    assert {file: file.stat().st_mtime_ns for file in whole.rglob("*")} == before
+
+
+def test_tensorboard_has_each_validation_once(tmp_path: FilePath) -> None:
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    stop_at(1500, tmp_path, checkpoint_interval=700)
+    train(config(checkpoint_interval=700), tmp_path, resume=True)
+    events = EventAccumulator(str(tmp_path / "tensorboard")).Reload()
+    steps = [event.step for event in events.Scalars("train/validation_error_mm")]
+    assert steps == [500, 1000, 1500, 2000, 2500, 3000]
+
+
+def test_two_checkpoints_are_kept(tmp_path: FilePath) -> None:
+    stop_at(1000, tmp_path)
+    names = sorted(file.name for file in (tmp_path / "resume").iterdir())
+    assert names == ["step_000000800.npz", "step_000000900.npz"]
+
+
+# ------------------------------------------------------------------------------------- damage
+
+
+def damage(file: FilePath, how: str) -> None:
+    data = bytearray(file.read_bytes())
+    if how == "truncated":
+        del data[len(data) // 2 :]
+    elif how == "empty":
+        data.clear()
+    elif how == "one bit":
+        data[len(data) // 3] ^= 1
+    elif how == "header":
+        data[60:90] = b"\x00" * 30
+    file.write_bytes(data)
+
+
+@pytest.mark.parametrize("how", ["truncated", "empty", "one bit", "header"])
+def test_a_damaged_checkpoint_gives_way_to_the_one_before(
+    tmp_path: FilePath, whole: FilePath, how: str
+) -> None:
+    stop_at(1000, tmp_path)
+    file = newest(tmp_path)
+    damage(file, how)
+    told: list[str] = []
+    train(config(), tmp_path, resume=True, notify=told.append)
+    assert told[0].startswith(f"{file}: not a whole checkpoint")
+    assert told[0].endswith("going on from step_000000800.npz")
+    assert told[1] == f"{tmp_path}: going on after 800 steps"
+    assert_same(tmp_path, whole)
+
+
+def test_only_damaged_checkpoints_are_an_error(tmp_path: FilePath) -> None:
+    stop_at(1000, tmp_path)
+    for file in (tmp_path / "resume").iterdir():
+        damage(file, "truncated")
+    with pytest.raises(DataError, match=r"step_000000900.npz: not a whole .*--overwrite trains"):
+        train(config(), tmp_path, resume=True)
+
+
+def test_a_pickle_is_not_read(tmp_path: FilePath) -> None:
+    file = tmp_path / "resume" / "step_000000001.npz"
+    file.parent.mkdir()
+    np.savez(file, state=np.array([{"a": 1}], dtype=object))
+    with pytest.raises(DataError, match="allow_pickle"):
+        checkpoint.load(tmp_path)
+
+
+def test_a_checkpoint_of_another_format(tmp_path: FilePath) -> None:
+    file = tmp_path / "resume" / "step_000000001.npz"
+    file.parent.mkdir()
+    with file.open("wb") as stream:
+        snapshot.write({"format": 99}, stream)
+    with pytest.raises(DataError, match="format 99 is not known"):
+        checkpoint.load(tmp_path)
+
+
+# ------------------------------------------------------------------------------ configuration
+
+
+def test_another_configuration_is_refused(tmp_path: FilePath) -> None:
+    stop_at(1000, tmp_path)
+    before = newest(tmp_path).read_bytes()
+    with pytest.raises(ConfigError, match=r"^agent\.gamma: 0\.9 is given, but .* has 0\.95"):
+        train(config(agent={**CHANGES["agent"], "gamma": 0.9}), tmp_path, resume=True)
+    with pytest.raises(ConfigError, match=r"^steps: 4000 is given"):
+        train(config(steps=4000), tmp_path, resume=True)
+    assert newest(tmp_path).read_bytes() == before
+
+
+def test_overwrite_and_resume_contradict_each_other(tmp_path: FilePath) -> None:
+    with pytest.raises(ConfigError, match="contradict"):
+        train(config(), tmp_path, overwrite=True, resume=True)
+
+
+def test_a_configuration_of_something_else_is_named(tmp_path: FilePath) -> None:
+    (tmp_path / "config.yaml").write_text("laps: 1\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"config\.yaml: laps: unknown field"):
+        train(config(), tmp_path, resume=True)
+
+
+# ---------------------------------------------------------------------- states as plain data
+
+
+@pytest.mark.parametrize("kind", sorted(set(components("controller")) - {"policy"}))
+def test_every_controller_goes_on_from_its_plain_state(kind: str, tmp_path: FilePath) -> None:
+    controller = components("controller")[kind]()
+    assert isinstance(controller, ControllerComponent)
+    row_source = np.random.default_rng(0)
+
+    def rows(count: int) -> list[Any]:
+        out = []
+        for _ in range(count):
+            row = row_source.normal(0.0, 0.02, 7 + 2 * 25)
+            row[0] = 9.0
+            row[7::2] = 2.0 * np.arange(1, 26)
+            out.append(row)
+        return out
+
+    early, late = rows(5), rows(5)
+    first, second = (Demonstrator(controller, CarlaModel3(), 0.05) for _ in range(2))
+    first.restart(3)
+    for k, row in enumerate(early):
+        first.propose(3, row, 0.05 * k, 2.0)
+    file = tmp_path / "state.npz"
+    with file.open("wb") as stream:
+        snapshot.write(first.snapshot(), stream)
+    with file.open("rb") as stream:
+        second.restore(snapshot.read(stream))
+    for k, row in enumerate(late):
+        ours, theirs = (d.propose(3, row, 1.0 + 0.05 * k, 2.0) for d in (first, second))
+        assert ours == theirs
+
+
+def test_what_no_file_can_keep_is_named() -> None:
+    with pytest.raises(ControllerError, match="holds a new dict"):
+        changed(({},), (None,))
+
+
+def test_tuples_that_grow() -> None:
+    fresh = (1.0, None)
+    state = (1.5, (2.0, None), "text", True)
+    assert rebuilt(changed(state, fresh), fresh) == state
+
+
+def test_the_first_difference_is_found() -> None:
+    given = dump(tiny(agent={"hidden": [16, 8]}))
+    where, ours, theirs = checkpoint.first_difference(given, dump(tiny())) or ((), 0, 0)
+    assert (where, ours, theirs) == (("agent", "hidden", "1"), 8, 16)
