@@ -51,6 +51,22 @@ def test_nedc_distance() -> None:
     assert travelled(Nedc()) == pytest.approx(11013.2, abs=0.5)
 
 
+def test_a_random_start_is_a_moment_of_the_same_cycle() -> None:
+    nedc = Nedc(random_start=True)
+    times, speeds = nedc.breakpoints()
+    at = np.linspace(0.0, 1000.0, 200)
+    draws = [nedc.draw(np.random.default_rng(seed), 60.0) for seed in range(10)]
+    assert len({len(draw.times) for draw in draws}) == 1
+    assert len({float(draw.speeds[0]) for draw in draws}) > 3
+    for seed, draw in enumerate(draws):
+        begin = np.random.default_rng(seed).uniform(0.0, times[len(times) // 20])
+        assert draw.times[0] == 0.0
+        assert (np.diff(draw.times) > 0.0).all()
+        expected = np.interp(begin + at, times, speeds)
+        np.testing.assert_allclose(np.interp(at, draw.times, draw.speeds), expected, atol=1e-6)
+    assert Nedc().draw(np.random.default_rng(0), 60.0).speeds[0] == 0.0
+
+
 def test_nedc_without_standstill() -> None:
     full, short = first_cycle(Nedc()), first_cycle(Nedc(skip_standstill=True))
     assert travelled(Nedc(skip_standstill=True)) == pytest.approx(travelled(Nedc()))

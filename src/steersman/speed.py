@@ -26,6 +26,10 @@ class SpeedState(NamedTuple):
     dt: float
 
 
+# How often the driving cycle is repeated.
+_CYCLES = 20
+
+
 class SpeedComponent(Component):
     """A source of throttle and brake."""
 
@@ -119,6 +123,24 @@ class Nedc(SpeedTracking):
 
     skip_standstill: bool = param(False, "-", "Leave out the later standstill phases too.")
     scale: float = param(1.0, "-", "Factor on all speeds.", gt=0)
+    random_start: bool = param(
+        False, "-", "Each training episode begins anywhere in the cycle, at the speed there."
+    )
+
+    def draw(self, rng: np.random.Generator, seconds: float) -> Profile:
+        """The cycle from its beginning, or from a random moment of its first turn."""
+        profile = self.profile()
+        if not self.random_start:
+            return profile
+        times, speeds = profile.times, profile.speeds
+        size = len(times) // _CYCLES
+        begin = rng.uniform(0.0, times[size])
+        first = int(np.searchsorted(times, begin, side="right"))
+        kept = slice(first, first + len(times) - size - 1)  # always as many
+        return profile._replace(
+            times=np.concatenate([[0.0], times[kept] - begin]),
+            speeds=np.concatenate([[np.interp(begin, times, speeds)], speeds[kept]]),
+        )
 
     def breakpoints(self) -> tuple[FloatArray, FloatArray]:
         """The cycle's breakpoints from t = 11 s, repeated."""
@@ -128,8 +150,8 @@ class Nedc(SpeedTracking):
         if self.skip_standstill:
             times, speeds = _without_standstill(times, speeds)
         period = float(times[-1]) + 1e-3
-        all_times = np.concatenate([times + k * period for k in range(20)])
-        return all_times, np.tile(speeds, 20) * self.scale
+        all_times = np.concatenate([times + k * period for k in range(_CYCLES)])
+        return all_times, np.tile(speeds, _CYCLES) * self.scale
 
     def start_speed(self, path: Path, s: float) -> float:
         """The cycle starts from standstill [m/s]."""
