@@ -16,8 +16,8 @@ import typer
 from typer.testing import Result
 
 from steersman.bench.metrics import METRICS
-from steersman.cli import output, settings
-from steersman.config import build, components, families, read_yaml, resolve
+from steersman.cli import output, seeds, settings
+from steersman.config import build, components, families, read_yaml, resolve, to_yaml
 from steersman.episode import load_episode
 from steersman.errors import ConfigError, DataError
 from steersman.learning.config import TrainConfig
@@ -274,7 +274,7 @@ class TestTrain:
         """What was asked for; nothing is trained."""
         asked: list[TrainConfig] = []
 
-        def train(config: TrainConfig, out: FilePath, reporter: Any) -> FilePath:
+        def train(config: TrainConfig, out: FilePath, reporter: Any, **_: Any) -> FilePath:
             asked.append(config)
             row = {"reward_mean": 0.51, "validation_error_mm": 12.3, "off_track_resets": 4.0}
             reporter({"steps": 500.0, **row})
@@ -298,21 +298,22 @@ class TestTrain:
         assert trained == [TrainConfig(steps=700)]
 
     def test_interrupted(self, steersman: Steersman, monkeypatch: pytest.MonkeyPatch) -> None:
-        def train(*_: Any) -> None:
+        def train(*_: Any, **__: Any) -> None:
             raise KeyboardInterrupt
 
         monkeypatch.setattr("steersman.learning.train.train", train)
         result = steersman("train", "--out", "agent")
         assert result.exit_code == 130
         assert result.stderr == (
-            "interrupted; what was learned until the last validation is in agent\n"
+            "interrupted; what was learned until the last validation is in agent; "
+            "--resume goes on from the last checkpoint\n"
         )
 
     @pytest.mark.parametrize("module", ["torch", "stable_baselines3", "torch.utils.tensorboard"])
     def test_a_missing_extra_is_named(
         self, steersman: Steersman, monkeypatch: pytest.MonkeyPatch, module: str
     ) -> None:
-        def train(*_: Any) -> None:
+        def train(*_: Any, **__: Any) -> None:
             raise ModuleNotFoundError(f"No module named {module!r}", name=module)
 
         monkeypatch.setattr("steersman.learning.train.train", train)
@@ -326,12 +327,51 @@ class TestTrain:
     def test_our_own_missing_module_is_a_fault_of_ours(
         self, steersman: Steersman, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        def train(*_: Any) -> None:
+        def train(*_: Any, **__: Any) -> None:
             raise ModuleNotFoundError("No module named 'steersman.x'", name="steersman.x")
 
         monkeypatch.setattr("steersman.learning.train.train", train)
         with pytest.raises(ModuleNotFoundError):
             steersman("train", "--out", "agent")
+
+    def test_a_finished_training_says_so(self, steersman: Steersman, tmp_path: FilePath) -> None:
+        (tmp_path / "agent" / "checkpoints").mkdir(parents=True)
+        (tmp_path / "agent" / "checkpoints" / "step_000000700.npz").touch()
+        (tmp_path / "agent" / "policy.onnx").touch()
+        (tmp_path / "agent" / "config.yaml").write_text(to_yaml(TrainConfig(steps=700)))
+        result = steersman("train", "--out", "agent", "--resume")
+        assert (result.exit_code, result.stdout) == (0, "agent/policy.onnx\n")
+        assert result.stderr == "agent: finished already\n"
+        result = steersman("train", "steps=700", "seed=1", "--out", "agent", "--resume")
+        assert result.exit_code == 2
+        assert result.stderr.startswith("error: seed: 1 is given, but agent/config.yaml has 0;")
+
+    @pytest.mark.parametrize(
+        ("text", "expected"),
+        [("0..4", [0, 1, 2, 3, 4]), ("0,3,7", [0, 3, 7]), ("[9, 1..2]", [9, 1, 2]), ("5", [5])],
+    )
+    def test_seeds(self, text: str, expected: list[int]) -> None:
+        assert seeds.split(["demo", f"seeds={text}", "a=1"]) == (expected, ["demo", "a=1"])
+
+    @pytest.mark.parametrize(
+        ("words", "message"),
+        [
+            (["seeds="], "seeds: '' is not a list of seeds; write 0..4 or 0,3,7"),
+            (["seeds=1.5"], "seeds: '1.5' is not a list of seeds"),
+            (["seeds=-1"], "seeds: '-1' is not a list of seeds"),
+            (["seeds=3..1"], "seeds: 3..1 is not a range of seeds"),
+            (["seeds=0..99999999999"], "seeds: 0..99999999999 is not a range of seeds"),
+            (["seeds=1,0..1"], "seeds: '1,0..1' names a seed twice"),
+            (["seeds=1", "seeds=2"], "seeds: given twice: seeds=1 and seeds=2"),
+            (["seeds=1", "seed=2"], "seeds=1 and seed=2 contradict each other"),
+            (["--jobs", "2"], "--jobs: there is one training"),
+            (["--resume", "--overwrite"], "--overwrite and --resume contradict each other"),
+        ],
+    )
+    def test_wrong_seeds(self, steersman: Steersman, words: list[str], message: str) -> None:
+        result = steersman("train", *words, "--out", "new")
+        assert result.exit_code == 2
+        assert result.stderr.startswith(f"error: {message}")
 
 
 class TestSettings:

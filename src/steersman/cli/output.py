@@ -6,7 +6,7 @@ import io
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Literal, TextIO
 
@@ -149,3 +149,28 @@ def steps_bar(total: int, title: str) -> Iterator[Callable[[float, str], None]]:
     with _progress("{task.description}") as bar:
         task = bar.add_task(title, total=total)
         yield lambda done, text: bar.update(task, completed=done, description=text)
+
+
+@contextmanager
+def steps_bars(
+    total: int, titles: Sequence[str]
+) -> Iterator[Callable[[str, float, str, bool], None]]:
+    """Told (title, steps done, what there is to say, whether it is new): a bar for each title.
+
+    Elsewhere than in a terminal, a line for whatever is new.
+    """
+    if not sys.stderr.isatty():
+
+        def line(title: str, done: float, text: str, new: bool) -> None:
+            if new:
+                note(f"{title}: {done:.0f}/{total} steps: {text}")
+
+        yield line
+        return
+    with _progress("{task.description}") as bar:
+        tasks = {title: bar.add_task(title, total=total) for title in titles}
+
+        def update(title: str, done: float, text: str, _: bool) -> None:
+            bar.update(tasks[title], completed=done, description=f"{title}: {text}".rstrip(": "))
+
+        yield update

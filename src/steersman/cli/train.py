@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from steersman.cli import settings
+from steersman.cli import seeds, settings
 from steersman.cli.outcome import INTERRUPTED
 from steersman.cli.output import note, steps_bar, write
+from steersman.errors import ConfigError
 
 if TYPE_CHECKING:
     from steersman.learning.config import TrainConfig
@@ -21,6 +22,8 @@ EXAMPLES = (
     "  steersman train demo --out runs/agent\n"
     "  steersman train demo steps=100000 seed=1 agent.gamma=0.9 --out runs/agent\n"
     "  steersman train runs/agent/config.yaml seed=2 --out runs/agent2\n"
+    "  steersman train demo seeds=0..4 --out runs/five\n"
+    "  steersman train --out runs/agent --resume\n"
     "\n"
     "What can be set: steersman show train"
 )
@@ -33,6 +36,13 @@ def train(
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace an earlier training in DIR.")
     ] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on from the last checkpoint in DIR.")
+    ] = False,
+    jobs: Annotated[
+        int | None,
+        typer.Option("--jobs", min=1, help="Trainings at a time with seeds=... (cores)."),
+    ] = None,
     words: Annotated[
         list[str] | None,
         typer.Argument(
@@ -44,20 +54,37 @@ def train(
     """Train an agent and export its policy.
 
     Writes config.yaml, progress.csv, TensorBoard logs, checkpoints/, and the best policy so far
-    as policy.onnx with its card policy.json.
+    as policy.onnx with its card policy.json. seeds=0..4 (or 0,3,7) trains with each of them,
+    in processes of their own, into DIR/seed_0 and so on.
     """
-    tree = read(words or [])
+    chosen, words = seeds.split(words or [])
+    if jobs is not None and chosen is None:
+        raise ConfigError("--jobs: there is one training; it goes with seeds=0..4")
+    tree = read(words or (_resumed(out, chosen) if resume else []))
 
     from steersman.learning.train import train_config
 
     config = train_config(tree)
     folder = settings.out_folder(out)
+    if chosen is not None:
+        seeds.train_seeds(config, chosen, folder, jobs, overwrite=overwrite, resume=resume)
+        return
     try:
-        policy = train_with_bar(config, folder, overwrite=overwrite)
+        policy = train_with_bar(config, folder, overwrite=overwrite, resume=resume)
     except KeyboardInterrupt:
-        note(f"interrupted; what was learned until the last validation is in {folder}")
+        note(
+            f"interrupted; what was learned until the last validation is in {folder}; "
+            "--resume goes on from the last checkpoint"
+        )
         raise typer.Exit(INTERRUPTED) from None
     write(f"{policy}\n")
+
+
+def _resumed(out: str, chosen: list[int] | None) -> list[str]:
+    """The words that name the configuration of the training in ``out``, if there is one."""
+    folder = FilePath(out) if chosen is None else FilePath(out) / f"seed_{chosen[0]}"
+    file = folder / "config.yaml"
+    return [str(file)] if file.is_file() else []
 
 
 def read(words: list[str]) -> dict[str, Any]:
@@ -82,7 +109,9 @@ def _is_file(name: str) -> bool:
     return file.suffix in {".yaml", ".yml"} or file.name != name or file.exists()
 
 
-def train_with_bar(config: TrainConfig, folder: FilePath, *, overwrite: bool) -> FilePath:
+def train_with_bar(
+    config: TrainConfig, folder: FilePath, *, overwrite: bool, resume: bool = False
+) -> FilePath:
     """Train, and show reward, tracking error, off-track resets and the time left on stderr."""
     from steersman.learning.train import train as run
 
@@ -91,18 +120,19 @@ def train_with_bar(config: TrainConfig, folder: FilePath, *, overwrite: bool) ->
 
         def tell(row: dict[str, float]) -> None:
             nonlocal text
-            text = _progress_text(row)
+            text = seeds.progress_text(row)
             update(row["steps"], text)
 
         def tick(steps: int) -> None:
             update(steps, text)
 
         in_terminal = sys.stderr.isatty()
-        return run(config, folder, tell, tick=tick if in_terminal else None, overwrite=overwrite)
-
-
-def _progress_text(row: dict[str, float]) -> str:
-    return (
-        f"reward {row['reward_mean']:.3g}, error {row['validation_error_mm']:.3g} mm, "
-        f"off track {row['off_track_resets']:.0f}"
-    )
+        return run(
+            config,
+            folder,
+            tell,
+            tick=tick if in_terminal else None,
+            notify=note,
+            overwrite=overwrite,
+            resume=resume,
+        )

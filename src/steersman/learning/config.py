@@ -63,7 +63,5 @@ class TrainConfig(Settings):
     validation: ValidationConfig = param(ValidationConfig(), "-", "Validation.")
     steps: int = param(200_000, "steps", "Environment steps of all vehicles together.", gt=0)
     seed: int = param(0, "-", "Seed of everything random.", ge=0)
-    checkpoint_interval: int = param(
-        200_000, "steps", "Environment steps between checkpoints.", gt=0
-    )
+    checkpoint_interval: int = param(50_000, "steps", "Steps between checkpoints.", gt=0)
     threads: int = param(1, "-", "Threads of the linear algebra; more may change last bits.", ge=1)

@@ -1,0 +1,138 @@
+"""``steersman train ... seeds=0..4``: the same training with several seeds, over the cores."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
+
+import typer
+
+from steersman.cli.outcome import INTERRUPTED, USER_ERROR, fail
+from steersman.cli.output import note, show, steps_bars, table, write
+from steersman.errors import ConfigError
+
+if TYPE_CHECKING:
+    from steersman.learning.config import TrainConfig
+    from steersman.learning.parallel import Event, Job
+
+_MOST = 10_000
+
+
+def split(words: Sequence[str]) -> tuple[list[int] | None, list[str]]:
+    """The seeds that ``seeds=...`` names, None without it, and all other words.
+
+    >>> split(["demo", "seeds=0..2,7", "steps=1e4"])
+    ([0, 1, 2, 7], ['demo', 'steps=1e4'])
+
+    Raises:
+        ConfigError: they cannot be read, or come twice.
+    """
+    given = [word for word in words if word.partition("=")[0].strip() == "seeds"]
+    others = [word for word in words if word not in given]
+    if not given:
+        return None, others
+    if len(given) > 1:
+        raise ConfigError(f"given twice: {given[0]} and {given[1]}", ("seeds",))
+    rivals = [word for word in others if word.partition("=")[0].strip() == "seed"]
+    if rivals:
+        raise ConfigError(f"{given[0]} and {rivals[0]} contradict each other; give one of them")
+    return _parse(given[0].partition("=")[2]), others
+
+
+def _parse(text: str) -> list[int]:
+    seeds: list[int] = []
+    for part in text.strip().strip("[]").split(","):
+        first, dots, last = (piece.strip() for piece in part.partition(".."))
+        ends = (first, last) if dots else (first, first)
+        if not all(end.isascii() and end.isdecimal() for end in ends):
+            raise ConfigError(f"{text!r} is not a list of seeds; write 0..4 or 0,3,7", ("seeds",))
+        low, high = int(ends[0]), int(ends[1])
+        if not low <= high < low + _MOST:
+            raise ConfigError(f"{part.strip()} is not a range of seeds", ("seeds",))
+        seeds += range(low, high + 1)
+    if len(set(seeds)) < len(seeds):
+        raise ConfigError(f"{text!r} names a seed twice", ("seeds",))
+    return seeds
+
+
+def train_seeds(
+    config: TrainConfig,
+    seeds: Sequence[int],
+    folder: FilePath,
+    jobs: int | None,
+    *,
+    overwrite: bool,
+    resume: bool,
+) -> None:
+    """Train with each seed into ``seed_N`` of the folder, and say how each of them did.
+
+    Raises:
+        typer.Exit: one of them failed, or Ctrl-C.
+    """
+    from steersman.learning.parallel import Job, cores, train_all
+
+    tasks = [
+        Job(f"seed {s}", config.model_copy(update={"seed": s}), folder / f"seed_{s}") for s in seeds
+    ]
+    at_once = cores() if jobs is None else jobs
+    try:
+        with steps_bars(config.steps, [job.name for job in tasks]) as update:
+            texts = dict.fromkeys((job.name for job in tasks), "")
+
+            def tell(event: Event) -> None:
+                name = event.job.name
+                if event.note is not None:
+                    note(event.note)
+                if event.row is not None:
+                    texts[name] = progress_text(event.row)
+                if event.steps is not None:
+                    update(name, event.steps, texts[name], event.row is not None)
+
+            failed = train_all(tasks, at_once, tell, overwrite=overwrite, resume=resume)
+    except KeyboardInterrupt:
+        note(f"interrupted; --resume goes on from the last checkpoints in {folder}")
+        raise typer.Exit(INTERRUPTED) from None
+    _summary(tasks, failed)
+    for name, fault in failed.items():
+        fail(f"{name}: {fault}")
+    if failed:
+        raise typer.Exit(USER_ERROR)
+
+
+def progress_text(row: dict[str, float]) -> str:
+    """A row of ``progress.csv`` in a few words."""
+    return (
+        f"reward {row['reward_mean']:.3g}, error {row['validation_error_mm']:.3g} mm, "
+        f"off track {row['off_track_resets']:.0f}"
+    )
+
+
+def _summary(tasks: Sequence[Job], failed: dict[str, str]) -> None:
+    """Validation error of each seed's best policy, the best of all marked."""
+    out = table("seed", "error [mm]", "failures", "steps", "", right=("error [mm]", "failures"))
+    scores = {job.name: _score(job.out) for job in tasks if job.name not in failed}
+    best = min(scores, key=lambda name: scores[name]["total"], default=None)
+    for job in tasks:
+        score = scores.get(job.name)
+        if score is None:
+            out.add_row(str(job.config.seed), "-", "-", "-", "failed")
+            continue
+        out.add_row(
+            str(job.config.seed),
+            f"{1e3 * score['mean_error']:.4g}",
+            f"{score['failures']:.0f}",
+            f"{score['steps']:.0f}",
+            "best" if job.name == best else "",
+        )
+    show(out)
+    if best is not None:
+        chosen = next(job for job in tasks if job.name == best)
+        write(f"best policy: {chosen.out / 'policy.onnx'}\n")
+
+
+def _score(folder: FilePath) -> dict[str, float]:
+    """What the card of a training's policy says about its validation."""
+    training = json.loads((folder / "policy.json").read_text(encoding="utf-8"))["training"]
+    return {**training["validation"], "steps": training["steps"]}
