@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path as FilePath
 from typing import Any
@@ -74,8 +75,6 @@ def train(
         TrainingDiverged: losses or values are no longer finite or plausible, or the action
             sticks to its limit.
     """
-    import threadpoolctl
-
     say = notify if notify is not None else _silent
     checkpoint.check_folder(config, out, overwrite=overwrite, resume=resume)
     saved = None
@@ -88,11 +87,31 @@ def train(
         checkpoint.clear(make_folder(out))
         write_text(out / "config.yaml", to_yaml(config))
     checkpoint.sweep(out)
-    with threadpoolctl.threadpool_limits(config.threads):
+    with _arithmetic(config.threads):
         done = None if saved is None else int(saved["agent"]["counters"]["num_timesteps"])
         if done is not None:
             say(f"{out}: going on after {done} steps")
         return _Training(config, out, reporter, tick, done).run(saved)
+
+
+@contextmanager
+def _arithmetic(threads: int) -> Iterator[None]:
+    """As many threads as asked for, and denormals flushed to zero; as before afterwards.
+
+    Denormals make the networks many times slower on some processors.
+    """
+    import threadpoolctl
+    import torch
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(threads)
+    torch.set_flush_denormal(True)
+    try:
+        with threadpoolctl.threadpool_limits(threads):
+            yield
+    finally:
+        torch.set_flush_denormal(False)
+        torch.set_num_threads(before)
 
 
 def _silent(_: str) -> None:
@@ -110,14 +129,10 @@ class _Training:
         tick: Callable[[int], None] | None,
         resumed_at: int | None = None,
     ) -> None:
-        import torch
-
         from steersman.learning.agent import make_agent
         from steersman.learning.validate import Validator
         from steersman.learning.vec_env import PathFollowingVecEnv
 
-        torch.set_num_threads(config.threads)
-        torch.set_flush_denormal(True)
         self.config, self.out, self.reporter, self.tick = config, out, reporter, tick
         self.next_tick = 0.0
         self.env = PathFollowingVecEnv(config.problem, config.agent.vehicles)
