@@ -26,7 +26,7 @@ from steersman.rollout import RunConfig
 from steersman.types import Decision
 
 Steersman = Callable[..., Result]
-COMMANDS = ("list", "show", "drive", "train", "demo", "tune", "report")
+COMMANDS = ("list", "show", "drive", "train", "demo", "tune", "reproduce", "report")
 # Figures that differ from run to run.
 TIMES = [name for name in METRICS if name.startswith("control_time")]
 
@@ -407,9 +407,12 @@ class TestOutput:
             progress(0.5)
         with output.steps_bar(10, "training") as update:
             update(5, "reward [m] 0.5")
+        with output.steps_bars(10, ["seed 0", "seed 1"]) as update_one:
+            update_one("seed 1", 5, "reward 0.7", False)
         printed = capsys.readouterr()
         assert "driving" in printed.err
         assert "reward [m] 0.5" in printed.err
+        assert "seed 1: reward 0.7" in printed.err
         assert printed.out == ""
 
     def test_a_closed_pipe_ends_quietly(self, monkeypatch: pytest.MonkeyPatch) -> None:

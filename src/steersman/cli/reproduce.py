@@ -1,0 +1,93 @@
+"""``steersman reproduce``: the paper's trainings, tables and figures, measured anew."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Callable
+from typing import Annotated, Any
+
+import typer
+
+from steersman.cli import settings
+from steersman.cli.outcome import INTERRUPTED
+from steersman.cli.output import note, steps_bar, write
+
+EXAMPLES = (
+    "\b\n"
+    "Examples:\n"
+    "  steersman reproduce --out runs/paper\n"
+    "  steersman reproduce --quick --out runs/quick\n"
+    "\n"
+    "The same command goes on where an interrupted one stopped."
+)
+_SHARES = 1000
+
+
+def reproduce(
+    out: Annotated[
+        str, typer.Option("--out", metavar="DIR", help="Folder for trainings and results.")
+    ],
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Smoke run: every stage, nearly nothing in it.")
+    ] = False,
+    other_version: Annotated[
+        bool,
+        typer.Option(
+            "--other-version",
+            help="Go on although another version began; results.json names all of them.",
+        ),
+    ] = False,
+) -> None:
+    """Run the paper's experiments on the embedded simulator, and put its figures beside them.
+
+    Trains two agents at a time, drives all tests, and writes results.json. What is finished is
+    not done again.
+    """
+    from steersman.studies import reproduce as study
+
+    folder = settings.out_folder(out)
+    plan = study.quick() if quick else study.full()
+    work = study.estimate(plan)
+    note(
+        f"{work.trainings} trainings of {work.updates} updates and their tests: about "
+        f"{max(work.minutes, 1.0):.0f} minutes on 2 cores, if nothing is done yet"
+    )
+    try:
+        _run(plan, folder, other_version=other_version)
+    except KeyboardInterrupt:
+        note(f"interrupted; the same command goes on from {folder}")
+        raise typer.Exit(INTERRUPTED) from None
+    write(f"results: {folder / 'results.json'}\n")
+
+
+def _run(plan: Any, folder: Any, *, other_version: bool) -> dict[str, Any]:
+    from steersman.studies import reproduce as study
+
+    if not sys.stderr.isatty():
+        return study.reproduce(plan, folder, _lines(), note, other_version=other_version)
+    with steps_bar(_SHARES, "trainings") as update:
+
+        def progress(done: int, of: int, share: float, text: str) -> None:
+            update(_SHARES * share, f"{done}/{of} trainings; {text}")
+
+        return study.reproduce(plan, folder, progress, note, other_version=other_version)
+
+
+def _lines() -> Callable[[int, int, float, str], None]:
+    """Tells progress in a log: a line for every percent, with the time left."""
+    begun, first, last = time.monotonic(), -1.0, -1.0
+
+    def progress(done: int, of: int, share: float, text: str) -> None:
+        nonlocal first, last
+        first = share if first < 0.0 else first
+        if share < last + 0.01 and share < 1.0:
+            return
+        last = share
+        spent = time.monotonic() - begun
+        left = spent * (1.0 - share) / (share - first) / 60.0 if share > first else math.nan
+        rest = f", {left:.0f} min left" if math.isfinite(left) else ""
+        note(f"{100 * share:.0f} % ({done}/{of} trainings{rest}); {text}")
+
+    return progress

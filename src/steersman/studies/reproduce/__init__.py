@@ -1,0 +1,6 @@
+"""Every training, table and figure of the paper on the embedded simulator; docs/reproduce.md."""
+
+from steersman.studies.reproduce.plan import Plan, full, quick
+from steersman.studies.reproduce.study import estimate, reproduce
+
+__all__ = ["Plan", "estimate", "full", "quick", "reproduce"]

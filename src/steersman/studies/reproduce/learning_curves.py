@@ -1,0 +1,163 @@
+"""Learning curves over seeds, coefficients, and what the demonstration saves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from steersman.bench import statistics as st
+from steersman.studies.reproduce.plan import METHODS, STEPS, THRESHOLDS, Plan
+from steersman.types import FloatArray
+
+ALONE = "ddpg"
+SHOWN = (
+    "validation_error_mm",
+    "off_track_resets",
+    "actor_loss",
+    "critic_loss",
+    "c_track",
+    "c_diff",
+    "seconds",
+)
+# What a run may spend on the way to a threshold, and the unit.
+COSTS = {"steps": "steps", "seconds": "s", "off_track_resets": "resets"}
+
+
+class Curves:
+    """The records of one method's seeds."""
+
+    def __init__(self, records: Sequence[Mapping[str, Any]]) -> None:
+        """Keep the columns; empty cells are NaN."""
+        self.diverged = sum(bool(r["diverged"]) for r in records)
+        self.runs = [{k: _floats(v) for k, v in r["curve"].items()} for r in records]
+        self.runs = [run for run in self.runs if run["steps"].size]
+
+    def spread(self, name: str) -> dict[str, list[float]]:
+        """Median and quartiles over the seeds that have a value, at every validation."""
+        rows = max((run["steps"].size for run in self.runs), default=0)
+        out: dict[str, list[float]] = {"steps": [], "low": [], "median": [], "high": [], "n": []}
+        for k in range(rows):
+            having = [run for run in self.runs if k < run["steps"].size]
+            values = [run[name][k] for run in having if math.isfinite(run[name][k])]
+            if values:
+                low, middle, high = st.quartiles(values)
+                entries = (having[0]["steps"][k], low, middle, high, float(len(values)))
+                for key, value in zip(out, entries, strict=True):
+                    out[key].append(float(value))
+        return out
+
+    def to_reach(self, threshold_mm: float, cost: str) -> list[float]:
+        """What each seed spent until its validation error was that small; infinite: never."""
+        return [
+            st.first_reach(run[cost].tolist(), run["validation_error_mm"].tolist(), threshold_mm)
+            for run in self.runs
+        ]
+
+    def last(self, name: str) -> list[float]:
+        """The final value of each seed."""
+        return [float(run[name][-1]) for run in self.runs]
+
+    def best(self) -> list[float]:
+        """The smallest validation error of each seed: that of the exported policy [mm]."""
+        return [float(np.nanmin(run["validation_error_mm"])) for run in self.runs]
+
+    def over_training(self) -> list[float]:
+        """The validation error of each seed, averaged over its training [mm]."""
+        return [float(np.nanmean(run["validation_error_mm"])) for run in self.runs]
+
+
+def _floats(values: Sequence[float | None]) -> FloatArray:
+    return np.array([math.nan if v is None else v for v in values], dtype=np.float64)
+
+
+def learning_curves(plan: Plan, trained: Mapping[str, Any]) -> dict[str, Any]:
+    """All that is said about learning, from the records of the trainings."""
+    grouped: dict[str, list[Mapping[str, Any]]] = {name: [] for name in plan.methods}
+    for training in plan.trainings():
+        grouped[training.method].append(trained[training.name])
+    curves = {name: Curves(records) for name, records in grouped.items()}
+    return {
+        "steps": _horizon(plan, curves, "steps"),
+        "methods": {name: _method(name, c, plan) for name, c in curves.items()},
+        "savings": _savings(plan, curves),
+    }
+
+
+def _horizon(plan: Plan, curves: Mapping[str, Curves], cost: str) -> float:
+    """What the longest run of the compared methods spent in all."""
+    values = [v for name, c in curves.items() if not METHODS[name].ablation for v in c.last(cost)]
+    return max(values, default=float(STEPS))
+
+
+def _method(name: str, curves: Curves, plan: Plan) -> dict[str, Any]:
+    best, last = curves.best(), curves.last("validation_error_mm")
+
+    def interval(values: Sequence[float]) -> dict[str, float]:
+        return st.bootstrap(st.iqm, values, repetitions=plan.repetitions)._asdict()
+
+    low, middle, high = st.quartiles(best)
+    return {
+        "label": METHODS[name].label,
+        "reward": METHODS[name].reward,
+        "ablation": METHODS[name].ablation,
+        "seeds": len(curves.runs),
+        "diverged": curves.diverged,
+        "best_mm": best,
+        "best_iqm": interval(best),
+        "best_quartiles": [low, middle, high],
+        "last_mm": last,
+        "last_iqm": interval(last),
+        "mean_over_training_iqm": interval(curves.over_training()),
+        "resets": curves.last("off_track_resets"),
+        "seconds": curves.last("seconds"),
+        "curves": {column: curves.spread(column) for column in SHOWN},
+        "reach": [
+            {
+                "threshold_m": threshold,
+                **{cost: curves.to_reach(1e3 * threshold, cost) for cost in COSTS},
+            }
+            for threshold in THRESHOLDS
+        ],
+    }
+
+
+def _savings(plan: Plan, curves: Mapping[str, Curves]) -> list[dict[str, Any]]:
+    """What each demonstrated method saves against DDPG alone, for each threshold and cost.
+
+    A run that never gets there (censored) is charged all that the longest run spent, so a saving
+    is a saving up to that horizon; how many got there stands beside it.
+    """
+    if ALONE not in curves or not curves[ALONE].runs:
+        return []
+    out = []
+    for threshold in THRESHOLDS:
+        for name, c in curves.items():
+            if name == ALONE or METHODS[name].ablation or not c.runs:
+                continue
+            row: dict[str, Any] = {"threshold_m": threshold, "method": name}
+            for cost in COSTS:
+                alone = curves[ALONE].to_reach(1e3 * threshold, cost)
+                helped = c.to_reach(1e3 * threshold, cost)
+                row["alone_reached"] = int(np.isfinite(alone).sum())
+                row["reached"] = int(np.isfinite(helped).sum())
+                row["seeds"] = [len(alone), len(helped)]
+                limit = _horizon(plan, curves, cost)
+                row[cost] = {
+                    "alone_median": st.quartiles(alone)[1],
+                    "median": st.quartiles(helped)[1],
+                    "horizon": limit,
+                    "saving": _saving(alone, helped, limit, plan),
+                }
+            out.append(row)
+    return out
+
+
+def _saving(alone: Sequence[float], helped: Sequence[float], limit: float, plan: Plan) -> Any:
+    if not (np.isfinite(alone).any() or np.isfinite(helped).any()):
+        return None  # nobody got there: nothing to compare
+    return st.bootstrap(
+        lambda a, b: st.saving(a, b, limit), alone, helped, repetitions=plan.repetitions
+    )._asdict()

@@ -1,0 +1,199 @@
+"""What is trained and what is driven, as data."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from steersman.config import dump, override
+from steersman.learning.config import TrainConfig
+from steersman.learning.train import load_preset, train_config
+
+# Counts up when stages measure something else: results of different formats are not mixed.
+FORMAT = 1
+UPDATES = 25_000
+VEHICLES, PER_STEP = 8, 2
+STEPS = UPDATES * VEHICLES // PER_STEP
+# The paper's thresholds of mean error [m] in the question how much the demonstration saves, and
+# two coarser ones.
+THRESHOLDS = (0.5, 0.2, 0.1, 0.05, 0.01)
+
+# What differs from the preset "paper" in every training, and why.
+DEPARTURES: tuple[tuple[str, str], ...] = (
+    (f"steps={STEPS}", f"{UPDATES} updates a training, so that all fit into the time"),
+    (f"agent.vehicles={VEHICLES}", "several vehicles collect at the same time"),
+    (f"agent.updates={PER_STEP}", "one update for four environment steps"),
+    ("agent.learning_starts=1000", "125 random steps of each vehicle, not 100 of one"),
+    (f"agent.buffer={STEPS}", "holds every step, as the preset's does"),
+    (
+        "problem.speeds=[{kind: nedc, random_start: true, skip_standstill: true, a_lat_max: 12}]",
+        "a short training would else see little but the cycle's slow beginning; and no car drives "
+        "corners of 15 m at 120 km/h",
+    ),
+    ("problem.start=anywhere", "as episodes begin anywhere in the cycle"),
+    ("problem.episode_time=60", "s; then a new place and speed"),
+    ("validation={vehicles: 16, interval: 2000}", "finer curves; 8 random roads never trained on"),
+    ("checkpoint_interval=20000", "what an interruption may cost"),
+)
+
+_NONE = ("problem.task.demonstration=none",)
+_FIXED = ("problem.task.demonstration=fixed",)
+_ALONE = ("problem.demonstration.p_action={kind: constant, at: 0}",)
+FULL_METHOD = "adaptive"
+
+
+class Method(NamedTuple):
+    """A way to train: its name in tables, and what it sets over the base."""
+
+    label: str
+    words: tuple[str, ...]
+    reward: str
+    """Methods of the same reward may be compared by their losses."""
+    ablation: bool = False
+    """Compared with the full method, with fewer seeds."""
+
+
+METHODS: dict[str, Method] = {
+    "ddpg": Method("DDPG alone", (*_NONE, "problem.demonstration.enabled=false"), "track"),
+    "reward": Method("+ demonstration reward", (*_FIXED, *_ALONE), "fixed"),
+    "action": Method("+ extra action", _NONE, "track"),
+    "both": Method("+ both", _FIXED, "fixed"),
+    "adaptive": Method("+ both, adaptive", (), "adaptive"),
+    "direct": Method("+ both, adaptive, direct action", ("problem.action=direct",), "direct"),
+    "sideslip": Method("Phi as side-slip", ("problem.task.phi=sideslip",), "sideslip", True),
+    "store_agent": Method(
+        "own action in the buffer", ("problem.demonstration.store=agent",), "adaptive", True
+    ),
+    "constant_rate": Method(
+        "constant learning rate",
+        ("agent.learning_rate={kind: constant, at: 1e-3}",),
+        "adaptive",
+        True,
+    ),
+    "precise": Method(
+        "reward with a finite slope at zero error",
+        ("problem.task={kind: precise, demonstration: adaptive}",),
+        "precise",
+        True,
+    ),
+    "normalised": Method(
+        "normalised coefficients", ("problem.task.normalise=true",), "normalised", True
+    ),
+    "scheduled": Method(
+        "demonstrator with a model for each speed",
+        ("problem.demonstration.controller={kind: mpc_pid, horizon: 20, scheduled: true}",),
+        "adaptive",
+        True,
+    ),
+}
+# Settings of the smoke run, over the departures.
+_TINY = (
+    "steps=600",
+    "agent.hidden=[16, 16]",
+    "agent.batch=32",
+    "agent.learning_starts=100",
+    "problem.episode_time=3",
+    "validation={vehicles: 2, interval: 200}",
+)
+
+
+class Training(NamedTuple):
+    """One training of the plan."""
+
+    method: str
+    seed: int
+    config: TrainConfig
+
+    @property
+    def name(self) -> str:
+        """Its folder below ``runs``."""
+        return f"{self.method}/seed_{self.seed}"
+
+
+class Plan(NamedTuple):
+    """All that decides what a reproduction measures."""
+
+    methods: tuple[str, ...]
+    seeds: int
+    ablation_seeds: int
+    words: tuple[str, ...]
+    """Settings over the preset, of every training."""
+    circle_seconds: float
+    monza_seconds: float | None
+    """None: a whole lap."""
+    error_ranges: tuple[float, ...]
+    """Waypoint errors [m]."""
+    away_speeds: tuple[float, ...]
+    """[m/s]"""
+    away_tracks: tuple[str, ...]
+    away_seconds: float | None
+    """None: a whole lap."""
+    horizons: tuple[int, ...]
+    timed_steps: int
+    """Control steps timed of each controller that drives no lap."""
+    solves: int
+    """Solves of the MPC as users usually write it."""
+    repetitions: int
+    """Of the bootstrap."""
+
+    def trainings(self) -> Iterator[Training]:
+        """Every training; one seed of all methods first, so that an early look shows them all."""
+        base = override(load_preset("paper"), self.words)
+        for seed in range(max(self.seeds, self.ablation_seeds)):
+            for name in self.methods:
+                method = METHODS[name]
+                if seed < (self.ablation_seeds if method.ablation else self.seeds):
+                    tree = override(base, [*method.words, f"seed={seed}"])
+                    yield Training(name, seed, train_config(tree))
+
+    def data(self) -> dict[str, Any]:
+        """The plan as plain data, every configuration resolved."""
+        configs = {t.name: dump(t.config) for t in self.trainings()}
+        return {"format": FORMAT, **self._asdict(), "trainings": configs}
+
+    def digest(self) -> str:
+        """SHA-256 of the plan."""
+        text = json.dumps(self.data(), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+def full() -> Plan:
+    """The whole study."""
+    return Plan(
+        methods=tuple(METHODS),
+        seeds=5,
+        ablation_seeds=3,
+        words=tuple(word for word, _ in DEPARTURES),
+        circle_seconds=60.0,
+        monza_seconds=None,
+        error_ranges=(0.0, 0.1, 0.2, 0.3, 0.4, 0.5),
+        away_speeds=(6.0, 30.0 / 3.6, 12.0, 16.0, 20.0),
+        away_tracks=("training_circuit", "circle", "monza"),
+        away_seconds=None,
+        horizons=(10, 20, 40),
+        timed_steps=3000,
+        solves=300,
+        repetitions=2000,
+    )
+
+
+def quick() -> Plan:
+    """A smoke run: every stage, nearly nothing in it."""
+    return full()._replace(
+        methods=("ddpg", "both", "adaptive"),
+        seeds=1,
+        ablation_seeds=1,
+        words=(*(word for word, _ in DEPARTURES), *_TINY),
+        circle_seconds=2.0,
+        monza_seconds=4.0,
+        error_ranges=(0.0, 0.2),
+        away_speeds=(30.0 / 3.6, 16.0),
+        away_tracks=("training_circuit",),
+        away_seconds=3.0,
+        horizons=(10, 20),
+        timed_steps=50,
+        solves=3,
+        repetitions=50,
+    )

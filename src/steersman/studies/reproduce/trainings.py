@@ -1,0 +1,96 @@
+"""All trainings of the plan, two at a time, each in a process of its own; what became of them."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path as FilePath
+from typing import Any
+
+from steersman.errors import SteersmanError
+from steersman.learning.checkpoint import is_finished
+from steersman.learning.parallel import Event, Job, train_all
+from steersman.studies.reproduce.plan import Plan
+from steersman.studies.reproduce.stages import Folder
+
+AT_ONCE = 2
+# Every message about a training that diverged ends with this advice: that is a result, not a
+# fault of the study.
+DIVERGED = "agent.learning_rate"
+# Told: trainings done, trainings in all, share of all steps done, what happened.
+Progress = Callable[[int, int, float, str], None]
+_KEPT = (
+    "steps",
+    "seconds",
+    "validation_error_mm",
+    "validation_failures",
+    "off_track_resets",
+    "steer_activity",
+    "actor_loss",
+    "critic_loss",
+    "c_track",
+    "c_diff",
+    "demo_share",
+)
+
+
+def jobs(plan: Plan, folder: Folder) -> list[Job]:
+    """A job for each training."""
+    return [Job(t.name, t.config, folder.runs / t.name) for t in plan.trainings()]
+
+
+def run_trainings(plan: Plan, folder: Folder, progress: Progress) -> dict[str, Any]:
+    """Train what is not trained yet; how each training ended, by name.
+
+    Raises:
+        SteersmanError: a training failed for another reason than that it diverged.
+    """
+    every = jobs(plan, folder)
+    todo = [job for job in every if not is_finished(job.config, job.out)]
+    steps = {job.name: 0.0 if job in todo else float(job.config.steps) for job in every}
+    total = sum(float(job.config.steps) for job in every)
+
+    def tell(event: Event) -> None:
+        if event.steps is not None:
+            steps[event.job.name] = event.steps
+        done = sum(steps[job.name] >= job.config.steps for job in every)
+        if event.row is not None:
+            error = event.row["validation_error_mm"]
+            text = f"{event.job.name}: {event.steps:.0f} steps, error {error:.3g} mm"
+            progress(done, len(every), sum(steps.values()) / total, text)
+
+    failed = train_all(todo, AT_ONCE, tell, resume=True)
+    faults = {name: text for name, text in failed.items() if DIVERGED not in text}
+    if faults:
+        name, text = next(iter(faults.items()))
+        raise SteersmanError(f"training {name}: {text}; the same command goes on")
+    return {job.name: {"diverged": failed.get(job.name), **_seen(job.out)} for job in every}
+
+
+def _seen(out: FilePath) -> dict[str, Any]:
+    """The record of one training, as columns."""
+    file = out / "progress.csv"
+    rows: list[dict[str, str]] = []
+    if file.exists():
+        with file.open(encoding="utf-8", newline="") as stream:
+            rows = list(csv.DictReader(stream))
+    return {
+        "policy": (out / "policy.onnx").exists(),
+        "curve": {name: [_number(row[name]) for row in rows] for name in _KEPT},
+    }
+
+
+def _number(text: str) -> float | None:
+    value = float(text)
+    return value if math.isfinite(value) else None
+
+
+def policies(plan: Plan, folder: Folder, methods: Sequence[str]) -> dict[str, dict[int, FilePath]]:
+    """The exported policies of some methods, by seed; what was never exported is left out."""
+    out: dict[str, dict[int, FilePath]] = {name: {} for name in methods if name in plan.methods}
+    for training in plan.trainings():
+        file = folder.runs / training.name / "policy.onnx"
+        if training.method in out and file.exists():
+            out[training.method][training.seed] = file
+    return out

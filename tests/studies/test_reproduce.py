@@ -1,0 +1,360 @@
+"""The reproduction: its plan, its stages, and a smoke run from end to end."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import math
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.loops import drive
+
+from steersman.config import build, dump, resolve
+from steersman.errors import DataError, SteersmanError
+from steersman.learning import alarm
+from steersman.learning.parallel import Job
+from steersman.learning.train import load_preset, train_config
+from steersman.paths.base import PathComponent
+from steersman.rollout import RunConfig
+from steersman.studies import reproduce as study
+from steersman.studies.reproduce import circle, drives, networks, timing, trainings, usual_mpc
+from steersman.studies.reproduce.learning_curves import learning_curves
+from steersman.studies.reproduce.monza import per_corner
+from steersman.studies.reproduce.plan import DEPARTURES, METHODS, THRESHOLDS, Plan
+from steersman.studies.reproduce.stages import Folder, open_folder, plain
+
+
+def silent(*_: Any) -> None:
+    pass
+
+
+# ------------------------------------------------------------------------------------ plan
+
+
+def test_the_preset_is_the_published_method() -> None:
+    config = train_config(load_preset("paper"))
+    problem, agent = config.problem, config.agent
+    assert (problem.action, problem.rate_limit, problem.corridor) == ("rate", 1.5708, 1.5)
+    assert problem.task.kind == "paper"
+    assert problem.encoding.kind == "waypoints"
+    assert (agent.hidden, agent.gamma, agent.tau) == ((400, 300), 0.99, 0.005)
+    assert (agent.batch, agent.buffer, agent.learning_starts) == (256, 1_000_000, 100)
+    assert (config.steps, agent.vehicles, agent.updates) == (200_000, 1, 1)
+    assert agent.learning_rate.kind == "cyclical"
+    assert agent.learning_rate.value(0.75 * 2e5, 2e5) < agent.learning_rate.value(0.0, 2e5)
+
+
+def test_the_full_plan_has_every_method_with_its_seeds() -> None:
+    plan = study.full()
+    names = [t.name for t in plan.trainings()]
+    assert len(names) == len(set(names)) == 6 * 5 + 6 * 3
+    assert {t.config.seed for t in plan.trainings()} == set(range(5))
+    first = list(plan.trainings())[: len(METHODS)]
+    assert [t.method for t in first] == list(METHODS)
+    for t in plan.trainings():
+        updates = t.config.steps * t.config.agent.updates / t.config.agent.vehicles
+        assert updates <= 40_000
+    assert 60.0 < study.estimate(plan).minutes < 180.0
+
+
+def test_methods_differ_in_what_their_names_say() -> None:
+    configs = {t.method: t.config.problem for t in study.full().trainings()}
+    tasks = {name: problem.task.demonstration for name, problem in configs.items()}
+    assert tasks["ddpg"] == tasks["action"] == "none"
+    assert tasks["reward"] == tasks["both"] == "fixed"
+    assert tasks["adaptive"] == tasks["direct"] == tasks["precise"] == "adaptive"
+    shares = {n: p.demonstration.p_action.value(0.0, 1.0) for n, p in configs.items()}
+    assert shares["reward"] == 0.0
+    assert {shares[n] for n in ("action", "both", "adaptive", "direct")} == {0.2}
+    assert not configs["ddpg"].demonstration.enabled
+    assert configs["direct"].action == "direct"
+    rates = {t.method: t.config.agent.learning_rate.kind for t in study.full().trainings()}
+    assert {name for name, kind in rates.items() if kind != "cyclical"} == {"constant_rate"}
+    for name in METHODS:
+        expected = {"scheduled"} if name == "scheduled" else set()
+        assert bool(expected) == configs[name].demonstration.controller.scheduled
+
+
+def test_methods_of_the_same_reward_have_the_same_task() -> None:
+    tasks: dict[str, set[str]] = {}
+    for t in study.full().trainings():
+        tasks.setdefault(METHODS[t.method].reward, set()).add(
+            json.dumps([dump(t.config.problem.task), t.config.problem.action])
+        )
+    assert {len(found) for found in tasks.values()} == {1}
+
+
+def test_every_departure_has_its_reason() -> None:
+    assert all("=" in setting and why for setting, why in DEPARTURES)
+
+
+def test_plans_differ_by_their_digest() -> None:
+    plan = study.quick()
+    assert plan.digest() == study.quick().digest()
+    assert plan.digest() != study.full().digest()
+    assert plan.digest() != plan._replace(words=(*plan.words, "agent.gamma=0.9")).digest()
+
+
+# ---------------------------------------------------------------------------------- stages
+
+
+def test_a_finished_stage_is_not_done_again(tmp_path: FilePath) -> None:
+    folder = open_folder(tmp_path, study.quick())
+    calls: list[int] = []
+
+    def work() -> dict[str, Any]:
+        calls.append(1)
+        return {"x": np.float64(1.23456789), "y": math.inf, "z": [True, None, "a", 3]}
+
+    first = folder.run("one", work, silent)
+    assert first["result"] == {"x": 1.23457, "y": None, "z": [True, None, "a", 3]}
+    assert folder.run("one", work, silent) == first
+    assert calls == [1]
+
+
+def test_a_stage_that_fails_leaves_nothing(tmp_path: FilePath) -> None:
+    folder = open_folder(tmp_path, study.quick())
+    with pytest.raises(ZeroDivisionError):
+        folder.run("one", lambda: 1 / 0, silent)
+    assert folder.finished("one") is None
+
+
+def test_results_of_two_plans_or_versions_are_not_mixed(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = study.quick()
+    open_folder(tmp_path, plan)
+    open_folder(tmp_path, plan)
+    with pytest.raises(DataError, match="another plan"):
+        open_folder(tmp_path, study.full())
+    origin = {"commit": "other", "versions": {}}
+    monkeypatch.setattr("steersman.studies.reproduce.stages.provenance", lambda: origin)
+    with pytest.raises(DataError, match=r"begun with commit .*--other-version"):
+        open_folder(tmp_path, plan)
+    folder = open_folder(tmp_path, plan, other_version=True)
+    assert folder.run("one", dict, silent)["commit"] == "other"
+    with pytest.raises(DataError, match="another plan"):
+        Folder(tmp_path, "0").finished("one")
+
+
+def test_a_damaged_stage_says_so(tmp_path: FilePath) -> None:
+    folder = open_folder(tmp_path, study.quick())
+    folder.run("one", dict, silent)
+    folder.file("one").write_text("{", encoding="utf-8")
+    with pytest.raises(DataError, match="delete it"):
+        folder.finished("one")
+
+
+def test_plain_data_stays() -> None:
+    assert plain({"a": (1, 2.0)}) == {"a": [1, 2.0]}
+
+
+# ------------------------------------------------------------------------------- trainings
+
+
+def fake(monkeypatch: pytest.MonkeyPatch, failed: dict[str, str]) -> list[list[Job]]:
+    asked: list[list[Job]] = []
+
+    def train_all(jobs: list[Job], *_: Any, **__: Any) -> dict[str, str]:
+        asked.append(list(jobs))
+        return failed
+
+    monkeypatch.setattr(trainings, "train_all", train_all)
+    return asked
+
+
+def test_a_diverged_training_is_a_result(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fake(monkeypatch, {"ddpg/seed_0": "mean Q is 1e9; try a smaller agent.learning_rate"})
+    plan = study.quick()
+    out = trainings.run_trainings(plan, open_folder(tmp_path, plan), silent)
+    assert "mean Q" in out["ddpg/seed_0"]["diverged"]
+    assert out["both/seed_0"] == {
+        "diverged": None, "policy": False, "curve": {n: [] for n in out["both/seed_0"]["curve"]},
+    }  # fmt: skip
+
+
+def test_any_other_failure_stops_the_study(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fake(monkeypatch, {"ddpg/seed_0": "killed by SIGKILL"})
+    plan = study.quick()
+    with pytest.raises(SteersmanError, match=r"ddpg/seed_0: killed by SIGKILL; the same command"):
+        trainings.run_trainings(plan, open_folder(tmp_path, plan), silent)
+
+
+def test_every_alarm_is_told_from_a_fault() -> None:
+    source = inspect.getsource(alarm.check)
+    assert source.count("raise TrainingDiverged") == source.count("agent.learning_rate") == 3
+    assert trainings.DIVERGED == "agent.learning_rate"
+
+
+# ---------------------------------------------------------------------------------- curves
+
+
+def record(errors: list[float], diverged: str | None = None) -> dict[str, Any]:
+    count = len(errors)
+    columns = {name: [0.5] * count for name in trainings._KEPT}
+    columns["steps"] = [100.0 * (k + 1) for k in range(count)]
+    columns["seconds"] = [2.0 * (k + 1) for k in range(count)]
+    columns["off_track_resets"] = [float(k) for k in range(count)]
+    columns["validation_error_mm"] = errors
+    return {"diverged": diverged, "policy": True, "curve": columns}
+
+
+def small() -> Plan:
+    return study.quick()._replace(methods=("ddpg", "both"), seeds=2, repetitions=100)
+
+
+def test_savings_count_runs_that_never_arrive() -> None:
+    trained = {
+        "ddpg/seed_0": record([900.0, 400.0, 90.0, 90.0]),
+        "ddpg/seed_1": record([900.0, 900.0, 900.0, 900.0]),
+        "both/seed_0": record([90.0, 90.0, 40.0, 5.0]),
+        "both/seed_1": record([90.0, 80.0]),
+    }
+    out = learning_curves(small(), trained)
+    rows = {(r["threshold_m"], r["method"]): r for r in out["savings"]}
+    assert len(rows) == len(THRESHOLDS)
+    row = rows[0.1, "both"]
+    assert (row["alone_reached"], row["reached"], row["seeds"]) == (1, 2, [2, 2])
+    # Alone: 300 steps and never (charged 400); with the demonstration: 100 and 100.
+    assert row["steps"]["saving"]["value"] == pytest.approx(1.0 - 100.0 / 350.0)
+    assert row["steps"]["saving"]["low"] <= row["steps"]["saving"]["value"]
+    assert row["steps"]["alone_median"] == math.inf
+    assert rows[0.01, "both"]["reached"] == 1
+    method = out["methods"]["both"]
+    assert method["best_mm"] == [5.0, 80.0]
+    assert method["curves"]["validation_error_mm"]["median"][0] == 90.0
+    assert method["curves"]["validation_error_mm"]["n"] == [2.0, 2.0, 1.0, 1.0]
+
+
+def test_nobody_reaches_it_nobody_saves() -> None:
+    trained = {f"{m}/seed_{s}": record([900.0]) for m in ("ddpg", "both") for s in (0, 1)}
+    out = learning_curves(small(), trained)
+    assert all(row["steps"]["saving"] is None for row in out["savings"])
+
+
+# ---------------------------------------------------------------------------------- drives
+
+
+def test_the_least_heading_error_is_the_side_slip_of_a_perfect_drive() -> None:
+    for speed in (9.9, 18.7):
+        bound = circle.steady_heading_error(speed)
+        row = drives.kept(
+            drives.drive(
+                drives.SCHEDULED,
+                path=drives.CIRCLE,
+                speed={"kind": "constant_speed", "speed": speed},
+                duration=10.0,
+            )
+        )
+        assert row["steady_aoe_deg"] == pytest.approx(bound, abs=0.1)
+        assert row["course_deg"] < 0.2
+    assert circle.steady_heading_error(40.0) is None
+
+
+def test_the_worst_seed_is_the_one_that_left_the_road() -> None:
+    good = {"ale_mm": 5.0, "completed": True}
+    bad = {"ale_mm": 1.0, "completed": False}
+    out = drives.over_seeds([good, {"ale_mm": 9.0, "completed": True}, bad])
+    assert (out["completed"], out["worst"], out["median"]) == (2, bad, {"ale_mm": 5.0})
+    assert drives.median_seed({0: bad, 1: good, 2: {"ale_mm": 9.0, "completed": True}}) == 2
+    assert drives.over_seeds([])["seeds"] == 0
+
+
+def test_errors_of_corners_are_those_between_their_ends() -> None:
+    path = resolve("path", "monza")
+    assert isinstance(path, PathComponent)
+    episode = drive(build(RunConfig, {}).controller, path, duration=3.0)
+    rows = per_corner(episode, path)
+    assert [row["corner"] for row in rows] == [c.name for c in path.corners()]
+    assert rows[-1]["mean_mm"] is None
+
+
+def test_recorded_states_are_observed_as_they_were(tmp_path: FilePath) -> None:
+    config = build(RunConfig, {"path": "monza", "duration": 2.0})
+    episode = drives.run(config)
+    seen = timing.observations(episode, config, 1000)
+    assert len(seen) == len(episode)
+    assert [o.v_x for o in seen] == episode["v_x"].tolist()
+    assert [o.lateral_error for o in seen] == pytest.approx(episode["lateral_error"].tolist())
+
+
+def test_without_casadi_the_usual_mpc_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(usual_mpc, "find_spec", lambda _: None)
+    row = usual_mpc.measure(10, [], build(RunConfig, {}))
+    assert "not measured" in row["note"]
+
+
+def test_the_usual_mpc_plans_what_mpc_pid_plans() -> None:
+    pytest.importorskip("casadi")
+    config = build(RunConfig, {"path": "circle", "duration": 2.0})
+    seen = timing.observations(drives.run(config), config, 20)
+    row = usual_mpc.measure(10, seen, config)
+    assert len(row["times"]) == 20
+    assert "failed" not in row
+
+
+# --------------------------------------------------------------------------------- at once
+
+
+@pytest.fixture(scope="module")
+def smoke(tmp_path_factory: pytest.TempPathFactory) -> tuple[FilePath, dict[str, Any]]:
+    root = tmp_path_factory.mktemp("reproduce")
+    return root, study.reproduce(study.quick(), root, silent, silent, other_version=True)
+
+
+def test_the_smoke_run_measures_everything(smoke: tuple[FilePath, dict[str, Any]]) -> None:
+    root, results = smoke
+    kept = json.loads((root / "results.json").read_text())
+    assert kept.keys() == results.keys() > {"circle", "robustness", "monza", "away", "timing"}
+    assert len(kept["circle"]["tests"]) == 8
+    assert kept["learning"]["methods"]["ddpg"]["seeds"] == 1
+    coefficients = kept["learning"]["methods"]["adaptive"]["curves"]
+    total = np.add(coefficients["c_track"]["median"], coefficients["c_diff"]["median"])
+    assert total == pytest.approx(1.0, abs=1e-4)
+    names = [row["name"] for row in kept["timing"]["rows"]]
+    assert {"policy, ONNX Runtime", "policy, compiled"} < set(names)
+    assert (root / "results.json").stat().st_size < 200_000
+
+
+def test_a_second_call_does_nothing_again(
+    smoke: tuple[FilePath, dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root, results = smoke
+    (root / "stages" / "monza.json").unlink()
+    asked = fake(monkeypatch, {})
+    said: list[str] = []
+    again = study.reproduce(study.quick(), root, silent, said.append, other_version=True)
+    assert asked == []
+    assert said.count("monza") == 1
+    assert "circle: finished already" in said
+    assert again["learning"] == json.loads(json.dumps(results["learning"]))
+
+
+def test_trainings_that_are_finished_are_not_started(
+    smoke: tuple[FilePath, dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root, _ = smoke
+    asked = fake(monkeypatch, {})
+    plan = study.quick()
+    trainings.run_trainings(plan, open_folder(root, plan, other_version=True), silent)
+    assert asked == [[]]
+
+
+def test_the_compiled_network_is_the_exported_one(
+    smoke: tuple[FilePath, dict[str, Any]],
+) -> None:
+    from steersman.controllers.policy import load_network
+
+    file = smoke[0] / "runs" / "adaptive" / "seed_0" / "policy.onnx"
+    data = file.read_bytes()
+    count = len(json.loads(file.with_suffix(".json").read_text())["scale"])
+    one, other = load_network(data, "policy", count), networks.compiled(data)
+    for x in np.random.default_rng(0).normal(size=(20, 1, count)).astype(np.float32):
+        assert other(x) == pytest.approx(one(x), abs=1e-5)
