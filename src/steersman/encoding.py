@@ -7,6 +7,8 @@ card of an exported policy.
 
 from __future__ import annotations
 
+from abc import abstractmethod
+
 import numpy as np
 
 from steersman.config import Component, param, register
@@ -18,9 +20,9 @@ from steersman.types import FloatArray
 class EncodingComponent(Component):
     """Layout and scales of a policy's input."""
 
+    @abstractmethod
     def table(self, spacing: float, dt: float, rate_action: bool) -> EncodingTable:
         """The layout as the kernels read it."""
-        raise NotImplementedError
 
     def names(self, table: EncodingTable) -> list[str]:
         """Name of each feature, with its unit in brackets."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from importlib.resources import files
 from pathlib import Path as FilePath
 from typing import NamedTuple
@@ -33,13 +34,13 @@ _CYCLES = 20
 class SpeedComponent(Component):
     """A source of throttle and brake."""
 
+    @abstractmethod
     def profile(self) -> Profile:
         """The demand, as the kernels read it."""
-        raise NotImplementedError
 
+    @abstractmethod
     def start_speed(self, path: Path, s: float) -> float:
         """Speed at which a run starts at arc length ``s`` [m/s]."""
-        raise NotImplementedError
 
     def draw(self, rng: np.random.Generator, seconds: float) -> Profile:
         """The demand of one training episode; the same every time unless it is random."""
@@ -88,9 +89,9 @@ class SpeedTracking(SpeedComponent):
     )
     deceleration: float = param(2.0, "m/s^2", "Braking that the cap reckons with.", gt=0)
 
+    @abstractmethod
     def breakpoints(self) -> tuple[FloatArray, FloatArray]:
         """Times [s] and speeds [m/s] of the profile, linear between."""
-        raise NotImplementedError
 
     def profile(self) -> Profile:
         """The demand, as the kernels read it."""

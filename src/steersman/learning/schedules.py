@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
+
 from steersman.config import Component, param, register
 
 
 class Schedule(Component):
     """A value over training."""
 
+    @abstractmethod
     def value(self, step: float, total: float) -> float:
         """The value at environment step ``step`` of ``total``."""
-        raise NotImplementedError
 
 
 @register("schedule", "constant")

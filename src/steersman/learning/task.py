@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Literal
 
 from steersman.config import Component, param, register
@@ -27,9 +28,9 @@ class TaskComponent(Component):
     )
     v_ref: float = param(10.0, "m/s", "Reference speed of the normalisation.", gt=0)
 
+    @abstractmethod
     def table(self) -> RewardTable:
         """The constants as the kernels read them."""
-        raise NotImplementedError
 
     def _table(
         self, shape: int, side_slip: bool, root: tuple[float, float], track_scale: float
