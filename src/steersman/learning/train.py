@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path as FilePath
 from typing import Any
@@ -16,6 +15,7 @@ from steersman.config import build, read_yaml, to_yaml
 from steersman.errors import ConfigError, suggestion
 from steersman.files import make_folder, replacing, write_text
 from steersman.learning import alarm, checkpoint
+from steersman.learning.arithmetic import arithmetic
 from steersman.learning.config import TrainConfig
 from steersman.learning.record import COLUMNS, Record
 from steersman.learning.snapshot import Tree
@@ -87,31 +87,11 @@ def train(
         checkpoint.clear(make_folder(out))
         write_text(out / "config.yaml", to_yaml(config))
     checkpoint.sweep(out)
-    with _arithmetic(config.threads):
+    with arithmetic(config.threads):
         done = None if saved is None else int(saved["agent"]["counters"]["num_timesteps"])
         if done is not None:
             say(f"{out}: going on after {done} steps")
         return _Training(config, out, reporter, tick, done).run(saved)
-
-
-@contextmanager
-def _arithmetic(threads: int) -> Iterator[None]:
-    """As many threads as asked for, and denormals flushed to zero; as before afterwards.
-
-    Denormals make the networks many times slower on some processors.
-    """
-    import threadpoolctl
-    import torch
-
-    before = torch.get_num_threads()
-    torch.set_num_threads(threads)
-    torch.set_flush_denormal(True)
-    try:
-        with threadpoolctl.threadpool_limits(threads):
-            yield
-    finally:
-        torch.set_flush_denormal(False)
-        torch.set_num_threads(before)
 
 
 def _silent(_: str) -> None:
