@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.loops import drive
+from typer.testing import CliRunner
 
+from steersman.cli import app
 from steersman.config import build, dump, resolve
 from steersman.errors import DataError, SteersmanError
 from steersman.learning import alarm
@@ -20,7 +22,16 @@ from steersman.learning.train import load_preset, train_config
 from steersman.paths.base import PathComponent
 from steersman.rollout import RunConfig
 from steersman.studies import reproduce as study
-from steersman.studies.reproduce import circle, drives, networks, timing, trainings, usual_mpc
+from steersman.studies.reproduce import (
+    circle,
+    drives,
+    networks,
+    section_driving,
+    section_learning,
+    timing,
+    trainings,
+    usual_mpc,
+)
 from steersman.studies.reproduce.learning_curves import learning_curves
 from steersman.studies.reproduce.monza import per_corner
 from steersman.studies.reproduce.plan import DEPARTURES, METHODS, THRESHOLDS, Plan
@@ -358,3 +369,82 @@ def test_the_compiled_network_is_the_exported_one(
     one, other = load_network(data, "policy", count), networks.compiled(data)
     for x in np.random.default_rng(0).normal(size=(20, 1, count)).astype(np.float32):
         assert other(x) == pytest.approx(one(x), abs=1e-5)
+
+
+# ---------------------------------------------------------------------------------- report
+
+
+def test_sections_are_made_of_the_numbers(smoke: tuple[FilePath, dict[str, Any]]) -> None:
+    kept = json.loads((smoke[0] / "results.json").read_text())
+    made = study.sections(kept)
+    assert len(made) == 9
+    assert made == study.sections(json.loads(json.dumps(plain(smoke[1]))))
+    text = json.dumps(made)
+    assert "NaN" not in text
+    assert "None" not in text
+    files = [figure["file"] for section in made for figure in section.get("figures", ())]
+    assert len(files) == len(set(files))
+
+
+def saving(low: float, high: float) -> dict[str, Any]:
+    return {"value": 0.5 * (low + high), "low": low, "high": high}
+
+
+@pytest.mark.parametrize(
+    ("found", "known", "words"),
+    [
+        (saving(0.1, 0.6), True, "accelerates"),
+        (saving(-0.6, -0.1), False, "slows"),
+        (saving(-0.1, 0.6), None, "holds zero"),
+        (None, None, "no seed"),
+    ],
+)
+def test_a_saving_is_claimed_only_apart_from_zero(
+    found: dict[str, Any] | None, known: bool | None, words: str
+) -> None:
+    costs = {cost: {"saving": found} for cost in ("steps", "seconds", "off_track_resets")}
+    row = {"threshold_m": 0.1, "method": "both", "reached": 5, "alone_reached": 4, "seeds": [5, 5]}
+    learning = {"methods": {"both": {"label": "+ both"}}, "savings": [row | costs]}
+    (out,) = section_learning._saving_findings(learning)
+    assert out["agrees"] is known
+    assert words in out["text"]
+
+
+def test_the_circle_is_judged_by_the_numbers() -> None:
+    median = {"ale_mm": 2.0, "aoe_deg": 0.95, "steer_std": 0.01, "steady_speed": 9.9}
+    median |= {"steady_aoe_deg": 0.94, "course_deg": 0.01, "steady_steer_std": 0.001}
+    worst = {"ale_mm": 3.0, "completed": True, "end": "duration", "distance": 600.0}
+    agent = {"seeds": 2, "completed": 2, "median": median, "worst": worst, "least_aoe_deg": 0.93}
+    paper = {"ale_mm": 2.83, "aoe_deg": 0.922, "steer_std": 0.11}
+    label = METHODS["adaptive"].label
+    test = {"test": "9.9 m/s", "paper": paper, "drivers": {label: agent}}
+    good = section_driving.circle_section({"tests": [test]})
+    assert [f["agrees"] for f in good["findings"]] == [True, True]
+    lost = agent | {"completed": 0, "worst": worst | {"completed": False, "end": "off_track"}}
+    bad = section_driving.circle_section({"tests": [test | {"drivers": {label: lost}}]})
+    assert [f["agrees"] for f in bad["findings"]] == [False]
+    assert "off track after 600 m" in bad["findings"][0]["text"]
+
+
+def test_the_command_joins_study_and_report(
+    smoke: tuple[FilePath, dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root, results = smoke
+    monkeypatch.setattr(study, "reproduce", lambda *_, **__: json.loads(json.dumps(plain(results))))
+    done = CliRunner().invoke(app, ["reproduce", "--quick", "--out", str(root)])
+    assert done.exit_code == 0, done.output
+    assert (root / "report.html").stat().st_size < 1_000_000
+    assert list((root / "plots").glob("*.svg"))
+
+
+def test_an_interrupted_command_says_how_to_go_on(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stop(*_: Any, **__: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(study, "reproduce", stop)
+    done = CliRunner().invoke(app, ["reproduce", "--out", str(tmp_path)])
+    assert done.exit_code == 130
+    assert "the same command goes on" in done.stderr
+    assert "48 trainings of 25000 updates" in done.stderr

@@ -27,7 +27,7 @@ _SHARES = 1000
 
 def reproduce(
     out: Annotated[
-        str, typer.Option("--out", metavar="DIR", help="Folder for trainings and results.")
+        str, typer.Option("--out", metavar="DIR", help="Folder for trainings, results and report.")
     ],
     quick: Annotated[
         bool, typer.Option("--quick", help="Smoke run: every stage, nearly nothing in it.")
@@ -42,8 +42,8 @@ def reproduce(
 ) -> None:
     """Run the paper's experiments on the embedded simulator, and put its figures beside them.
 
-    Trains two agents at a time, drives all tests, and writes results.json. What is finished is
-    not done again.
+    Trains two agents at a time, drives all tests, and writes results.json, plots/ and
+    report.html, which puts what was measured beside the paper. What is finished is not done again.
     """
     from steersman.studies import reproduce as study
 
@@ -55,11 +55,16 @@ def reproduce(
         f"{max(work.minutes, 1.0):.0f} minutes on 2 cores, if nothing is done yet"
     )
     try:
-        _run(plan, folder, other_version=other_version)
+        results = _run(plan, folder, other_version=other_version)
     except KeyboardInterrupt:
         note(f"interrupted; the same command goes on from {folder}")
         raise typer.Exit(INTERRUPTED) from None
-    write(f"results: {folder / 'results.json'}\n")
+    from steersman.report.article import write_article
+
+    # Study and report do not know each other: they meet here, over plain data.
+    source = f"Commit {', '.join(results['made_by'])}."
+    page = write_article(study.sections(results), folder / "report.html", study.TITLE, source)
+    write(f"results: {folder / 'results.json'}\nreport: {page}\n")
 
 
 def _run(plan: Any, folder: Any, *, other_version: bool) -> dict[str, Any]:

@@ -89,7 +89,9 @@ def reproduce(
         "learning": plain(learning_curves(plan, trained)),
         **found,
     }
-    write_text(root / "results.json", json.dumps(results, allow_nan=False) + "\n")
+    write_text(
+        root / "results.json", json.dumps(results, allow_nan=False, separators=(",", ":")) + "\n"
+    )
     return results
 
 

@@ -1,0 +1,152 @@
+"""Line plots as SVG text: small, self-contained, readable on light and dark pages."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import Any
+
+from steersman.report.signals import look
+
+WIDTH, HEIGHT = 640, 320
+_LEFT, _RIGHT, _TOP, _BOTTOM = 64, 12, 30, 44
+_DASHES = {"solid": "", "dash": "7 4", "dot": "2 3", "dashdot": "7 3 2 3"}
+_TICKS = 5
+_ROW = 16
+# A range of values below this is none.
+_FLAT = 1e-12
+
+
+class _Axis:
+    """From values to places on the drawing."""
+
+    def __init__(self, values: Sequence[float], low: float, high: float, log: bool) -> None:
+        self.log = log and any(v > 0.0 for v in values)
+        kept = [v for v in values if v > 0.0] if self.log else list(values)
+        a, b = (min(kept), max(kept)) if kept else (0.0, 1.0)
+        if self.log:
+            a, b = math.log10(a), math.log10(b)
+        if b - a < _FLAT:
+            pad = abs(a) * 0.1 or 1.0
+            a, b = a - pad, b + pad
+        self.a, self.b, self.low, self.high = a, b, low, high
+
+    def at(self, value: float) -> float:
+        """Place of a value; those that a logarithm does not know stand at the lower end."""
+        if self.log:
+            value = math.log10(value) if value > 0.0 else self.a
+        return self.low + (value - self.a) / (self.b - self.a) * (self.high - self.low)
+
+    def ticks(self) -> list[float]:
+        """Round values within the axis."""
+        if self.log and self.b - self.a > 1.0:
+            return [10.0**k for k in range(math.ceil(self.a - 1e-9), math.floor(self.b + 1e-9) + 1)]
+        a, b = (10.0**self.a, 10.0**self.b) if self.log else (self.a, self.b)
+        raw = (b - a) / _TICKS
+        size = 10.0 ** math.floor(math.log10(raw))
+        step = next(size * m for m in (1.0, 2.0, 5.0, 10.0) if size * m >= raw)
+        return [k * step for k in range(math.ceil(a / step), math.floor(b / step) + 1)]
+
+
+def _finite(values: Sequence[Any]) -> list[float]:
+    return [float(v) for v in values if v is not None and math.isfinite(v)]
+
+
+def line_plot(figure: Mapping[str, Any]) -> str:
+    """A figure as SVG.
+
+    ``figure`` has ``title``, ``x`` and ``y`` (axis titles), ``lines``: each with ``name``, ``x``,
+    ``y`` and, for a band, ``low`` and ``high``; optional ``log`` (logarithmic y) and ``equal``
+    (equal scales on both axes).
+    """
+    lines = [line for line in figure["lines"] if _finite(line["y"])]
+    rows = math.ceil(len(lines) / 2) if len(lines) > 1 else 0
+    height = HEIGHT + _ROW * rows
+    xs = [v for line in lines for v in _finite(line["x"])]
+    ys = [v for line in lines for key in ("y", "low", "high") for v in _finite(line.get(key, ()))]
+    x = _Axis(xs, _LEFT, WIDTH - _RIGHT, False)
+    y = _Axis(ys, HEIGHT - _BOTTOM, _TOP, bool(figure.get("log")))
+    if figure.get("equal"):
+        _equalise(x, y)
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" role="img" '
+        f'width="{WIDTH}" height="{height}" font-family="sans-serif" font-size="12" '
+        f'fill="#808080"><title>{escape(figure["title"])}</title>',
+        f'<text x="{_LEFT}" y="16" font-weight="bold">{escape(figure["title"])}</text>',
+        *_frame(x, y, figure),
+    ]
+    for k, line in enumerate(lines):
+        parts += _line(line, k, x, y)
+        if rows:
+            parts += _entry(line["name"], k)
+    return "\n".join([*parts, "</svg>"]) + "\n"
+
+
+def _equalise(x: _Axis, y: _Axis) -> None:
+    """Widen the range of one axis so that a metre is as long on both."""
+    scale = max((x.b - x.a) / abs(x.high - x.low), (y.b - y.a) / abs(y.high - y.low))
+    for axis in (x, y):
+        middle, half = 0.5 * (axis.a + axis.b), 0.5 * scale * abs(axis.high - axis.low)
+        axis.a, axis.b = middle - half, middle + half
+
+
+def _frame(x: _Axis, y: _Axis, figure: Mapping[str, Any]) -> list[str]:
+    low, out = HEIGHT - _BOTTOM, []
+    for tick in x.ticks():
+        at = f"{x.at(tick):.1f}"
+        out.append(
+            f'<path d="M{at} {_TOP}V{low}" stroke="#808080" stroke-opacity=".25"/>'
+            f'<text x="{at}" y="{low + 15}" text-anchor="middle">{tick:.6g}</text>'
+        )
+    for tick in y.ticks():
+        at = f"{y.at(tick):.1f}"
+        out.append(
+            f'<path d="M{_LEFT} {at}H{WIDTH - _RIGHT}" stroke="#808080" stroke-opacity=".25"/>'
+            f'<text x="{_LEFT - 5}" y="{at}" dy=".35em" text-anchor="end">{tick:.4g}</text>'
+        )
+    middle = 0.5 * (_LEFT + WIDTH - _RIGHT)
+    height = 0.5 * (_TOP + low)
+    return [
+        *out,
+        f'<text x="{middle}" y="{low + 34}" text-anchor="middle">{escape(figure["x"])}</text>',
+        f'<text transform="translate(13 {height}) rotate(-90)" text-anchor="middle">'
+        f"{escape(figure['y'])}</text>",
+    ]
+
+
+def _points(xs: Sequence[Any], ys: Sequence[Any], x: _Axis, y: _Axis) -> list[str]:
+    pairs = zip(xs, ys, strict=True)
+    return [f"{x.at(a):.1f} {y.at(b):.1f}" for a, b in pairs if _finite((a, b)) == [a, b]]
+
+
+def _line(line: Mapping[str, Any], k: int, x: _Axis, y: _Axis) -> list[str]:
+    style = look(k)
+    out = []
+    if "low" in line:
+        there = _points(line["x"], line["low"], x, y)
+        back = _points(line["x"], line["high"], x, y)[::-1]
+        out.append(
+            f'<path d="M{"L".join(there + back)}Z" fill="{style["color"]}" fill-opacity=".15"/>'
+        )
+    dash = _DASHES[style["dash"]]
+    out.append(
+        f'<path d="M{"L".join(_points(line["x"], line["y"], x, y))}" fill="none" '
+        f'stroke="{style["color"]}" stroke-width="1.8" stroke-linejoin="round"'
+        + (f' stroke-dasharray="{dash}"' if dash else "")
+        + "/>"
+    )
+    return out
+
+
+def _entry(name: str, k: int) -> list[str]:
+    """A line of the legend, below the drawing in two columns."""
+    style = look(k)
+    left = _LEFT + (k % 2) * (WIDTH - _LEFT) // 2
+    top = HEIGHT + _ROW * (k // 2)
+    dash = _DASHES[style["dash"]]
+    return [
+        f'<path d="M{left} {top}h24" stroke="{style["color"]}" stroke-width="2.5"'
+        + (f' stroke-dasharray="{dash}"' if dash else "")
+        + f'/><text x="{left + 30}" y="{top}" dy=".35em">{escape(name)}</text>'
+    ]

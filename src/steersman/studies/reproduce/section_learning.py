@@ -1,0 +1,316 @@
+"""Sections about learning: methods, coefficients, ablations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from steersman.studies.reproduce.plan import FULL_METHOD
+from steersman.studies.reproduce.words import finding, interval, number, percent, ratio, verdict
+
+_ALONE = "ddpg"
+_CLAIMED = "both"
+# What the paper's figure shows: the adaptive reward is a reward of its own.
+_LOSSES = (("track", "tracking reward alone"), ("fixed", "demonstration reward, fixed"))
+_SETTLED = 2.0 / 3.0
+_HALF = 0.5
+# The largest error on the way to which a saving is asked for [m].
+_ASKED = 0.1
+
+
+def _line(method: Mapping[str, Any], column: str, scale: float = 1.0) -> dict[str, Any]:
+    curve = method["curves"][column]
+    out = {"name": method["label"], "x": curve["steps"]}
+    for key, name in (("y", "median"), ("low", "low"), ("high", "high")):
+        out[key] = [scale * v for v in curve[name]]
+    return out
+
+
+def _against_time(method: Mapping[str, Any]) -> dict[str, Any]:
+    error, clock = method["curves"]["validation_error_mm"], method["curves"]["seconds"]
+    count = min(len(error["median"]), len(clock["median"]))
+    columns = {"y": "median", "low": "low", "high": "high"}
+    out = {"name": method["label"], "x": clock["median"][:count]}
+    return out | {key: error[name][:count] for key, name in columns.items()}
+
+
+def _figure(file: str, title: str, x: str, y: str, lines: list[Any], log: bool) -> dict[str, Any]:
+    return {"file": file, "title": title, "x": x, "y": y, "lines": lines, "log": log}
+
+
+def _row(method: Mapping[str, Any]) -> dict[str, Any]:
+    low, _, high = method["best_quartiles"]
+    return {
+        "method": method["label"],
+        "seeds": method["seeds"],
+        "diverged": method["diverged"],
+        "best": interval(method["best_iqm"]),
+        "spread": f"{number(low)} to {number(high)}",
+        "last": interval(method["last_iqm"]),
+        "mean": interval(method["mean_over_training_iqm"]),
+        "resets": float(np.median(method["resets"])) if method["resets"] else None,
+        "seconds": float(np.median(method["seconds"])) if method["seconds"] else None,
+    }
+
+
+_COLUMNS = {
+    "method": "method",
+    "seeds": "seeds",
+    "diverged": "diverged",
+    "best": "best error, IQM [mm]",
+    "spread": "its quartiles [mm]",
+    "last": "last error, IQM [mm]",
+    "mean": "mean over training, IQM [mm]",
+    "resets": "off-track resets, median",
+    "seconds": "wall time, median [s]",
+}
+
+
+def learning_section(results: Mapping[str, Any]) -> dict[str, Any]:
+    """The paper's figure of losses, and what matters more: errors, resets, savings, spread."""
+    learning = results["learning"]
+    methods = {k: m for k, m in learning["methods"].items() if not m["ablation"]}
+    figures = [
+        _figure(
+            "validation",
+            "Mean error on the validation set",
+            "environment steps",
+            "mm",
+            [_line(m, "validation_error_mm") for m in methods.values()],
+            True,
+        ),
+        _figure(
+            "validation_time",
+            "The same against wall time",
+            "s",
+            "mm",
+            [_against_time(m) for m in methods.values()],
+            True,
+        ),
+        _figure(
+            "resets",
+            "Off-track resets so far",
+            "environment steps",
+            "resets",
+            [_line(m, "off_track_resets") for m in methods.values()],
+            False,
+        ),
+    ]
+    for reward, words in _LOSSES:
+        same = [m for m in methods.values() if m["reward"] == reward]
+        for column, name in (("actor_loss", "Actor loss"), ("critic_loss", "Critic loss")):
+            lines = [_line(m, column) for m in same]
+            title = f"{name}: {words}"
+            file = f"{column}_{reward}"
+            figures.append(_figure(file, title, "environment steps", name.lower(), lines, False))
+    return {
+        "title": "Training methods (the paper's figure of losses)",
+        "text": [
+            "Median and quartiles over seeds. Losses stand together only where the reward is the "
+            "same. The validation set are random roads that no training sees; a drive that "
+            "fails is charged 1.5 m for its remaining time.",
+            "Savings: 1 - (restricted mean with demonstration) / (restricted mean of DDPG alone). "
+            "A seed that never gets to the error is charged all that the longest training spent, "
+            "so a saving holds up to that horizon; how many seeds got there stands beside it. "
+            "Where no seed of either got there, nothing is said.",
+        ],
+        "findings": [*_saving_findings(learning), *_spread_findings(methods), *_smooth(methods)],
+        "tables": [
+            {"title": "Methods", "columns": _COLUMNS, "rows": [_row(m) for m in methods.values()]},
+            _saving_table(learning),
+        ],
+        "figures": figures,
+    }
+
+
+def _saving_table(learning: Mapping[str, Any]) -> dict[str, Any]:
+    rows = []
+    for s in learning["savings"]:
+        row: dict[str, Any] = {
+            "to": f"{s['threshold_m']} m",
+            "method": learning["methods"][s["method"]]["label"],
+            "reached": f"{s['reached']} of {s['seeds'][1]}",
+            "alone": f"{s['alone_reached']} of {s['seeds'][0]}",
+        }
+        for cost in ("steps", "seconds", "off_track_resets"):
+            row[cost] = interval(s[cost]["saving"], 100.0)
+        rows.append(row)
+    columns = {
+        "to": "mean error",
+        "method": "method",
+        "reached": "seeds that got there",
+        "alone": "alone",
+        "steps": "steps saved [%]",
+        "seconds": "time saved [%]",
+        "off_track_resets": "resets saved [%]",
+    }
+    return {"title": "What the demonstration saves", "columns": columns, "rows": rows}
+
+
+def _saving_findings(learning: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The claim: training is accelerated. It holds where the interval lies above zero."""
+    out = []
+    for s in learning["savings"]:
+        if s["method"] not in (_CLAIMED, FULL_METHOD) or s["threshold_m"] > _ASKED:
+            continue
+        label = learning["methods"][s["method"]]["label"]
+        goal = f"On the way to {s['threshold_m']} m"
+        saving = s["steps"]["saving"]
+        if saving is None:
+            text = f"{goal}: no seed of '{label}' or of DDPG alone got there in this many steps."
+            out.append(finding(None, text))
+            continue
+        known = verdict(saving)
+        end = {
+            True: "the demonstration accelerates training",
+            False: "the demonstration slows training down",
+            None: "the interval holds zero, so these seeds do not tell",
+        }[known]
+        others = ", ".join(
+            f"{interval(s[cost]['saving'], 100.0)} % of {words}"
+            for cost, words in (("seconds", "the time"), ("off_track_resets", "the resets"))
+        )
+        out.append(
+            finding(
+                known,
+                f"{goal} '{label}' saved {interval(saving, 100.0)} % of the steps, {others}; "
+                f"{s['reached']} of {s['seeds'][1]} seeds got there, alone {s['alone_reached']} "
+                f"of {s['seeds'][0]}: {end}.",
+            )
+        )
+    return out
+
+
+def _spread_findings(methods: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The claim: training is stabilised, read as a smaller spread over seeds."""
+    out = []
+    alone = methods.get(_ALONE)
+    for name in (_CLAIMED, FULL_METHOD):
+        if alone is None or name not in methods or min(alone["seeds"], methods[name]["seeds"]) <= 1:
+            continue
+        spreads = [m["best_quartiles"][2] - m["best_quartiles"][0] for m in (alone, methods[name])]
+        out.append(
+            finding(
+                spreads[1] < spreads[0],
+                f"Interquartile range over seeds of the best error: {number(spreads[1], 'mm')} "
+                f"with '{methods[name]['label']}', {number(spreads[0], 'mm')} alone.",
+            )
+        )
+    return out
+
+
+def _smooth(methods: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The claim: with both parts the actor loss falls smoothly."""
+    if not {_ALONE, _CLAIMED} <= methods.keys():
+        return []
+    shares = []
+    for name in (_ALONE, _CLAIMED):
+        steps = np.diff(methods[name]["curves"]["actor_loss"]["median"])
+        shares.append(float((steps > 0.0).mean()) if steps.size else None)
+    alone, both = shares
+    known = None if alone is None or both is None or alone == both else both < alone
+    return [
+        finding(
+            known,
+            f"The median actor loss rose from one validation to the next in {percent(both)} of "
+            f"the cases with both, in {percent(alone)} alone (the paper: smoother with both). A "
+            "falling actor loss says that Q grows, not that the car drives better: see the errors.",
+        )
+    ]
+
+
+def coefficient_section(results: Mapping[str, Any]) -> dict[str, Any]:
+    """The paper's figure of c_track and c_diff."""
+    methods = results["learning"]["methods"]
+    shown = [methods[name] for name in (FULL_METHOD, "normalised") if name in methods]
+    figures = [
+        _figure(
+            column,
+            f"{column} over training",
+            "environment steps",
+            "mean over the steps since the last validation",
+            [_line(m, column) for m in shown],
+            False,
+        )
+        for column in ("c_track", "c_diff")
+    ]
+    findings = []
+    for method in shown:
+        track: Sequence[float] = method["curves"]["c_track"]["median"]
+        if not track:
+            continue
+        agrees = track[0] > _HALF > track[-1]
+        tenth = max(len(track) // 10, 1)
+        first, last = float(np.mean(track[:tenth])), float(np.mean(track[-tenth:]))
+        trend = "rises" if last > first + 0.01 else "falls" if last < first - 0.01 else "stays"
+        findings.append(
+            finding(
+                agrees,
+                f"'{method['label']}': c_track {trend} from {number(first)} to {number(last)}, "
+                f"between {number(min(track))} and {number(max(track))} (the paper: first the "
+                "larger share, later the smaller).",
+            )
+        )
+    if FULL_METHOD in methods and methods[FULL_METHOD]["curves"]["c_track"]["median"]:
+        last = methods[FULL_METHOD]["curves"]["c_track"]["median"][-1]
+        findings.append(
+            finding(
+                None,
+                "Why: S(r_diff) is 1/2 when agent and demonstrator agree and never less; "
+                "S(r_track) tends to 1 as soon as the car tracks at speed (r_track is in m/s) and "
+                "to 0 when it is lost. To the letter c_track therefore tends to 2/3 = "
+                f"{number(_SETTLED)} for an agent that drives; measured at the end: "
+                f"{number(last)}. It weighs how well the car drives, not how far it has learned.",
+            )
+        )
+    return {
+        "title": "Coefficients (the paper's figure of c_track and c_demo)",
+        "text": ["Means over all vehicles and steps; median and quartiles over seeds."],
+        "findings": findings,
+        "figures": figures,
+    }
+
+
+def ablation_section(results: Mapping[str, Any]) -> dict[str, Any]:
+    """What the paper leaves open, one by one against the full method."""
+    methods = results["learning"]["methods"]
+    full = methods.get(FULL_METHOD)
+    chosen = {k: m for k, m in methods.items() if m["ablation"] or k in (FULL_METHOD, "direct")}
+    findings = []
+    for name, method in chosen.items():
+        if full is None or name == FULL_METHOD:
+            continue
+        mine, base = method["best_iqm"], full["best_iqm"]
+        factor = ratio(mine["value"], base["value"])
+        apart = mine["high"] < base["low"] or mine["low"] > base["high"]
+        findings.append(
+            finding(
+                None,
+                f"'{method['label']}': best error {interval(mine)} mm against {interval(base)} mm "
+                f"of the full method, {number(factor)} times; the intervals "
+                f"{'are apart' if apart else 'overlap'}.",
+            )
+        )
+    return {
+        "title": "What the paper leaves open",
+        "text": [
+            "Each option alone against the full method (both, adaptive, indirect action). The "
+            "validation drives are the same for all."
+        ],
+        "findings": findings,
+        "tables": [
+            {"title": "Options", "columns": _COLUMNS, "rows": [_row(m) for m in chosen.values()]}
+        ],
+        "figures": [
+            _figure(
+                "ablations",
+                "Mean error on the validation set",
+                "environment steps",
+                "mm",
+                [_line(m, "validation_error_mm") for m in chosen.values()],
+                True,
+            )
+        ],
+    }

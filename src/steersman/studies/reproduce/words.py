@@ -1,0 +1,51 @@
+"""Numbers as words for the report's sentences."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+NOTHING = "-"
+
+
+def number(value: float | None, unit: str = "", digits: int = 3) -> str:
+    """A number for a sentence; "never" for infinite, a dash for unknown."""
+    if value is None or math.isnan(value):
+        return NOTHING
+    if math.isinf(value):
+        return "never"
+    return f"{value:.{digits}g}{' ' if unit else ''}{unit}"
+
+
+def percent(share: float | None) -> str:
+    """A share as percent."""
+    return NOTHING if share is None or not math.isfinite(share) else f"{100.0 * share:.0f} %"
+
+
+def interval(found: Mapping[str, Any] | None, scale: float = 1.0, digits: int = 3) -> str:
+    """Value and interval: "3 [1, 5]"."""
+    if found is None or found["value"] is None:
+        return NOTHING
+    values = [found[k] for k in ("value", "low", "high")]
+    a, b, c = (number(None if v is None else scale * v, "", digits) for v in values)
+    return f"{a} [{b}, {c}]"
+
+
+def verdict(found: Mapping[str, Any] | None) -> bool | None:
+    """True if the interval lies above zero, False if below, None if it cannot be told."""
+    if found is None or found["low"] is None or found["high"] is None:
+        return None
+    if found["low"] > 0.0:
+        return True
+    return False if found["high"] < 0.0 else None
+
+
+def finding(agrees: bool | None, text: str) -> dict[str, Any]:
+    """A sentence, and whether the paper's statement holds (None: can be neither)."""
+    return {"agrees": agrees, "text": text}
+
+
+def ratio(a: float | None, b: float | None) -> float | None:
+    """A / b where that says something."""
+    return a / b if a is not None and b else None

@@ -1,0 +1,90 @@
+"""Plots as SVG, and the page of sections."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path as FilePath
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+
+from steersman.report.article import write_article
+from steersman.report.svg import HEIGHT, WIDTH, line_plot
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def figure(*lines: dict[str, Any], **words: Any) -> dict[str, Any]:
+    base = {"file": "one", "title": "a < b", "x": "x [m]", "y": "y & z", "lines": list(lines)}
+    return base | words
+
+
+def line(y: list[Any], **words: Any) -> dict[str, Any]:
+    return {"name": "n<1>", "x": list(range(len(y))), "y": y} | words
+
+
+def curves(text: str) -> list[list[tuple[float, float]]]:
+    """Points of all thick lines."""
+    root = ElementTree.fromstring(text)
+    out = []
+    for path in root.iter(f"{SVG}path"):
+        if path.get("stroke-width") == "1.8":
+            pairs = re.findall(r"(-?[\d.]+) (-?[\d.]+)", path.get("d") or "")
+            out.append([(float(a), float(b)) for a, b in pairs])
+    return out
+
+
+def test_a_line_goes_from_corner_to_corner() -> None:
+    ((first, last),) = curves(line_plot(figure(line([0.0, 5.0]))))
+    assert first[0] < last[0] <= WIDTH
+    assert 0.0 <= last[1] < first[1] <= HEIGHT
+
+
+def test_a_logarithm_makes_decades_equal() -> None:
+    ((a, b, c),) = curves(line_plot(figure(line([1.0, 10.0, 100.0]), log=True)))
+    assert b[1] - a[1] == pytest.approx(c[1] - b[1], abs=0.2)
+
+
+def test_equal_axes_keep_a_square_a_square() -> None:
+    square = line([0.0, 0.0, 7.0], x=[0.0, 7.0, 7.0])
+    ((a, b, c),) = curves(line_plot(figure(square, equal=True)))
+    assert b[0] - a[0] == pytest.approx(b[1] - c[1], abs=0.2)
+
+
+def test_what_is_not_finite_is_left_out() -> None:
+    ((*points,),) = curves(line_plot(figure(line([1.0, None, math.inf, 2.0]))))
+    assert len(points) == 2
+
+
+@pytest.mark.parametrize("y", [[], [3.0], [2.0, 2.0], [0.0, 0.0], [-1.0, 0.0]])
+@pytest.mark.parametrize("log", [False, True])
+def test_poor_data_still_make_a_plot(y: list[float], log: bool) -> None:
+    ElementTree.fromstring(line_plot(figure(line(y), log=log)))
+
+
+def test_bands_and_legends() -> None:
+    band = line([1.0, 2.0], low=[0.5, 1.0], high=[2.0, 3.0])
+    text = line_plot(figure(band, line([2.0, 1.0], name="other")))
+    assert text.count("fill-opacity") == 1
+    assert "n&lt;1&gt;" in text
+    assert "other" in text
+
+
+def test_the_page_stands_alone_and_escapes(tmp_path: FilePath) -> None:
+    section = {
+        "title": "<b>One",
+        "text": ["a < b"],
+        "findings": [{"agrees": True, "text": "x"}, {"agrees": None, "text": "y"}],
+        "tables": [{"title": "t", "columns": {"a": "A"}, "rows": [{"a": 1.5}, {"a": None}]}],
+        "figures": [figure(line([1.0, 2.0]))],
+    }
+    out = write_article([section, {"title": "Two", "text": []}], tmp_path / "r.html", "T", "S.")
+    page = out.read_text(encoding="utf-8")
+    assert "&lt;b&gt;One" in page
+    assert page.count("<svg") == 1
+    assert "http" not in page.replace("http://www.w3.org/2000/svg", "").replace("http-equiv", "")
+    assert "<b>agrees</b>" in page
+    assert "<b>note</b>" in page
+    assert (tmp_path / "plots" / "one.svg").read_text().startswith("<svg")
