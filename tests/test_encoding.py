@@ -10,7 +10,7 @@ from steersman.encoding import EncodingComponent, ExtendedEncoding, WaypointEnco
 from steersman.kernels import encode as kernel
 from steersman.plants.simulator import SimulatorConfig
 from steersman.sensing import WaypointSensor, track
-from steersman.types import Pose
+from steersman.types import Command, Pose
 from steersman.vehicles import CarlaModel3
 
 ENCODINGS = [
@@ -68,3 +68,29 @@ def test_features_are_of_about_unit_size(encoding: EncodingComponent) -> None:
     # Side effects of the draw aside (an integral starts at zero), nothing is far below one.
     seen = [v for v, name in zip(largest, names, strict=True) if "integral" not in name]
     assert np.median(seen) > 0.1
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS, ids=str)
+def test_mirror_gives_the_features_of_the_mirrored_scene(encoding: EncodingComponent) -> None:
+    table = encoding.table(2.0, 0.05, True)
+    sensor = WaypointSensor()
+    sides = []
+    for side in (1.0, -1.0):
+        path = build(lookup("path", "training_circuit"), {"mirror": side < 0.0})
+        plant = SimulatorConfig().make(CarlaModel3())
+        at = path.at(230.0)
+        start = Pose(at.x, at.y + 0.3 * side, at.psi + 0.04 * side)
+        state = plant.reset(start, 9.0, at.kappa)
+        memory = np.zeros(kernel.memory_size(table))
+        features = np.zeros(kernel.feature_count(table))
+        for steer in (0.05, -0.1, 0.2):
+            place = track(state, path, 230.0)
+            observation = sensor.observe(None, state, place, path, np.random.default_rng(0))
+            row = np.array([*observation[1:8], *observation.preview.ravel()])
+            kernel.encode(table, row, memory, features)
+            kernel.remember(table, row, memory, steer * side)
+            state = plant.step(Command(steer * side, 0.3, 0.0))
+        sides.append(features)
+    left, right = sides
+    assert right == pytest.approx(encoding.mirror(table) * left, abs=1e-9)
+    assert np.count_nonzero(left) > len(left) - 3

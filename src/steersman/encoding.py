@@ -41,6 +41,16 @@ class EncodingComponent(Component):
         names += [f"command_{i + 2}_ago [-]" for i in range(table.history)]
         return names
 
+    def mirror(self, table: EncodingTable) -> FloatArray:
+        """Factor on each feature that gives those of the mirrored scene: all but v_x and x turn."""
+        even = ("v_x", "waypoint")
+        return np.array(
+            [
+                1.0 if name.startswith(even) and not name.endswith("_y [m]") else -1.0
+                for name in self.names(table)
+            ]
+        )
+
     def scale(self, table: EncodingTable) -> FloatArray:
         """Factor on each feature that brings it to about unit size."""
         reach = max(table.waypoints - 1, 1) * table.spacing

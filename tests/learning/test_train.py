@@ -213,7 +213,7 @@ def test_failures_are_charged_and_counted() -> None:
     assert score.failures == 2
     assert 0.5 < score.mean_error <= 1.5
     assert score.steer_activity > 0.0
-    assert score.total == pytest.approx(score.mean_error)
+    assert score.total > score.mean_error  # failures multiply
 
 
 def test_actions_that_are_nan_cost_the_whole_corridor() -> None:

@@ -157,3 +157,24 @@ def test_learning_rate_is_set_at_every_update() -> None:
 def test_sizes_that_do_not_fit_are_refused() -> None:
     with pytest.raises(ValueError, match="do not fill"):
         updates.view_net(np.zeros(30, np.float32), (2, 3, 3, 1))
+
+
+def test_learning_from_mirror_images_is_learning_from_a_mirrored_buffer() -> None:
+    factors = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0, -1.0], np.float32)
+    plain, mirrored = agent(DemonstratedDDPG), agent(DemonstratedDDPG)
+    for made in (plain, mirrored):
+        fill(made)
+    buffer = plain.replay_buffer
+    buffer.observations *= factors
+    buffer.next_observations *= factors
+    buffer.actions *= -1.0
+    rng = np.random.default_rng(4)
+    rows, envs = rng.integers(0, 200, (3, 32)), np.zeros((3, 32), np.int64)
+    for made, side in ((plain, 1.0), (mirrored, -1.0)):
+        made._compile()
+        draw = updates.Draw(rows, envs, np.full((3, 32), side, np.float32), factors)
+        rates = np.full(3, 1e-3)
+        updates.update(
+            made._arrays, draw, rates, made._nets, made.moments, made.gamma, made.tau, made._work
+        )
+    assert all(np.array_equal(weights(plain)[name], weights(mirrored)[name]) for name in NETS)

@@ -66,6 +66,7 @@ class DemonstratedDDPG(DDPG):
 
     Attributes:
         p_action: probability of the extra action as a function of nothing (reads the schedule).
+        mirror: learn from mirror images in half of each batch.
         store_agent: keep the agent's own action in the buffer instead of the executed one.
         rate: learning rate as a function of the environment steps at an update.
     """
@@ -73,6 +74,7 @@ class DemonstratedDDPG(DDPG):
     p_action: Callable[[], float] = staticmethod(lambda: 0.0)
     rate: Callable[[float], float] | None = None
     store_agent = False
+    mirror = False
     _nets: Any = None
     demonstrated_steps = 0
     saturated_steps = 0
@@ -133,6 +135,12 @@ class DemonstratedDDPG(DDPG):
             buffer.dones,
             buffer.timeouts,
         )
+        self._mirror = self._mirror_factors()
+
+    def _mirror_factors(self) -> Any:
+        if self.mirror:
+            return cast(PathFollowingVecEnv, self.env).mirror.astype(np.float32)
+        return np.ones(self.observation_space.shape or (), np.float32)
 
     def train(self, gradient_steps: int, batch_size: int = 100) -> None:
         """The updates of SB3's TD3.train for DDPG's settings, compiled (see ``updates``).
@@ -149,11 +157,14 @@ class DemonstratedDDPG(DDPG):
         for k in range(gradient_steps):
             rows[k] = np.random.randint(0, size, size=batch_size)  # noqa: NPY002 - SB3's generator
             envs[k] = np.random.randint(0, high=self.n_envs, size=(batch_size,))  # noqa: NPY002
+        sides = np.ones(rows.shape, np.float32)
+        if self.mirror:
+            coins = np.random.randint(0, 2, size=rows.shape)  # noqa: NPY002 - SB3's generator
+            sides[coins == 0] = -1.0
         rates = np.array([self._rate_at(k, gradient_steps) for k in range(gradient_steps)])
         self.last_losses = updates.update(
             self._arrays,
-            rows,
-            envs,
+            updates.Draw(rows, envs, sides, self._mirror),
             rates,
             self._nets,
             self.moments,
@@ -273,6 +284,7 @@ def make_agent(config: TrainConfig, env: PathFollowingVecEnv) -> DemonstratedDDP
         seed=int(seeds[1] % 2**31),
         device="cpu",
     )
+    agent.mirror = settings.mirror
     agent.rate = lambda step: settings.learning_rate.value(step, total)
     agent.prepare_demonstration(p_action, store_agent=demo.store == "agent", seed=int(seeds[2]))
     return agent

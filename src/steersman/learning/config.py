@@ -33,6 +33,9 @@ class AgentConfig(Settings):
     )
     vehicles: int = param(16, "-", "Vehicles that collect at the same time.", ge=1, le=1024)
     updates: int = param(4, "-", "Updates after each step of all vehicles.", ge=0)
+    mirror: bool = param(
+        False, "-", "Learn from mirror images, left for right, in half of each batch."
+    )
     learning_starts: int = param(2000, "steps", "Random actions before learning.", ge=0)
 
 
@@ -42,8 +45,8 @@ class ValidationConfig(Settings):
     roads: tuple[Annotated[PathComponent, Of("path")], ...] = param(
         tuple(RandomRoad(seed=1000 + i) for i in range(8)), "-", "Roads."
     )
-    vehicles: int = param(16, "-", "Drives.", ge=1)
-    interval: int = param(20_000, "steps", "Environment steps between validations.", gt=0)
+    vehicles: int = param(32, "-", "Drives.", ge=1)
+    interval: int = param(10_000, "steps", "Environment steps between validations.", gt=0)
     seed: int = param(12345, "-", "Seed of starts, speeds, cars and sensor errors.", ge=0)
     steer_weight: float = param(
         0.0, "m", "Price of the RMS change of steering per step in the score.", ge=0

@@ -54,6 +54,19 @@ class Batch(NamedTuple):
     timeouts: Any
 
 
+class Draw(NamedTuple):
+    """Which transitions several updates learn from; the first three are (updates, B)."""
+
+    rows: Any
+    """Row of the buffer (int64)."""
+    envs: Any
+    """Vehicle (int64)."""
+    sides: Any
+    """1: as it was; -1: its mirror image, left for right (float32)."""
+    mirror: Any
+    """(features,) factor on each feature that mirrors it (float32)."""
+
+
 class Work(NamedTuple):
     """Scratch for a batch of B: inputs, hidden layers, gradients."""
 
@@ -199,40 +212,46 @@ def _follow(slow: Any, own: Any, tau: float) -> None:
 
 
 @njit(cache=True, error_model="numpy", fastmath=_FAST)
-def _gather(source: Any, rows: Any, envs: Any, out: Any) -> None:
-    for i in range(rows.shape[0]):
+def _gather(source: Any, draw: Draw, k: int, out: Any) -> None:
+    """Observations of update ``k``; those whose side is -1 mirrored."""
+    for i in range(out.shape[0]):
+        row, env, mirrored = draw.rows[k, i], draw.envs[k, i], draw.sides[k, i] < 0.0
         for j in range(source.shape[2]):
-            out[i, j] = source[rows[i], envs[i], j]
+            value = source[row, env, j]
+            out[i, j] = value * draw.mirror[j] if mirrored else value
 
 
 @njit(cache=True, error_model="numpy", fastmath=_FAST)
 def _targets(
-    batch: Batch, rows: Any, envs: Any, actor: Net, critic: Net, gamma: float, work: Work
+    batch: Batch, draw: Draw, k: int, actor: Net, critic: Net, gamma: float, work: Work
 ) -> None:
     """Bootstrapped values r + gamma (1 - done) Q'(s', mu'(s')) into ``work.target``."""
     n = work.x.shape[1]
-    _gather(batch.next_observations, rows, envs, work.x)
+    _gather(batch.next_observations, draw, k, work.x)
     forward(actor, work.x, work.a1, work.a2, work.y)
     work.z[:, :n] = work.x
-    for i in range(rows.shape[0]):
+    for i in range(work.x.shape[0]):
         work.z[i, n] = math.tanh(work.y[i, 0])
     forward(critic, work.z, work.c1, work.c2, work.q)
-    for i in range(rows.shape[0]):
-        k, e = rows[i], envs[i]
-        final = batch.dones[k, e] * (_ONE - batch.timeouts[k, e])
-        work.target[i, 0] = batch.rewards[k, e] + (_ONE - final) * np.float32(gamma) * work.q[i, 0]
+    for i in range(work.x.shape[0]):
+        row, env = draw.rows[k, i], draw.envs[k, i]
+        final = batch.dones[row, env] * (_ONE - batch.timeouts[row, env])
+        work.target[i, 0] = (
+            batch.rewards[row, env] + (_ONE - final) * np.float32(gamma) * work.q[i, 0]
+        )
 
 
 @njit(cache=True, error_model="numpy", fastmath=_FAST)
 def _improve_critic(
-    batch: Batch, rows: Any, envs: Any, critic: Net, moments: Moments, rate: float, work: Work
+    batch: Batch, draw: Draw, k: int, critic: Net, moments: Moments, rate: float, work: Work
 ) -> tuple[float, float]:
     """Descend the squared Bellman error; returns the loss and the mean value."""
-    n, count = work.x.shape[1], rows.shape[0]
-    _gather(batch.observations, rows, envs, work.x)
+    n, count = work.x.shape[1], work.x.shape[0]
+    _gather(batch.observations, draw, k, work.x)
     work.z[:, :n] = work.x
     for i in range(count):
-        work.z[i, n] = batch.actions[rows[i], envs[i], 0]
+        action = batch.actions[draw.rows[k, i], draw.envs[k, i], 0]
+        work.z[i, n] = action * draw.sides[k, i]
     forward(critic, work.z, work.c1, work.c2, work.q)
     loss, mean = 0.0, 0.0
     for i in range(count):
@@ -273,10 +292,9 @@ def _improve_actor(actor: Net, critic: Net, moments: Moments, rate: float, work:
 
 
 @njit(cache=True, error_model="numpy", fastmath=_FAST)
-def update(  # noqa: PLR0913, PLR0917 - numba takes no keyword-only arguments
+def update(
     batch: Batch,
-    rows: Any,
-    envs: Any,
+    draw: Draw,
     rates: Any,
     nets: tuple[Net, Net, Net, Net],
     moments: tuple[Moments, Moments],
@@ -284,17 +302,17 @@ def update(  # noqa: PLR0913, PLR0917 - numba takes no keyword-only arguments
     tau: float,
     work: Work,
 ) -> tuple[float, float, float]:
-    """Several updates: indices ``rows``, ``envs`` (steps, B), learning rates (steps,).
+    """Several updates from the transitions of ``draw``, with learning ``rates`` (updates,).
 
     ``nets`` are actor, critic and their targets; ``moments`` the actor's and the critic's.
     Returns the mean actor loss, critic loss and value.
     """
     actor, critic, actor_target, critic_target = nets
     actor_loss, critic_loss, value = 0.0, 0.0, 0.0
-    steps = rows.shape[0]
+    steps = rates.shape[0]
     for k in range(steps):
-        _targets(batch, rows[k], envs[k], actor_target, critic_target, gamma, work)
-        loss, mean = _improve_critic(batch, rows[k], envs[k], critic, moments[1], rates[k], work)
+        _targets(batch, draw, k, actor_target, critic_target, gamma, work)
+        loss, mean = _improve_critic(batch, draw, k, critic, moments[1], rates[k], work)
         actor_loss += _improve_actor(actor, critic, moments[0], rates[k], work) / steps
         critic_loss += loss / steps
         value += mean / steps

@@ -13,6 +13,9 @@ from steersman.learning.config import ValidationConfig
 from steersman.learning.fleet import FleetDriver
 from steersman.learning.problem import Problem
 
+# Mean errors below this are taken for it [m].
+_FINEST = 1e-5
+
 
 class Score(NamedTuple):
     """What a validation found."""
@@ -27,7 +30,9 @@ class Score(NamedTuple):
     steer_activity: float
     """RMS change of the steering command per step [-]."""
     total: float
-    """What selects the best policy: mean error plus the price of steering [m]."""
+    """What selects the best policy [m]: the geometric mean of the drives' mean errors, so that a
+    millimetre counts where drives are easy and a decimetre where they are hard, times one plus
+    the failures, plus the price of steering."""
 
 
 class Validator:
@@ -69,13 +74,16 @@ class Validator:
             counted[k + 1 :, ended & ~failed] = False
             if not alive.any():
                 break
-        errors = np.nan_to_num(errors, nan=corridor)[counted]
+        errors = np.nan_to_num(errors, nan=corridor)
+        drives = [float(errors[counted[:, i], i].mean()) for i in range(driver.n)]
+        typical = float(np.exp(np.log(np.maximum(drives, _FINEST)).mean()))
+        errors = errors[counted]
         activity = (changes / max(moves, 1)) ** 0.5
-        mean = float(errors.mean())
+        failures = int(failed.sum())
         return Score(
-            mean,
+            float(errors.mean()),
             float(np.sqrt((errors**2).mean())),
-            int(failed.sum()),
+            failures,
             activity,
-            mean + self._config.steer_weight * activity,
+            typical * (1.0 + failures) + self._config.steer_weight * activity,
         )
