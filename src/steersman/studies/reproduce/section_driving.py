@@ -90,8 +90,8 @@ def _circle_findings(test: Mapping[str, Any], agent: Mapping[str, Any]) -> list[
             None if factor is None else factor <= 1.0,
             f"{name}: ALE {number(mine['ale_mm'], 'mm')} against the paper's "
             f"{paper['ale_mm']:g} mm, {number(factor)} times (agrees: not larger); "
-            f"{agent['completed']} of {agent['seeds']} seeds drove to the end; SD of steering {number(mine['steer_std'])} "
-            f"against {paper['steer_std']:g}.",
+            f"{agent['completed']} of {agent['seeds']} seeds drove to the end; SD of steering "
+            f"{number(mine['steer_std'])} against {paper['steer_std']:g}.",
         )
     ]
     least = agent["least_aoe_deg"]
