@@ -244,6 +244,15 @@ def test_savings_count_runs_that_never_arrive() -> None:
     assert method["curves"]["validation_error_mm"]["n"] == [2.0, 2.0, 1.0, 1.0]
 
 
+def test_spread_is_the_interquartile_range_over_seeds() -> None:
+    trained = {f"ddpg/seed_{k}": record([100.0 * k + 50.0]) for k in range(5)}
+    trained |= {f"both/seed_{k}": record([10.0]) for k in range(5)}
+    (row,) = learning_curves(small()._replace(seeds=5), trained)["spread"]
+    assert (row["alone_mm"], row["range_mm"], row["median_mm"]) == (200.0, 0.0, 10.0)
+    assert row["smaller_by"]["value"] == 200.0
+    assert row["smaller_by"]["low"] <= 200.0 <= row["smaller_by"]["high"]
+
+
 def test_nobody_reaches_it_nobody_saves() -> None:
     trained = {f"{m}/seed_{s}": record([900.0]) for m in ("ddpg", "both") for s in (0, 1)}
     out = learning_curves(small(), trained)
@@ -447,4 +456,4 @@ def test_an_interrupted_command_says_how_to_go_on(
     done = CliRunner().invoke(app, ["reproduce", "--out", str(tmp_path)])
     assert done.exit_code == 130
     assert "the same command goes on" in done.stderr
-    assert "48 trainings of 25000 updates" in done.stderr
+    assert "48 trainings of 40000 updates" in done.stderr

@@ -10,7 +10,7 @@ from typing import Any
 from steersman.report.signals import look
 
 WIDTH, HEIGHT = 640, 320
-_LEFT, _RIGHT, _TOP, _BOTTOM = 64, 12, 30, 44
+_LEFT, _RIGHT, _TOP, _BOTTOM = 64, 26, 30, 44
 _DASHES = {"solid": "", "dash": "7 4", "dot": "2 3", "dashdot": "7 3 2 3"}
 _TICKS = 5
 _ROW = 16

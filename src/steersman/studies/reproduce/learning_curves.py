@@ -61,7 +61,7 @@ class Curves:
         return [float(run[name][-1]) for run in self.runs]
 
     def best(self) -> list[float]:
-        """The smallest validation error of each seed: that of the exported policy [mm]."""
+        """The smallest validation error of each seed [mm]."""
         return [float(np.nanmin(run["validation_error_mm"])) for run in self.runs]
 
     def over_training(self) -> list[float]:
@@ -83,6 +83,7 @@ def learning_curves(plan: Plan, trained: Mapping[str, Any]) -> dict[str, Any]:
         "steps": _horizon(plan, curves, "steps"),
         "methods": {name: _method(name, c, plan) for name, c in curves.items()},
         "savings": _savings(plan, curves),
+        "spread": _spreads(plan, curves),
     }
 
 
@@ -153,6 +154,35 @@ def _savings(plan: Plan, curves: Mapping[str, Curves]) -> list[dict[str, Any]]:
                 }
             out.append(row)
     return out
+
+
+def _spreads(plan: Plan, curves: Mapping[str, Curves]) -> list[dict[str, Any]]:
+    """By how much the interquartile range over seeds is smaller than that of DDPG alone [mm]."""
+    if ALONE not in curves or len(curves[ALONE].runs) <= 1:
+        return []
+    out = []
+    for name, c in curves.items():
+        if name == ALONE or METHODS[name].ablation or len(c.runs) <= 1:
+            continue
+        groups = curves[ALONE].best(), c.best()
+        out.append(
+            {
+                "method": name,
+                "alone_mm": _range(groups[0]),
+                "range_mm": _range(groups[1]),
+                "alone_median_mm": st.quartiles(groups[0])[1],
+                "median_mm": st.quartiles(groups[1])[1],
+                "smaller_by": st.bootstrap(
+                    lambda a, b: _range(a) - _range(b), *groups, repetitions=plan.repetitions
+                )._asdict(),
+            }
+        )
+    return out
+
+
+def _range(values: Any) -> float:
+    low, _, high = st.quartiles(values)
+    return high - low
 
 
 def _saving(alone: Sequence[float], helped: Sequence[float], limit: float, plan: Plan) -> Any:

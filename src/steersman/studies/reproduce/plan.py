@@ -13,7 +13,7 @@ from steersman.learning.train import load_preset, train_config
 
 # Counts up when stages measure something else: results of different formats are not mixed.
 FORMAT = 1
-UPDATES = 25_000
+UPDATES = 40_000
 VEHICLES, PER_STEP = 8, 2
 STEPS = UPDATES * VEHICLES // PER_STEP
 # The paper's thresholds of mean error [m] in the question how much the demonstration saves, and
@@ -34,7 +34,7 @@ DEPARTURES: tuple[tuple[str, str], ...] = (
     ),
     ("problem.start=anywhere", "as episodes begin anywhere in the cycle"),
     ("problem.episode_time=60", "s; then a new place and speed"),
-    ("validation={vehicles: 16, interval: 2000}", "finer curves; 8 random roads never trained on"),
+    ("validation={vehicles: 16, interval: 2500}", "finer curves; 8 random roads never trained on"),
     ("checkpoint_interval=20000", "what an interruption may cost"),
 )
 

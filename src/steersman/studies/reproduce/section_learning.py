@@ -116,7 +116,7 @@ def learning_section(results: Mapping[str, Any]) -> dict[str, Any]:
             "so a saving holds up to that horizon; how many seeds got there stands beside it. "
             "Where no seed of either got there, nothing is said.",
         ],
-        "findings": [*_saving_findings(learning), *_spread_findings(methods), *_smooth(methods)],
+        "findings": [*_saving_findings(learning), *_spread_findings(learning), *_smooth(methods)],
         "tables": [
             {"title": "Methods", "columns": _COLUMNS, "rows": [_row(m) for m in methods.values()]},
             _saving_table(learning),
@@ -183,21 +183,20 @@ def _saving_findings(learning: Mapping[str, Any]) -> list[dict[str, Any]]:
     return out
 
 
-def _spread_findings(methods: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _spread_findings(learning: Mapping[str, Any]) -> list[dict[str, Any]]:
     """The claim: training is stabilised, read as a smaller spread over seeds."""
     out = []
-    alone = methods.get(_ALONE)
-    for name in (_CLAIMED, FULL_METHOD):
-        if alone is None or name not in methods or min(alone["seeds"], methods[name]["seeds"]) <= 1:
-            continue
-        spreads = [m["best_quartiles"][2] - m["best_quartiles"][0] for m in (alone, methods[name])]
-        out.append(
-            finding(
-                spreads[1] < spreads[0],
-                f"Interquartile range over seeds of the best error: {number(spreads[1], 'mm')} "
-                f"with '{methods[name]['label']}', {number(spreads[0], 'mm')} alone.",
+    for s in learning["spread"]:
+        if s["method"] in (_CLAIMED, FULL_METHOD):
+            label = learning["methods"][s["method"]]["label"]
+            text = (
+                f"Interquartile range over seeds of the best error: {number(s['range_mm'], 'mm')} "
+                f"with '{label}' (median {number(s['median_mm'], 'mm')}), "
+                f"{number(s['alone_mm'], 'mm')} alone (median "
+                f"{number(s['alone_median_mm'], 'mm')}); smaller by {interval(s['smaller_by'])} mm "
+                "(agrees: the interval lies above zero; note: it holds zero)."
             )
-        )
+            out.append(finding(verdict(s["smaller_by"]), text))
     return out
 
 

@@ -104,13 +104,13 @@ def _read(file: FilePath) -> dict[str, Any]:
     return data
 
 
-def plain(value: Any) -> Any:
-    """Data for JSON: numbers rounded to six digits, what is not finite as None."""
+def plain(value: Any, digits: int = _DIGITS) -> Any:
+    """Data for JSON: numbers rounded to so many digits, what is not finite as None."""
     if isinstance(value, dict):
-        return {str(k): plain(v) for k, v in value.items()}
+        return {str(k): plain(v, digits) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
-        return [plain(v) for v in value]
+        return [plain(v, digits) for v in value]
     if isinstance(value, bool) or value is None or isinstance(value, (str, int)):
         return value
     number = float(value)
-    return float(f"{number:.{_DIGITS}g}") if abs(number) < float("inf") else None
+    return float(f"{number:.{digits}g}") if abs(number) < float("inf") else None

@@ -30,7 +30,11 @@ STAGES: dict[str, Callable[[Plan, Folder], dict[str, Any]]] = {
 }
 # Measured on a laptop-class core, two trainings at a time: seconds for each update with the
 # networks of the preset, and for what surrounds a training; minutes for the drives.
-_UPDATE, _AROUND, _DRIVES = 0.0115, 30.0, 10.0
+_UPDATE, _AROUND, _DRIVES = 0.007, 8.0, 12.0
+
+
+# Curves are many numbers; more digits would only be noise.
+_CURVE_DIGITS = 4
 
 
 class Estimate(NamedTuple):
@@ -50,7 +54,7 @@ def estimate(plan: Plan) -> Estimate:
         c.agent.hidden[0] * c.agent.hidden[1] * c.agent.batch / (400 * 300 * 256) for c in configs
     ]
     training = sum(n * max(s, 0.02) * _UPDATE for n, s in zip(updates, size, strict=True))
-    around = len(configs) * (_AROUND if plan.monza_seconds is None else 10.0)
+    around = len(configs) * _AROUND
     drives = _DRIVES if plan.monza_seconds is None else 0.2
     return Estimate(len(configs), max(updates), (training + around) / AT_ONCE / 60.0 + drives)
 
@@ -86,7 +90,7 @@ def reproduce(
         "made_by": sorted({str(record["commit"]) for record in records.values()}),
         "seconds": {name: record["seconds"] for name, record in records.items()},
         "plan": _plan(plan),
-        "learning": plain(learning_curves(plan, trained)),
+        "learning": plain(learning_curves(plan, trained), _CURVE_DIGITS),
         **found,
     }
     write_text(

@@ -15,7 +15,8 @@ def number(value: float | None, unit: str = "", digits: int = 3) -> str:
         return NOTHING
     if math.isinf(value):
         return "never"
-    return f"{value:.{digits}g}{' ' if unit else ''}{unit}"
+    text = f"{value:.0f}" if abs(value) >= 10.0**digits else f"{value:.{digits}g}"
+    return f"{text}{' ' if unit else ''}{unit}"
 
 
 def percent(share: float | None) -> str:
