@@ -52,7 +52,7 @@ def reproduce(
     work = study.estimate(plan)
     note(
         f"{work.trainings} trainings of {work.updates} updates and their tests: about "
-        f"{max(work.minutes, 1.0):.0f} minutes on 2 cores, if nothing is done yet"
+        f"{max(work.minutes, 1.0):.0f} min on 2 cores, if nothing is done yet"
     )
     try:
         results = _run(plan, folder, other_version=other_version)

@@ -19,7 +19,7 @@ from steersman.studies.reproduce.trainings import policies
 # The belief of a controller that thinks the car heavier, and its tyres softer, than they are.
 WRONG = {"mass": 1.3, "yaw_inertia": 1.3, "c_f": 0.7, "c_r": 0.7}
 # Corners are taken with at most this [m/s^2], well below roll-over (14.9).
-CAP = 8.0
+CAP = 12.0
 LABELS = {
     "nominal": "MPC-PID, true parameters",
     "wrong": "MPC-PID, wrong parameters",

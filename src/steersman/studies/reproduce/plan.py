@@ -132,7 +132,7 @@ class Plan(NamedTuple):
     """None: a whole lap."""
     horizons: tuple[int, ...]
     timed_steps: int
-    """Control steps timed of each controller that drives no lap."""
+    """Control steps of the lap that are timed, at most."""
     solves: int
     """Solves of the MPC as users usually write it."""
     repetitions: int
@@ -169,11 +169,11 @@ def full() -> Plan:
         circle_seconds=60.0,
         monza_seconds=None,
         error_ranges=(0.0, 0.1, 0.2, 0.3, 0.4, 0.5),
-        away_speeds=(6.0, 30.0 / 3.6, 12.0, 16.0, 20.0),
+        away_speeds=(6.0, 30.0 / 3.6, 12.0, 16.0, 20.0, 25.0, 30.0),
         away_tracks=("training_circuit", "circle", "monza"),
         away_seconds=None,
         horizons=(10, 20, 40),
-        timed_steps=3000,
+        timed_steps=20_000,
         solves=300,
         repetitions=2000,
     )

@@ -30,7 +30,7 @@ STAGES: dict[str, Callable[[Plan, Folder], dict[str, Any]]] = {
 }
 # Measured on a laptop-class core, two trainings at a time: seconds for each update with the
 # networks of the preset, and for what surrounds a training; minutes for the drives.
-_UPDATE, _AROUND, _DRIVES = 0.007, 8.0, 12.0
+_UPDATE, _AROUND, _DRIVES = 0.0072, 8.0, 3.0
 
 
 # Curves are many numbers; more digits would only be noise.
