@@ -123,6 +123,7 @@ def robustness_section(found: Mapping[str, Any]) -> dict[str, Any]:
                     "range": reach,
                     "agent": median.get("ale_mm"),
                     "max": median.get("max_mm"),
+                    "worst": agent["worst"].get("ale_mm"),
                     "completed": f"{agent['completed']} of {agent['seeds']}",
                     "mpc": mpc["ale_mm"],
                     "mpc_end": _ended(mpc),
@@ -158,11 +159,22 @@ def robustness_section(found: Mapping[str, Any]) -> dict[str, Any]:
             "does not tell its range).",
         )
     ]
+    far, last = found["every_step"]["agent"][-1], found["every_step"]["mpc_pid"][-1]
+    findings.append(
+        finding(
+            None,
+            f"With {found['ranges'][-1]:g} m the agent's mean |d| is "
+            f"{number(far['median'].get('ale_mm'), 'mm')} in the median and "
+            f"{number(far['worst'].get('ale_mm'), 'mm')} in the worst seed, MPC-PID's "
+            f"{number(last['ale_mm'], 'mm')} ({_ended(last)}); both see the same waypoints.",
+        )
+    )
     columns = {
         "shift": "shifts",
         "range": "range [m]",
         "agent": "agent, mean |d|, median [mm]",
         "max": "agent, max |d|, median [mm]",
+        "worst": "worst seed, mean |d| [mm]",
         "completed": "seeds that drove to the end",
         "mpc": "MPC-PID, mean |d| [mm]",
         "mpc_end": "MPC-PID",
