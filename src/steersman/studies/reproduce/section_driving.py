@@ -1,4 +1,4 @@
-"""Sections about driving: circle, waypoint errors, Monza, MPC-PID away from home, time."""
+"""Sections about driving: circle, waypoint errors, Monza."""
 
 from __future__ import annotations
 
@@ -7,16 +7,15 @@ from typing import Any
 
 from steersman.studies.reproduce.away import LABELS
 from steersman.studies.reproduce.plan import FULL_METHOD, METHODS
-from steersman.studies.reproduce.words import NOTHING, finding, number, percent, ratio
+from steersman.studies.reproduce.words import finding, number, percent, ratio
 
 _AGENT = METHODS[FULL_METHOD].label
 _MPC_PID = "MPC-PID"
 _CLOSE = 0.1
-_SAVED = 0.7813
-_NEAR = 0.05
 
 
-def _ended(row: Mapping[str, Any]) -> str:
+def ended(row: Mapping[str, Any]) -> str:
+    """How a drive ended, for a table."""
     if row["completed"]:
         return "driven"
     return f"{row['end'].replace('_', ' ')} after {number(row['distance'], 'm')}"
@@ -81,7 +80,7 @@ def _circle_findings(test: Mapping[str, Any], agent: Mapping[str, Any]) -> list[
     if 2 * lost >= agent["seeds"]:
         text = (
             f"{name}: {lost} of {agent['seeds']} seeds did not drive to the end (worst: "
-            f"{_ended(agent['worst'])}); the paper's agent did, with {paper['ale_mm']:g} mm."
+            f"{ended(agent['worst'])}); the paper's agent did, with {paper['ale_mm']:g} mm."
         )
         return [finding(False, text)]
     factor = ratio(mine["ale_mm"], paper["ale_mm"])
@@ -126,7 +125,7 @@ def robustness_section(found: Mapping[str, Any]) -> dict[str, Any]:
                     "worst": agent["worst"].get("ale_mm"),
                     "completed": f"{agent['completed']} of {agent['seeds']}",
                     "mpc": mpc["ale_mm"],
-                    "mpc_end": _ended(mpc),
+                    "mpc_end": ended(mpc),
                 }
             )
         for name, values in (
@@ -166,7 +165,7 @@ def robustness_section(found: Mapping[str, Any]) -> dict[str, Any]:
             f"With {found['ranges'][-1]:g} m the agent's mean |d| is "
             f"{number(far['median'].get('ale_mm'), 'mm')} in the median and "
             f"{number(far['worst'].get('ale_mm'), 'mm')} in the worst seed, MPC-PID's "
-            f"{number(last['ale_mm'], 'mm')} ({_ended(last)}); both see the same waypoints.",
+            f"{number(last['ale_mm'], 'mm')} ({ended(last)}); both see the same waypoints.",
         )
     )
     columns = {
@@ -229,8 +228,8 @@ def monza_section(found: Mapping[str, Any]) -> dict[str, Any]:
             f"{agent['completed']} of {agent['seeds']} agents drove the lap that none was trained "
             f"on (agrees: all); mean |d| {number(agent['median']['ale_mm'], 'mm')} in the median, "
             f"{number(agent['worst']['ale_mm'], 'mm')} in the worst seed "
-            f"({_ended(agent['worst'])}); "
-            f"MPC-PID: {number(found['mpc_pid']['ale_mm'], 'mm')}, {_ended(found['mpc_pid'])}."
+            f"({ended(agent['worst'])}); "
+            f"MPC-PID: {number(found['mpc_pid']['ale_mm'], 'mm')}, {ended(found['mpc_pid'])}."
         )
         findings = [finding(agent["completed"] == agent["seeds"], text)]
     columns = {"driver": "driver", "ale_mm": "mean |d| [mm]", "max_mm": "max |d| [mm]"}
@@ -252,105 +251,4 @@ def monza_section(found: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _lap(row: Mapping[str, Any]) -> dict[str, Any]:
-    return {k: row[k] for k in ("ale_mm", "max_mm", "speed", "steer_std")} | {"end": _ended(row)}
-
-
-def away_section(found: Mapping[str, Any]) -> dict[str, Any]:
-    """The paper's words on MPC-PID away from the track and speed it was tuned for."""
-    rows, home = [], found["tuned"]
-    counts = dict.fromkeys(LABELS, 0)
-    agent_held = agent_all = elsewhere = 0
-    for test in found["tests"]:
-        row = {"track": test["track"].replace("_", " "), "speed": test["speed"]}
-        for name, run in test["mpc_pid"].items():
-            good = run["completed"]
-            row[name] = f"{number(run['ale_mm'])} mm" if good else _ended(run)
-        agent = test["agent"]
-        median = number(agent["median"].get("ale_mm"), "mm") if agent["completed"] else NOTHING
-        row["agent"] = f"{median}; {agent['completed']} of {agent['seeds']}"
-        rows.append(row)
-        if test["track"] == home["track"] and abs(test["speed"] - home["speed"]) < _NEAR:
-            continue
-        elsewhere += 1
-        agent_held, agent_all = agent_held + agent["completed"], agent_all + agent["seeds"]
-        for name, run in test["mpc_pid"].items():
-            counts[name] += run["completed"]
-    lost = elsewhere - counts["nominal"]
-    others = "; ".join(f"{LABELS[n]}: {counts[n]}" for n in LABELS if n != "nominal")
-    findings = [
-        finding(
-            lost > 0,
-            f"Away from home MPC-PID with true parameters stayed on the road in "
-            f"{counts['nominal']} of {elsewhere} drives (the paper: it fails to; agrees: it left "
-            f"at least once). {others}. The agents: {agent_held} of {agent_all}.",
-        ),
-        finding(
-            None,
-            "Why: the linear model holds for one speed. If 'a model for each speed' stays where "
-            "'true parameters' leaves, the failure is that of the fixed speed, not of MPC "
-            f"({counts['scheduled']} against {counts['nominal']} drives).",
-        ),
-    ]
-    columns = {"track": "track", "speed": "speed [m/s]", **LABELS, "agent": "agent, median; seeds"}
-    return {
-        "title": "MPC-PID away from home",
-        "text": [
-            f"Tuned on the {home['track'].replace('_', ' ')} at {number(home['speed'], 'm/s')}. "
-            f"Speeds are capped in corners to {found['cap']:g} m/s^2. Mean |d|, or where the car "
-            "left the corridor.",
-        ],
-        "findings": findings,
-        "tables": [{"title": "Drives", "columns": columns, "rows": rows}],
-    }
-
-
-def timing_section(found: Mapping[str, Any]) -> dict[str, Any]:
-    """The paper's 78 %, for every pair of implementations."""
-    rows = [row | {"kind": "extrapolated" if row.get("extrapolated") else ""}
-            for row in found["rows"]]  # fmt: skip
-    laps = {row["name"]: row["lap_s"] for row in found["rows"] if row.get("lap_s")}
-    agents = [name for name in laps if name.startswith("policy")]
-    baselines = [name for name in laps if name.startswith("MPC")]
-    savings = [
-        {"policy": p, "mpc": m, "saved": 1.0 - laps[p] / laps[m]} for p in agents for m in baselines
-    ]
-    findings = []
-    if savings:
-        shares = [float(row["saved"]) for row in savings]
-        all_or_none = {len(shares): True, 0: False}
-        findings = [
-            finding(
-                all_or_none.get(sum(share >= _SAVED for share in shares)),
-                f"Depending on which two implementations are compared, the policy saves between "
-                f"{percent(min(shares))} and {percent(max(shares))} of MPC's time a lap (the "
-                "paper: 78 %; agrees: every pair saves at least that, differs: none does). The "
-                "figure tells of the implementations, not of the methods; and the paper's times "
-                "hold the simulator, too.",
-            )
-        ]
-    columns = {
-        "name": "implementation",
-        "p50_us": "p50 [us]",
-        "p99_us": "p99 [us]",
-        "max_us": "max [us]",
-        "steps": "steps measured",
-        "lap_s": "lap [s]",
-        "kind": "lap",
-        "note": "note",
-    }
-    return {
-        "title": "Computing time (the paper's 78 %)",
-        "text": [
-            f"The controllers alone, in one run, on the observations of one drive; a lap has "
-            f"{found['lap_steps']} control steps.",
-        ],
-        "findings": findings,
-        "tables": [
-            {"title": "Times of one control step", "columns": columns, "rows": rows},
-            {
-                "title": "Share of time that the policy saves",
-                "columns": {"policy": "policy", "mpc": "against", "saved": "saved [1]"},
-                "rows": savings,
-            },
-        ],
-    }
+    return {k: row[k] for k in ("ale_mm", "max_mm", "speed", "steer_std")} | {"end": ended(row)}

@@ -1,26 +1,25 @@
-"""Sections about learning: methods, coefficients, ablations."""
+"""The section about training methods."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from steersman.studies.reproduce.plan import FULL_METHOD
-from steersman.studies.reproduce.words import finding, interval, number, percent, ratio, verdict
+from steersman.studies.reproduce.words import finding, interval, number, percent, verdict
 
 _ALONE = "ddpg"
 _CLAIMED = "both"
 # What the paper's figure shows: the adaptive reward is a reward of its own.
 _LOSSES = (("track", "tracking reward alone"), ("fixed", "demonstration reward, fixed"))
-_SETTLED = 2.0 / 3.0
-_HALF = 0.5
 # The largest error on the way to which a saving is asked for [m].
 _ASKED = 0.1
 
 
-def _line(method: Mapping[str, Any], column: str, scale: float = 1.0) -> dict[str, Any]:
+def line(method: Mapping[str, Any], column: str, scale: float = 1.0) -> dict[str, Any]:
+    """A column over training: median and quartiles over seeds."""
     curve = method["curves"][column]
     out = {"name": method["label"], "x": curve["steps"]}
     for key, name in (("y", "median"), ("low", "low"), ("high", "high")):
@@ -36,11 +35,13 @@ def _against_time(method: Mapping[str, Any]) -> dict[str, Any]:
     return out | {key: error[name][:count] for key, name in columns.items()}
 
 
-def _figure(file: str, title: str, x: str, y: str, lines: list[Any], log: bool) -> dict[str, Any]:
+def figure(file: str, title: str, x: str, y: str, lines: list[Any], log: bool) -> dict[str, Any]:
+    """A figure of lines."""
     return {"file": file, "title": title, "x": x, "y": y, "lines": lines, "log": log}
 
 
-def _row(method: Mapping[str, Any]) -> dict[str, Any]:
+def method_row(method: Mapping[str, Any]) -> dict[str, Any]:
+    """A row of the table of methods."""
     low, _, high = method["best_quartiles"]
     return {
         "method": method["label"],
@@ -55,7 +56,7 @@ def _row(method: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-_COLUMNS = {
+COLUMNS = {
     "method": "method",
     "seeds": "seeds",
     "diverged": "diverged",
@@ -73,15 +74,15 @@ def learning_section(results: Mapping[str, Any]) -> dict[str, Any]:
     learning = results["learning"]
     methods = {k: m for k, m in learning["methods"].items() if not m["ablation"]}
     figures = [
-        _figure(
+        figure(
             "validation",
             "Mean error on the validation set",
             "environment steps",
             "mm",
-            [_line(m, "validation_error_mm") for m in methods.values()],
+            [line(m, "validation_error_mm") for m in methods.values()],
             True,
         ),
-        _figure(
+        figure(
             "validation_time",
             "The same against wall time",
             "s",
@@ -89,22 +90,22 @@ def learning_section(results: Mapping[str, Any]) -> dict[str, Any]:
             [_against_time(m) for m in methods.values()],
             True,
         ),
-        _figure(
+        figure(
             "resets",
             "Off-track resets so far",
             "environment steps",
             "resets",
-            [_line(m, "off_track_resets") for m in methods.values()],
+            [line(m, "off_track_resets") for m in methods.values()],
             False,
         ),
     ]
     for reward, words in _LOSSES:
         same = [m for m in methods.values() if m["reward"] == reward]
         for column, name in (("actor_loss", "Actor loss"), ("critic_loss", "Critic loss")):
-            lines = [_line(m, column) for m in same]
+            lines = [line(m, column) for m in same]
             title = f"{name}: {words}"
             file = f"{column}_{reward}"
-            figures.append(_figure(file, title, "environment steps", name.lower(), lines, False))
+            figures.append(figure(file, title, "environment steps", name.lower(), lines, False))
     return {
         "title": "Training methods (the paper's figure of losses)",
         "text": [
@@ -118,7 +119,11 @@ def learning_section(results: Mapping[str, Any]) -> dict[str, Any]:
         ],
         "findings": [*_saving_findings(learning), *_spread_findings(learning), *_smooth(methods)],
         "tables": [
-            {"title": "Methods", "columns": _COLUMNS, "rows": [_row(m) for m in methods.values()]},
+            {
+                "title": "Methods",
+                "columns": COLUMNS,
+                "rows": [method_row(m) for m in methods.values()],
+            },
             _saving_table(learning),
         ],
         "figures": figures,
@@ -218,98 +223,3 @@ def _smooth(methods: Mapping[str, Any]) -> list[dict[str, Any]]:
             "falling actor loss says that Q grows, not that the car drives better: see the errors.",
         )
     ]
-
-
-def coefficient_section(results: Mapping[str, Any]) -> dict[str, Any]:
-    """The paper's figure of c_track and c_diff."""
-    methods = results["learning"]["methods"]
-    shown = [methods[name] for name in (FULL_METHOD, "normalised") if name in methods]
-    figures = [
-        _figure(
-            column,
-            f"{column} over training",
-            "environment steps",
-            "mean over the steps since the last validation",
-            [_line(m, column) for m in shown],
-            False,
-        )
-        for column in ("c_track", "c_diff")
-    ]
-    findings = []
-    for method in shown:
-        track: Sequence[float] = method["curves"]["c_track"]["median"]
-        if not track:
-            continue
-        agrees = track[0] > _HALF > track[-1]
-        tenth = max(len(track) // 10, 1)
-        first, last = float(np.mean(track[:tenth])), float(np.mean(track[-tenth:]))
-        trend = "rises" if last > first + 0.01 else "falls" if last < first - 0.01 else "stays"
-        findings.append(
-            finding(
-                agrees,
-                f"'{method['label']}': c_track {trend} from {number(first)} to {number(last)}, "
-                f"between {number(min(track))} and {number(max(track))} (the paper: first the "
-                "larger share, later the smaller).",
-            )
-        )
-    if FULL_METHOD in methods and methods[FULL_METHOD]["curves"]["c_track"]["median"]:
-        last = methods[FULL_METHOD]["curves"]["c_track"]["median"][-1]
-        findings.append(
-            finding(
-                None,
-                "Why: S(r_diff) is 1/2 when agent and demonstrator agree and never less; "
-                "S(r_track) tends to 1 as soon as the car tracks at speed (r_track is in m/s) and "
-                "to 0 when it is lost. To the letter c_track therefore tends to 2/3 = "
-                f"{number(_SETTLED)} for an agent that drives; measured at the end: "
-                f"{number(last)}. It weighs how well the car drives, not how far it has learned.",
-            )
-        )
-    return {
-        "title": "Coefficients (the paper's figure of c_track and c_demo)",
-        "text": ["Means over all vehicles and steps; median and quartiles over seeds."],
-        "findings": findings,
-        "figures": figures,
-    }
-
-
-def ablation_section(results: Mapping[str, Any]) -> dict[str, Any]:
-    """What the paper leaves open, one by one against the full method."""
-    methods = results["learning"]["methods"]
-    full = methods.get(FULL_METHOD)
-    chosen = {k: m for k, m in methods.items() if m["ablation"] or k in (FULL_METHOD, "direct")}
-    findings = []
-    for name, method in chosen.items():
-        if full is None or name == FULL_METHOD:
-            continue
-        mine, base = method["best_iqm"], full["best_iqm"]
-        factor = ratio(mine["value"], base["value"])
-        apart = mine["high"] < base["low"] or mine["low"] > base["high"]
-        findings.append(
-            finding(
-                None,
-                f"'{method['label']}': best error {interval(mine)} mm against {interval(base)} mm "
-                f"of the full method, {number(factor)} times; the intervals "
-                f"{'are apart' if apart else 'overlap'}.",
-            )
-        )
-    return {
-        "title": "What the paper leaves open",
-        "text": [
-            "Each option alone against the full method (both, adaptive, indirect action). The "
-            "validation drives are the same for all."
-        ],
-        "findings": findings,
-        "tables": [
-            {"title": "Options", "columns": _COLUMNS, "rows": [_row(m) for m in chosen.values()]}
-        ],
-        "figures": [
-            _figure(
-                "ablations",
-                "Mean error on the validation set",
-                "environment steps",
-                "mm",
-                [_line(m, "validation_error_mm") for m in chosen.values()],
-                True,
-            )
-        ],
-    }

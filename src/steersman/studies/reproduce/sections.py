@@ -6,17 +6,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from steersman.studies.reproduce.section_driving import (
-    away_section,
     circle_section,
     monza_section,
     robustness_section,
-    timing_section,
 )
-from steersman.studies.reproduce.section_learning import (
-    ablation_section,
-    coefficient_section,
-    learning_section,
-)
+from steersman.studies.reproduce.section_learning import learning_section
+from steersman.studies.reproduce.section_mpc import away_section, timing_section
+from steersman.studies.reproduce.section_options import ablation_section, coefficient_section
 
 TITLE = "The paper's experiments on the embedded simulator"
 
