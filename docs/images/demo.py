@@ -1,7 +1,4 @@
-"""Draw docs/images/demo.png from results/demo/table.json: errors and steering at equal speeds.
-
-    python docs/images/demo.py
-"""
+"""Draw docs/images/demo.png from results/demo/table.json: errors and steering at equal speeds."""
 
 from __future__ import annotations
 
@@ -30,8 +27,7 @@ def main() -> None:
     figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.2), layout="constrained")
     for driver, (colour, marker, label) in STYLES.items():
         mine = [r for r in rows if r["driver"] == driver]
-        if not all(r["completed"] for r in mine):
-            label += " (open marks: rolled over)"
+        rolled = "" if all(r["completed"] for r in mine) else " (open marks: rolled over)"
         speeds = [float(r["test"].split(", ")[1].split()[0]) for r in mine]
         for axis, key in ((left, "ale_mm"), (right, "steer_std")):
             values = [r[key] for r in mine]
@@ -39,7 +35,7 @@ def main() -> None:
             for row, speed in zip(mine, speeds, strict=True):
                 fill = colour if row["completed"] else "white"
                 axis.plot(speed, row[key], marker, color=colour, mfc=fill, ms=8)
-            axis.plot([], [], "-", marker=marker, color=colour, label=label, ms=8)
+            axis.plot([], [], "-", marker=marker, color=colour, label=label + rolled, ms=8)
     left.set(yscale="log", xlabel="speed [m/s]", ylabel="mean |lateral error| [mm]")
     right.set(yscale="log", xlabel="speed [m/s]", ylabel="SD of normalised steering")
     left.set_title("Circle of radius 50 m, 60 s", loc="left")
