@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from steersman.config import build, override, read_yaml, resolve
+from steersman.config import build, override, read_yaml
 from steersman.errors import ConfigError
 from steersman.rollout import RunConfig
 from steersman.studies.tune import TuneConfig, cost, tune
@@ -44,7 +44,27 @@ def test_tuned_values_stay_in_their_ranges_and_read_back(tmp_path: FilePath) -> 
         for part in name.split("."):
             value = getattr(value, part)
         assert low <= value <= high
-    assert resolve("controller", read_yaml(tmp_path / "tuned.yaml")) == best
+    run = build(RunConfig, read_yaml(tmp_path / "tuned.yaml"))
+    assert run.controller == best
+
+
+@pytest.mark.parametrize(
+    ("other", "key"),
+    [
+        ({"smoothness": 5.0}, "smoothness"),
+        ({"controller": "mpc_pid"}, "controller"),
+        ({"controller": {"kind": "pid", "feedforward": True}}, "controller"),
+        ({"seed": 9}, "seed"),
+    ],
+)
+def test_another_study_in_the_same_folder_is_refused(
+    tmp_path: FilePath, other: dict[str, Any], key: str
+) -> None:
+    tune(study(trials=2), tmp_path)
+    kept = (tmp_path / "result.json").read_bytes()
+    with pytest.raises(ConfigError, match=f"another {key}"):
+        tune(study(**other), tmp_path)
+    assert (tmp_path / "result.json").read_bytes() == kept
 
 
 def test_same_seed_same_result(tmp_path: FilePath) -> None:

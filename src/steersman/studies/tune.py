@@ -12,10 +12,11 @@ from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import Annotated, Any
 
+import yaml
 from pydantic import field_validator
 
 from steersman.bench.metrics import summarise
-from steersman.config import Of, Settings, build, dump, override, param, to_yaml
+from steersman.config import Of, Settings, build, dump, override, param, read_yaml, to_yaml
 from steersman.controllers.base import ControllerComponent
 from steersman.errors import ConfigError
 from steersman.files import make_folder, write_text
@@ -77,11 +78,12 @@ def tune(
     """Search the controller's declared ranges; returns the best configuration found.
 
     Writes ``study.jsonl`` (Optuna's journal, from which an interrupted study goes on),
-    ``tuned.yaml`` (the controller) and ``result.json``. The first trial is the controller as it
-    is, so the result is never worse on the suite.
+    ``tuned.yaml`` (the controller, as ``steersman drive`` reads it), ``config.yaml`` and
+    ``result.json``. The first trial is the controller as it is, so the result is never worse on
+    the suite.
 
     Raises:
-        ConfigError: the controller declares nothing to tune.
+        ConfigError: the controller declares nothing to tune, or ``out`` holds another study.
     """
     import optuna
     from optuna.storages import JournalStorage
@@ -91,6 +93,7 @@ def tune(
         raise ConfigError(f"controller {config.controller.kind} declares nothing to tune")
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     make_folder(out)
+    _same_study(config, out)
     study = optuna.create_study(
         study_name=config.controller.kind,
         storage=JournalStorage(JournalFileBackend(str(out / "study.jsonl"))),
@@ -113,6 +116,22 @@ def tune(
     best = _apply(config.controller, study.best_params)
     _write(config, out, best, study)
     return best
+
+
+def _same_study(config: TuneConfig, out: FilePath) -> None:
+    """Keep the study's configuration in ``out``, or compare it; only ``trials`` may differ.
+
+    Raises:
+        ConfigError: the folder holds a study of something else.
+    """
+    file = out / "config.yaml"
+    if file.exists():
+        before = read_yaml(file) | {"trials": config.trials}
+        now = dump(config) or {}
+        for key in now:
+            if before.get(key) != now[key]:
+                raise ConfigError(f"{out} holds a study with another {key}; give another folder")
+    write_text(file, to_yaml(config))
 
 
 def _suggest(controller: ControllerComponent, trial: Any) -> ControllerComponent:
@@ -141,7 +160,9 @@ def _present(controller: ControllerComponent) -> dict[str, float]:
 
 
 def _write(config: TuneConfig, out: FilePath, best: ControllerComponent, study: Any) -> None:
-    write_text(out / "tuned.yaml", to_yaml(best))
+    # As a run's configuration, so that ``steersman drive tuned.yaml`` drives it.
+    text = yaml.safe_dump({"controller": dump(best)}, sort_keys=False)
+    write_text(out / "tuned.yaml", text)
     result = {
         "controller": dump(best),
         "start": dump(config.controller),

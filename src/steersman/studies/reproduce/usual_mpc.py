@@ -54,7 +54,7 @@ def _problem(horizon: int, car: Vehicle, gains: MpcPid) -> Any:
         turning = (car.l_f * front - car.l_r * rear) / inertia
         return ca.vertcat(v * (x[1] + x[2]), (front + rear) / (m * v) - x[3], x[3], turning)
 
-    cost = 0
+    cost: Any = 0
     opti.subject_to(states[:, 0] == start)
     for i in range(horizon):
         x, u = states[:, i], inputs[:, i]
