@@ -56,9 +56,10 @@ def demo(
     with MPC-PID, prints the table beside the paper's figures, and writes policy, resolved
     configuration, episodes and report.html.
     """
+    given = settings.existing(policy) if policy else None
     folder = settings.out_folder(out)
     try:
-        file = settings.existing(policy) if policy else _train(words or [], folder)
+        file = given or _train(words or [], folder)
         rows = _drive(file, folder)
     except KeyboardInterrupt:
         note(f"interrupted; what was done until then is in {folder}")
