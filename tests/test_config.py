@@ -459,7 +459,7 @@ def test_a_number_reads_as_itself(number: float) -> None:
 @given(st.text())
 def test_any_text_can_be_assigned(text: str) -> None:
     assume("=" not in text)
-    override({}, [f"a={text}"])
+    assert list(override({}, [f"a={text}"])) == ["a"]
 
 
 # ----------------------------------------------------------------------------------- files

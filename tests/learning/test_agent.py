@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from steersman.learning.agent import DemonstratedDDPG, OrnsteinUhlenbeck, make_agent
+from steersman.learning.agent import DemonstratedDDPG, make_agent
+from steersman.learning.noise import OrnsteinUhlenbeck
 from steersman.learning.vec_env import PathFollowingVecEnv
 
 from .problems import tiny

@@ -56,12 +56,14 @@ def test_gymnasiums_checker(env: PathFollowingEnv) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         gymnasium_check(env, skip_render_check=True)
+    assert env.observation_space.is_bounded()
 
 
 def test_sb3s_checker(env: PathFollowingEnv) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         sb3_check(env, warn=True)
+    assert env.action_space == gymnasium.spaces.Box(-1.0, 1.0, (1,), np.float32)
 
 
 def test_is_registered() -> None:

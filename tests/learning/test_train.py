@@ -184,7 +184,10 @@ def test_action_that_stays_on_its_limit_stops() -> None:
 
 
 def test_before_the_first_update_there_is_no_loss() -> None:
-    alarm(row(updates=0, actor_loss=math.nan, critic_loss=math.nan, q_mean=math.nan))
+    none = {"actor_loss": math.nan, "critic_loss": math.nan, "q_mean": math.nan}
+    alarm(row(updates=0, **none))
+    with pytest.raises(TrainingDiverged, match="not finite"):
+        alarm(row(updates=1, **none))
 
 
 def test_a_training_that_diverges_keeps_its_table(tmp_path: FilePath) -> None:

@@ -61,7 +61,9 @@ def test_what_is_not_finite_is_left_out() -> None:
 @pytest.mark.parametrize("y", [[], [3.0], [2.0, 2.0], [0.0, 0.0], [-1.0, 0.0]])
 @pytest.mark.parametrize("log", [False, True])
 def test_poor_data_still_make_a_plot(y: list[float], log: bool) -> None:
-    ElementTree.fromstring(line_plot(figure(line(y), log=log)))
+    root = ElementTree.fromstring(line_plot(figure(line(y), log=log)))
+    assert root.tag.endswith("svg")
+    assert "nan" not in ElementTree.tostring(root, encoding="unicode").lower()
 
 
 def test_bands_and_legends() -> None:

@@ -133,7 +133,10 @@ def test_tables_alone_need_no_library():
 @pytest.mark.parametrize("n", [0, 1, 2])
 def test_very_short_drives(drive, n):
     episode = drive(n=n)
-    Outline(render([Run("short", episode, summarise(episode))], "t"))
+    page = render([Run("short", episode, summarise(episode))], "t")
+    Outline(page)
+    assert "short" in page
+    assert not re.search(r">\s*nan\s*<", page, re.IGNORECASE)
 
 
 def test_a_training_without_rows():

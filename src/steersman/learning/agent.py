@@ -6,18 +6,18 @@ the stored one), ``train`` does the same updates as SB3's with less overhead.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any, cast
 
 import numpy as np
 import torch
 from stable_baselines3 import DDPG
-from stable_baselines3.common.noise import ActionNoise, VectorizedActionNoise
+from stable_baselines3.common.noise import ActionNoise
 
 from steersman.errors import DataError
 from steersman.learning import updates
 from steersman.learning.config import TrainConfig
+from steersman.learning.noise import OrnsteinUhlenbeck
 from steersman.learning.snapshot import Tree, fill
 from steersman.learning.vec_env import PathFollowingVecEnv
 
@@ -32,33 +32,6 @@ _COUNTERS = (
     "sampled_steps",
     "last_losses",
 )
-
-
-class OrnsteinUhlenbeck(VectorizedActionNoise):
-    """Ornstein-Uhlenbeck noise for n vehicles at once (Uhlenbeck and Ornstein, 1930).
-
-    x += theta (0 - x) dt + sigma sqrt(dt) N(0, 1), in units of the action range, once a step.
-    """
-
-    def __init__(
-        self, n: int, theta: float, sigma: Callable[[], float], dt: float, seed: int
-    ) -> None:
-        """``sigma`` is asked at every step, so that it can follow a schedule."""
-        ActionNoise.__init__(self)
-        self.theta, self.sigma, self.dt = theta, sigma, dt
-        self.rng = np.random.default_rng(seed)
-        self.state = np.zeros((n, 1))
-
-    def __call__(self) -> Any:
-        """Noise of the next step, (n, 1)."""
-        kick = self.rng.standard_normal(self.state.shape)
-        drift = -self.theta * self.dt * self.state
-        self.state = self.state + drift + self.sigma() * math.sqrt(self.dt) * kick
-        return self.state.astype(np.float32)
-
-    def reset(self, indices: Any = None) -> None:
-        """Start again from zero, for all vehicles or those named."""
-        self.state[slice(None) if indices is None else indices] = 0.0
 
 
 class DemonstratedDDPG(DDPG):
