@@ -65,7 +65,7 @@ COLUMNS = {
     "last": "last error, IQM [mm]",
     "mean": "mean over training, IQM [mm]",
     "resets": "off-track resets, median",
-    "seconds": "wall time, median [s]",
+    "seconds": "computing time, median [s]",
 }
 
 
@@ -84,7 +84,7 @@ def learning_section(results: Mapping[str, Any]) -> dict[str, Any]:
         ),
         figure(
             "validation_time",
-            "The same against wall time",
+            "The same against computing time (wall time on a core of its own)",
             "s",
             "mm",
             [_against_time(m) for m in methods.values()],
