@@ -233,3 +233,27 @@ def test_waypoint_errors_are_seen_not_recorded(redraw: bool) -> None:
     _, d = path.project(episode["x"][k], episode["y"][k])
     assert episode["lateral_error"][k] == pytest.approx(d, abs=1e-9)
     assert np.std(np.diff(episode["steer_command"])) > 1e-4 or not redraw
+
+
+def test_a_model_based_controller_steers_by_the_nominal_vehicle() -> None:
+    """Wrong parameters reach the controller and not the car."""
+    words = {"path": {"kind": "circle"}, "speed": ConstantSpeed(speed=15.0), "duration": 3.0}
+    wrong = CAR.replace(c_f=0.7 * CAR.c_f, c_r=1.3 * CAR.c_r)
+    for controller in (GOOD, MpcPid()):
+        right = run(RunConfig(controller=controller, **words))
+        told = run(RunConfig(controller=controller, nominal=wrong, **words))
+        assert not same(right, told)
+        assert same(right, run(RunConfig(controller=controller, nominal=CAR, **words)))
+    blind = Pid(gains=GOOD.gains)
+    assert same(
+        run(RunConfig(controller=blind, **words)),
+        run(RunConfig(controller=blind, nominal=wrong, **words)),
+    )
+
+
+def test_a_wrong_model_in_the_controller_is_the_same_as_a_wrong_nominal_vehicle() -> None:
+    words = {"speed": ConstantSpeed(speed=12.0), "duration": 2.0}
+    error = {"mass": 1.3, "c_r": 0.7}
+    inside = run(RunConfig(controller={"kind": "mpc_pid", "model_error": error}, **words))
+    nominal = CAR.replace(mass=1.3 * CAR.mass, c_r=0.7 * CAR.c_r)
+    assert same(inside, run(RunConfig(controller=MpcPid(), nominal=nominal, **words)))

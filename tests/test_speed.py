@@ -185,6 +185,14 @@ def test_random_profile() -> None:
     assert (source.breakpoints()[1] == source.breakpoints()[1]).all()
 
 
+def test_the_seed_decides_a_single_run_and_not_the_training() -> None:
+    source, other = RandomProfile(), RandomProfile(seed=7, seconds=300.0)
+    assert not np.array_equal(source.breakpoints()[1][:5], other.breakpoints()[1][:5])
+    assert other.breakpoints()[0][-1] >= 300.0
+    drawn = [s.draw(np.random.default_rng(3), 20.0).speeds for s in (source, other)]
+    assert np.array_equal(*drawn)
+
+
 def test_stacked_profiles_keep_their_ends() -> None:
     one = Profile(None, np.array([0.0, 1.0, 2.0]), np.array([1.0, 2.0, 3.0]), None, 2.0)
     two = Profile(None, np.zeros(1), np.array([7.0]), None, 2.0)

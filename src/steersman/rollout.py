@@ -40,6 +40,9 @@ class RunConfig(Settings):
         ConstantThrottle(), "-", "Source of throttle and brake."
     )
     vehicle: Annotated[Vehicle, Of("vehicle")] = param(CarlaModel3(), "-", "Vehicle.")
+    nominal: Annotated[Vehicle | None, Of("vehicle", optional=True)] = param(
+        None, "-", "Vehicle that the controller believes it steers; null: the true one."
+    )
     plant: Annotated[SimulatorConfig, Of("plant")] = param(SimulatorConfig(), "-", "Plant.")
     sensor: Annotated[WaypointSensor, Of("sensor")] = param(WaypointSensor(), "-", "Sensor.")
     duration: float | None = param(
@@ -113,7 +116,7 @@ def run(config: RunConfig, progress: Callable[[float], None] | None = None) -> E
             config.path,
             config.speed,
             config.sensor,
-            vehicle=config.vehicle,
+            vehicle=config.vehicle if config.nominal is None else config.nominal,
             duration=config.duration,
             laps=config.laps,
             corridor=config.corridor,
@@ -158,6 +161,7 @@ def rollout(  # noqa: PLR0913 - the nouns of a closed loop
 ) -> Episode:
     """Close the loop and record it.
 
+    ``plant`` holds the vehicle that is driven; ``vehicle`` is what the controller is told of it.
     The vehicle starts on the path at arc length ``start`` in the steady turn of the path's
     curvature there. The run ends after ``duration`` [s] or ``laps``, at the end of an open path,
     when the centre of mass is more than ``corridor`` [m] off the path, or when the inner wheels

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -57,6 +58,15 @@ def to_observation(row: FloatArray, time: float, spacing: float) -> Observation:
     return Observation(time, d, heading, v_x, v_y, rate, steer, kappa, preview, spacing)
 
 
+@cache
+def _fit_weights(count: int, spacing: float) -> FloatArray:
+    """Pseudo-inverse of the parabola's design matrix, made once; nobody writes into it."""
+    u = np.arange(count) * spacing
+    design = np.stack([np.ones_like(u), u, 0.5 * u * u], axis=1)
+    # Not marked as read-only: for numba that is another type, and kernels would compile twice.
+    return np.ascontiguousarray(np.linalg.pinv(design))
+
+
 @register("sensor", "waypoints")
 class WaypointSensor(Component):
     """Waypoints ahead at equal distances, and the errors that follow from them.
@@ -74,9 +84,7 @@ class WaypointSensor(Component):
 
     def fit_weights(self) -> FloatArray:
         """Weights (3, count) of the least-squares parabola: value, slope, second derivative."""
-        u = np.arange(self.count) * self.spacing
-        design = np.stack([np.ones_like(u), u, 0.5 * u * u], axis=1)
-        return np.ascontiguousarray(np.linalg.pinv(design))
+        return _fit_weights(self.count, self.spacing)
 
     def draw(self, rng: np.random.Generator) -> FloatArray:
         """Shifts of all waypoints (count, 2) in the vehicle's frame; (0, 2) without errors."""

@@ -161,7 +161,7 @@ class Nedc(SpeedTracking):
 
 @register("speed", "random_profile")
 class RandomProfile(SpeedTracking):
-    """Speeds drawn anew for each training episode; a single run drives one draw of seed 0."""
+    """Speeds drawn anew for each training episode; a single run drives the draw of ``seed``."""
 
     low: float = param(4.0, "m/s", "Lowest speed drawn.", gt=0)
     high: float = param(25.0, "m/s", "Highest speed drawn.", gt=0)
@@ -170,10 +170,14 @@ class RandomProfile(SpeedTracking):
     cap_low: float = param(
         0.3, "-", "The cap's a_lat_max is scaled by a draw from here to 1.", gt=0, le=1
     )
+    seed: int = param(0, "-", "Seed of a single run's draw; training draws from its own.", ge=0)
+    seconds: float = param(
+        60.0, "s", "Length of a single run's draw; after it the last speed is held.", gt=0
+    )
 
     def breakpoints(self) -> tuple[FloatArray, FloatArray]:
-        """One draw."""
-        profile = self.draw(np.random.default_rng(0), 60.0)
+        """The draw of ``seed``."""
+        profile = self.draw(np.random.default_rng(self.seed), self.seconds)
         return profile.times, profile.speeds
 
     def draw(self, rng: np.random.Generator, seconds: float) -> Profile:
