@@ -78,6 +78,23 @@ def test_a_sinusoid_over_whole_periods():
     assert got["lateral_jerk_rms_m_s3"] == pytest.approx(rate, rel=2e-3)
 
 
+def test_a_sinusoid_reverses_twice_a_period():
+    """Two turns in 8 s, each seen once the steering came back by the gap; then 15 in a minute."""
+    time = np.arange(0.0, 8.0, 0.05)
+    wave = 0.1 * np.sin(2.0 * np.pi * time / 4.0)
+    swaying = evaluate(episode(160, steer_command=wave))
+    assert swaying["steer_reversals_per_min"] == pytest.approx(60.0 * 4 / 8.0)
+    trembling = evaluate(episode(160, steer_command=0.04 * wave))
+    assert trembling["steer_reversals_per_min"] == 0.0
+
+
+def test_a_ripple_below_the_gap_is_no_reversal():
+    ramp = np.linspace(0.0, 0.5, 200)
+    ripple = 0.004 * (-1.0) ** np.arange(200)
+    assert evaluate(episode(steer_command=ramp + ripple))["steer_reversals_per_min"] == 0.0
+    assert evaluate(episode(steer_command=3.0 * ripple))["steer_reversals_per_min"] > 1000.0
+
+
 def test_a_ramp_of_lateral_acceleration_has_constant_jerk():
     got = summarise(episode(100, a_y=-2.0 * DT * np.arange(100)))
     assert got["lateral_jerk_rms_m_s3"] == pytest.approx(2.0)
@@ -99,7 +116,8 @@ def test_a_run_shorter_than_the_window_is_averaged_as_a_whole():
 def test_the_order_of_rows_matters_to_rates_only(values, random):
     shuffled = list(values)
     random.shuffle(shuffled)
-    order_free = [n for n in METRICS if "rate" not in n and "jerk" not in n]
+    ordered = ("rate", "jerk", "change", "reversals")
+    order_free = [n for n in METRICS if not any(word in n for word in ordered)]
     table = {name: METRICS[name] for name in order_free}
     names = ("lateral_error", "heading_error", "steer_command", "a_y", "v_x", "control_time")
     one = episode(len(values), **dict.fromkeys(names, values))

@@ -20,6 +20,8 @@ from steersman.types import FloatArray, Status
 MetricFunction: TypeAlias = Callable[[Episode], float]
 # ISO 11270 judges lateral jerk as a moving average over this time [s].
 JERK_WINDOW = 0.5
+# A turn back of the normalised steering by less is no reversal [-].
+REVERSAL_GAP = 0.01
 
 
 class Metric(NamedTuple):
@@ -95,6 +97,41 @@ def steer_std(episode: Episode) -> float:
 def steer_rate_rms(episode: Episode) -> float:
     """Root mean square of the command's differences over the control period [1/s]."""
     return _rms(_rate(episode["steer_command"], episode.dt))
+
+
+def steer_change_rms(episode: Episode) -> float:
+    """Root mean square of the command's change from one control step to the next [-]."""
+    return _rms(_rate(episode["steer_command"], 1.0))
+
+
+def steer_reversals(episode: Episode) -> float:
+    """Changes of the steering's direction in a minute, those smaller than the gap left out.
+
+    SAE J2944's steering reversal rate: a reversal is a turn back by at least ``REVERSAL_GAP``.
+    """
+    command = episode["steer_command"]
+    if not (command.size and np.isfinite(command).all()):
+        return math.nan
+    return 60.0 * _reversals(command, REVERSAL_GAP) / (command.size * episode.dt)
+
+
+def _reversals(values: FloatArray, gap: float) -> int:
+    """How often a signal turns back by at least ``gap`` after it moved by as much."""
+    steps = np.sign(np.diff(values))
+    # Between its turning points a signal only rises or only falls; they are all that counts.
+    turns = np.flatnonzero(steps[1:] != steps[:-1]) + 1
+    count, direction = 0, 0
+    low = high = float(values[0])
+    for value in [*values[turns].tolist(), float(values[-1])]:
+        low, high = min(low, value), max(high, value)
+        if value - low >= gap and direction <= 0:
+            count, direction = count + (direction < 0), 1
+        elif high - value >= gap and direction >= 0:
+            count, direction = count + (direction > 0), -1
+        else:
+            continue
+        low = high = value
+    return count
 
 
 def lateral_jerk_rms(episode: Episode) -> float:
@@ -191,6 +228,12 @@ METRICS: dict[str, Metric] = {
     "steer_std": Metric(steer_std, "-", "standard deviation of the steering command"),
     "steer_rate_rms_per_s": Metric(
         steer_rate_rms, "1/s", "RMS rate of change of the steering command"
+    ),
+    "steer_change_rms": Metric(
+        steer_change_rms, "-", "RMS change of the steering command in a control step"
+    ),
+    "steer_reversals_per_min": Metric(
+        steer_reversals, "1/min", "reversals of the steering command by at least 0.01"
     ),
     "lateral_jerk_rms_m_s3": Metric(
         lateral_jerk_rms, "m/s^3", "RMS lateral jerk, differences at the control period"

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -86,6 +86,54 @@ def bootstrap(
         return Interval(statistic(*arrays), math.nan, math.nan)
     low, high = np.quantile(draws, [0.5 * (1.0 - level), 0.5 * (1.0 + level)])
     return Interval(float(statistic(*arrays)), float(low), float(high))
+
+
+class Clusters:
+    """Percentile intervals for statistics of means over items that come in clusters.
+
+    Items of one cluster are alike (scenarios on one road), so clusters are drawn as a whole, with
+    replacement. Two statistics over the same items are drawn alike, so that differences and
+    ratios are paired. Source: A. Davison and D. Hinkley, *Bootstrap Methods and their
+    Application*, 1997, sec. 3.8.
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        *,
+        repetitions: int = REPETITIONS,
+        level: float = LEVEL,
+        seed: int = 0,
+    ) -> None:
+        """``names`` holds the cluster of every item."""
+        self._level = level
+        _, self._cluster = np.unique(np.asarray(names, dtype=str), return_inverse=True)
+        count = int(self._cluster.max()) + 1 if self._cluster.size else 0
+        self._sizes = np.bincount(self._cluster, minlength=count).astype(np.float64)
+        rng = np.random.default_rng(seed)
+        # Row 0 is the sample itself; then how often each cluster was drawn.
+        drawn = rng.multinomial(count, np.full(count, 1.0 / max(count, 1)), size=repetitions)
+        self._drawn = np.vstack([np.ones(count), drawn]) if count else np.ones((1, 0))
+
+    def interval(self, statistic: Callable[[Callable[[ArrayLike], FloatArray]], Any]) -> Interval:
+        """The statistic and its interval.
+
+        Args:
+            statistic: given a function that maps values (one for each item) to their means
+                (one for each draw), the statistic of each draw.
+        """
+        if not self._cluster.size:
+            return Interval(math.nan, math.nan, math.nan)
+        value, *draws = np.asarray(statistic(self._means), dtype=np.float64)
+        low, high = np.quantile(draws, [0.5 * (1.0 - self._level), 0.5 * (1.0 + self._level)])
+        return Interval(float(value), float(low), float(high))
+
+    def _means(self, values: ArrayLike) -> FloatArray:
+        sums = np.bincount(
+            self._cluster, weights=np.asarray(values, dtype=np.float64), minlength=self._sizes.size
+        )
+        means: FloatArray = (self._drawn @ sums) / (self._drawn @ self._sizes)
+        return means
 
 
 def first_reach(at: Sequence[float], errors: Sequence[float], threshold: float) -> float:

@@ -38,10 +38,18 @@ def split(words: Sequence[str]) -> tuple[list[int] | None, list[str]]:
     rivals = [word for word in others if word.partition("=")[0].strip() == "seed"]
     if rivals:
         raise ConfigError(f"{given[0]} and {rivals[0]} contradict each other; give one of them")
-    return _parse(given[0].partition("=")[2]), others
+    return parse(given[0].partition("=")[2]), others
 
 
-def _parse(text: str) -> list[int]:
+def parse(text: str) -> list[int]:
+    """Seeds from a list or ranges.
+
+    >>> parse("0..2,7")
+    [0, 1, 2, 7]
+
+    Raises:
+        ConfigError: it is neither, or names a seed twice.
+    """
     seeds: list[int] = []
     for part in text.strip().strip("[]").split(","):
         first, dots, last = (piece.strip() for piece in part.partition(".."))

@@ -16,6 +16,7 @@ import yaml
 from pydantic import field_validator
 
 from steersman.bench.metrics import summarise
+from steersman.bench.suites import suite
 from steersman.config import Of, Settings, build, dump, override, param, read_yaml, to_yaml
 from steersman.controllers.base import ControllerComponent
 from steersman.errors import ConfigError
@@ -39,13 +40,18 @@ class TuneConfig(Settings):
             },
         ),
         "-",
-        "Runs to tune on; their controller is replaced.",
+        "Runs to tune on, or the name of a suite; their controller is replaced.",
     )
     trials: int = param(200, "-", "Trials in all, those of earlier sessions included.", ge=1)
     smoothness: float = param(
         0.05, "m s", "Price of the RMS steering rate, in lateral error per 1/s.", ge=0
     )
     seed: int = param(0, "-", "Seed of the sampler.", ge=0)
+
+    @field_validator("suite", mode="before")
+    @classmethod
+    def _named(cls, value: Any) -> Any:
+        return [s.run for s in suite(value).scenarios()] if isinstance(value, str) else value
 
     @field_validator("suite")
     @classmethod
@@ -126,7 +132,8 @@ def _same_study(config: TuneConfig, out: FilePath) -> None:
     """
     file = out / "config.yaml"
     if file.exists():
-        before = read_yaml(file) | {"trials": config.trials}
+        # Read as a configuration, so that fields that are new since then have their defaults.
+        before = dump(build(TuneConfig, read_yaml(file) | {"trials": config.trials})) or {}
         now = dump(config) or {}
         for key in now:
             if before.get(key) != now[key]:

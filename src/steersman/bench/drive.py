@@ -1,0 +1,128 @@
+"""One scenario driven by one entrant: a row of plain data."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import Any, TypeAlias
+
+from steersman.bench.charge import charged_mean, charged_quantile, charged_rms, driven_share
+from steersman.bench.entrants import Entrant
+from steersman.bench.metrics import evaluate
+from steersman.bench.suite import Scenario
+from steersman.config import dump
+from steersman.episode import INTERRUPTED, Episode
+from steersman.errors import ConfigError
+from steersman.provenance import provenance
+from steersman.rollout import RunConfig, RunError, run
+
+Row: TypeAlias = dict[str, Any]
+# For estimates only [m/s].
+_USUAL_SPEED = 12.0
+FACTORS = ("path", "speed", "disturbance", "vehicle", "seed")
+
+
+def fitted(scenario: Scenario, entrant: Entrant) -> RunConfig:
+    """The scenario's run with this controller.
+
+    A policy that reads more waypoints than the suite's sensor gives, or others, gets its own.
+    """
+    config, sensor = scenario.run, scenario.run.sensor
+    if entrant.waypoints > sensor.count or entrant.spacing not in (0.0, sensor.spacing):
+        count = max(entrant.waypoints, 4)
+        sensor = sensor.model_copy(update={"count": count, "spacing": entrant.spacing})
+    return config.model_copy(update={"controller": entrant.controller, "sensor": sensor})
+
+
+def key(plan: str, config: RunConfig, entrant: Entrant) -> str:
+    """What a row is kept under: the same for the same controller in the same run.
+
+    Args:
+        plan: digest of the scenario, of :func:`digest`.
+        config: the run as it is driven, of :func:`fitted`.
+        entrant: who drives.
+    """
+    sensor = f"{config.sensor.count} {config.sensor.spacing!r}"
+    return _hashed(f"{plan} {entrant.digest} {sensor}")
+
+
+def digest(scenario: Scenario) -> str:
+    """Changes with the name and with everything in the run of a scenario but its controller."""
+    plan = dump(scenario.run) or {}
+    del plan["controller"]
+    return _hashed(json.dumps([scenario.name, plan], sort_keys=True))
+
+
+def _hashed(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:24]
+
+
+def drive(scenario: Scenario, entrant: Entrant) -> Episode:
+    """The episode; what was driven until then, if the controller failed.
+
+    Raises:
+        KeyboardInterrupt: the run was interrupted, so that its record is not one.
+    """
+    try:
+        episode = run(fitted(scenario, entrant))
+    except RunError as error:
+        episode = error.episode
+    if episode.end == INTERRUPTED:
+        raise KeyboardInterrupt
+    return episode
+
+
+def measure(scenario: Scenario, entrant: Entrant) -> Row:
+    """Everything that is kept of a drive; numbers are finite or None."""
+    episode = drive(scenario, entrant)
+    return {
+        "controller": entrant.name,
+        "kind": entrant.controller.kind,
+        "learned": entrant.learned,
+        "scenario": scenario.name,
+        **{name: getattr(scenario, name) for name in FACTORS},
+        **{f"disturbance_{name}": v for name, v in scenario.applied.figures().items()},
+        "end": episode.end,
+        **charged(scenario.run, episode),
+        **evaluate(episode),
+        "commit": provenance()["commit"],
+    }
+
+
+def charged(config: RunConfig, episode: Episode) -> dict[str, float]:
+    """The share that was driven and the errors over the whole plan [m]."""
+    share, errors = driven_share(config, episode), episode["lateral_error"]
+    corridor = config.corridor
+    return {
+        "driven_share": share,
+        "charged_rms_m": charged_rms(errors, share, corridor),
+        "charged_mean_m": charged_mean(errors, share, corridor),
+        "charged_p95_m": charged_quantile(errors, share, corridor, 0.95),
+        "charged_max_m": corridor if share < 1.0 else charged_quantile(errors, 1.0, corridor, 1.0),
+    }
+
+
+def check(scenario: Scenario, entrant: Entrant) -> None:
+    """Drive a moment of the scenario, so that what does not fit is told before anything runs.
+
+    It also compiles the kernels, or loads them, once before many processes do.
+
+    Raises:
+        ConfigError: the controller does not fit the suite's loop.
+        DataError: a file that it reads is missing or corrupt.
+    """
+    short = fitted(scenario, entrant).model_copy(update={"duration": 0.2, "laps": None})
+    try:
+        run(short)
+    except RunError:
+        return  # a controller that fails at once is a result
+    except ConfigError as error:
+        raise ConfigError(f"{entrant.name}: {error}") from None
+
+
+def planned_seconds(scenario: Scenario) -> float:
+    """About how long a run lasts in the simulation [s], for the progress bar."""
+    config = scenario.run
+    if config.duration is not None:
+        return config.duration
+    return max((config.laps or 1.0) * config.path.length / _USUAL_SPEED, 1.0)

@@ -1,0 +1,172 @@
+"""Who takes part in a benchmark: controllers by kind, by YAML file, by a policy's ONNX file."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path as FilePath
+from typing import Any, NamedTuple
+
+from steersman.config import components, dump, lookup, read_yaml, resolve
+from steersman.controllers.base import ControllerComponent
+from steersman.errors import ConfigError, DataError, suggestion
+from steersman.policy_file import PolicyCard, read_policy
+
+_YAML = (".yaml", ".yml")
+_ONNX = ".onnx"
+# Names of files that every tuning or training writes: there the folder's name tells more.
+_COMMON = ("tuned", "policy", "config")
+
+
+class Entrant(NamedTuple):
+    """A controller that takes part."""
+
+    name: str
+    controller: ControllerComponent
+    learned: bool
+    """Whether a policy is part of it."""
+    digest: str
+    """Changes with the configuration and with the content of a policy's file."""
+    waypoints: int
+    """Waypoints that its policy reads; 0 without one."""
+    spacing: float
+    """Distance between them [m]; 0 without a policy."""
+
+
+def entrants(words: Sequence[str]) -> list[Entrant]:
+    """Controllers from their specifications ``[name=]spec``; of none given, every classical kind.
+
+    A ``spec`` is a registered kind, a YAML file with a controller (as ``steersman tune`` writes
+    it), or the ONNX file of a policy.
+
+    Raises:
+        ConfigError: a kind is unknown, or two have the same name.
+        DataError: a file is missing or malformed.
+    """
+    found = [entrant(word) for word in words or classical()]
+    seen: dict[str, str] = {}
+    for one, word in zip(found, words or classical(), strict=True):
+        if one.name in seen:
+            raise ConfigError(
+                f"{seen[one.name]!r} and {word!r} are both called {one.name!r}; write name={word}"
+            )
+        seen[one.name] = word
+    return found
+
+
+def classical() -> list[str]:
+    """Every registered kind that needs nothing given."""
+    return [
+        kind
+        for kind, cls in components("controller").items()
+        if not any(field.is_required() for field in cls.model_fields.values())
+    ]
+
+
+def entrant(word: str) -> Entrant:
+    """One controller from ``[name=]spec``.
+
+    Raises:
+        ConfigError: the kind is unknown.
+        DataError: a file is missing or malformed.
+    """
+    name, sign, spec = word.partition("=")
+    if not sign:
+        name, spec = "", word
+    name, spec = name.strip(), spec.strip()
+    if not spec:
+        raise ConfigError(
+            f"{word!r} names no controller; write a kind, a file, or name=one of them"
+        )
+    controller = _controller(spec)
+    cards = [_card(file) for file in policy_files(dump(controller) or {})]
+    content = json.dumps(
+        [_without_files(dump(controller)), [card.sha256 for card in cards]], sort_keys=True
+    )
+    return Entrant(
+        name or _short(spec),
+        controller,
+        bool(cards),
+        hashlib.sha256(content.encode()).hexdigest()[:16],
+        max((card.waypoints for card in cards), default=0),
+        _spacing(spec, cards),
+    )
+
+
+def _card(file: str) -> PolicyCard:
+    return read_policy(FilePath(file))[1]
+
+
+def _spacing(spec: str, cards: Sequence[PolicyCard]) -> float:
+    distances = sorted({card.spacing for card in cards})
+    if len(distances) > 1:
+        raise ConfigError(f"{spec}: its policies read waypoints {distances} m apart, not the same")
+    return distances[0] if distances else 0.0
+
+
+def _controller(spec: str) -> ControllerComponent:
+    file = FilePath(spec)
+    if file.suffix == _ONNX:
+        data: Any = {"kind": "policy", "file": spec}
+    elif file.suffix in _YAML:
+        data = _from_yaml(file)
+    elif file.exists() and spec not in components("controller"):
+        raise DataError(f"{spec}: expected a file that ends in .onnx, .yaml or .yml")
+    else:
+        _known(spec)
+        data = spec
+    try:
+        found = resolve("controller", data)
+    except ConfigError as error:
+        raise ConfigError(f"{spec}: {error}") from None
+    assert isinstance(found, ControllerComponent)
+    return found
+
+
+def _known(kind: str) -> None:
+    """Refuse a kind that is unknown, or that needs more than its name."""
+    known = components("controller")
+    if kind not in known:
+        raise ConfigError(f"unknown controller {kind!r}{suggestion(kind, known)}")
+    cls = lookup("controller", kind)
+    needed = [name for name, field in cls.model_fields.items() if field.is_required()]
+    if needed:
+        what = "its ONNX file" if kind == "policy" else "a YAML file"
+        raise ConfigError(f"controller {kind!r} needs {', '.join(needed)}; give {what} instead")
+
+
+def _from_yaml(file: FilePath) -> Mapping[str, Any]:
+    """The controller in a file: under ``controller``, as in a run, or the whole of it."""
+    tree = read_yaml(file)
+    if "kind" in tree:
+        return tree
+    if "controller" not in tree:
+        raise DataError(f"{file}: holds no controller; expected controller: {{kind: ...}}")
+    inner = tree["controller"]
+    return {"kind": inner} if isinstance(inner, str) else inner
+
+
+def _short(spec: str) -> str:
+    """The name of a specification without one."""
+    file = FilePath(spec)
+    if file.suffix not in (*_YAML, _ONNX):
+        return spec
+    folder = file.resolve().parent.name
+    return folder if file.stem in _COMMON and folder else file.stem
+
+
+def policy_files(data: Any) -> Iterator[str]:
+    """Every ONNX file that a dumped controller names, however deep."""
+    if isinstance(data, Mapping):
+        for value in data.values():
+            yield from policy_files(value)
+    elif isinstance(data, str) and data.endswith(_ONNX):
+        yield data
+
+
+def _without_files(data: Any) -> Any:
+    """The same without the names of files: where a policy lies does not matter."""
+    if isinstance(data, Mapping):
+        return {key: _without_files(value) for key, value in data.items()}
+    return _ONNX if isinstance(data, str) and data.endswith(_ONNX) else data

@@ -1,0 +1,64 @@
+"""The rows that are finished, kept line by line so that an interruption loses none of them."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable
+from pathlib import Path as FilePath
+
+from steersman.bench.drive import Row
+from steersman.errors import DataError
+from steersman.files import make_folder
+
+NAME = "rows.jsonl"
+
+
+class Journal:
+    """Rows by their key in a file of one JSON object a line.
+
+    A line that was torn by an interruption is cut off when the journal is opened; a row is kept
+    only once its whole line is on the disk.
+    """
+
+    def __init__(self, folder: FilePath) -> None:
+        """Open the journal of a folder, which is made if need be.
+
+        Raises:
+            DataError: the folder cannot be made, or the file is no journal.
+        """
+        self.file = make_folder(folder) / NAME
+        self.rows: dict[str, Row] = {}
+        try:
+            text = self.file.read_bytes() if self.file.exists() else b""
+        except OSError as error:
+            raise DataError(f"{self.file}: cannot be read ({error.strerror})") from None
+        whole = text[: text.rfind(b"\n") + 1]
+        for number, line in enumerate(whole.splitlines(), start=1):
+            self._take(line, number)
+        if whole != text:
+            os.truncate(self.file, len(whole))
+
+    def _take(self, line: bytes, number: int) -> None:
+        try:
+            row = json.loads(line)
+            self.rows[row["key"]] = row
+        except (ValueError, TypeError, KeyError):
+            raise DataError(f"{self.file}, line {number}: not a row of a benchmark") from None
+
+    def add(self, rows: Iterable[Row]) -> None:
+        """Append rows.
+
+        Raises:
+            DataError: the file cannot be written.
+        """
+        new = list(rows)
+        text = "".join(json.dumps(row, allow_nan=False) + "\n" for row in new)
+        try:
+            with self.file.open("ab") as stream:
+                stream.write(text.encode())
+                stream.flush()
+                os.fsync(stream.fileno())
+        except OSError as error:
+            raise DataError(f"{self.file}: cannot be written ({error.strerror})") from None
+        self.rows |= {row["key"]: row for row in new}

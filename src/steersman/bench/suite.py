@@ -1,0 +1,143 @@
+"""Suites as data: courses x speeds x disturbances x vehicles x seeds, and their scenarios."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from typing import Annotated, NamedTuple, TypeAlias
+
+import numpy as np
+from pydantic import field_validator, model_validator
+
+from steersman.bench.disturbance import Disturbance, Mixed
+from steersman.config import Of, Settings, param, required
+from steersman.errors import ConfigError, suggestion
+from steersman.paths.base import PathComponent
+from steersman.rollout import RunConfig
+from steersman.speed import RandomProfile, SpeedComponent
+from steersman.vehicles import CarlaModel3, Vehicle
+
+CLEAN = "clean"
+
+_Speed: TypeAlias = Annotated[SpeedComponent, Of("speed")]
+_Car: TypeAlias = Annotated[Vehicle, Of("vehicle")]
+
+
+class Course(Settings):
+    """A path, and how it is driven."""
+
+    path: Annotated[PathComponent, Of("path")] = required("-", "Path to follow.")
+    speeds: dict[str, _Speed] = required("-", "Sources of speed by name.")
+    duration: float | None = param(
+        None, "s", "Length of a run; null with laps null: to the end of an open path.", gt=0
+    )
+    laps: float | None = param(None, "-", "Laps of a closed path, instead of a duration.", gt=0)
+    disturbances: tuple[str, ...] | None = param(
+        None, "-", "Names of those that are tried here; null: all of the suite's."
+    )
+
+
+class Scenario(NamedTuple):
+    """One run that every controller has to drive; ``run.controller`` is to be replaced."""
+
+    path: str
+    speed: str
+    disturbance: str
+    vehicle: str
+    seed: int
+    """The benchmark's seed, from which everything random in ``run`` follows."""
+    applied: Disturbance
+    run: RunConfig
+
+    @property
+    def name(self) -> str:
+        """The words that tell it from all others of its suite."""
+        return "/".join((self.path, self.speed, self.disturbance, self.vehicle, str(self.seed)))
+
+
+class Suite(Settings):
+    """Scenarios by their factors; every factor is crossed with every other."""
+
+    courses: dict[str, Course] = required("-", "Paths with their speeds, by name.")
+    disturbances: dict[str, Disturbance] = param(
+        {CLEAN: Disturbance()}, "-", "Disturbances by name."
+    )
+    mixed: dict[str, Mixed] = param(
+        {}, "-", "Disturbances that are drawn from the seed, by name; anew in each scenario."
+    )
+    vehicles: dict[str, _Car] = param({"carla_model3": CarlaModel3()}, "-", "Vehicles by name.")
+    corridor: float = param(1.5, "m", "Half width of the corridor; leaving it ends a run.", gt=0)
+
+    @field_validator("courses", "vehicles")
+    @classmethod
+    def _some(cls, value: dict[str, object]) -> dict[str, object]:
+        if not value:
+            raise ValueError("needs at least one")
+        return value
+
+    @model_validator(mode="after")
+    def _names(self) -> Suite:
+        twice = sorted(set(self.disturbances) & set(self.mixed))
+        if twice:
+            raise ConfigError(f"{twice[0]!r} is in disturbances too", ("mixed",))
+        known = {**self.disturbances, **self.mixed}
+        if not known:
+            raise ConfigError("needs at least one", ("disturbances",))
+        for name, course in self.courses.items():
+            for word in course.disturbances or ():
+                if word not in known:
+                    message = f"unknown disturbance {word!r}{suggestion(word, known)}"
+                    raise ConfigError(message, ("courses", name, "disturbances"))
+        return self
+
+    def scenarios(self, seeds: Sequence[int] = (0,)) -> list[Scenario]:
+        """Every scenario for every seed, in a fixed order.
+
+        A drawn speed depends on seed and path alone, so that it is the same under every
+        disturbance; what a mixed disturbance draws differs from scenario to scenario.
+        """
+        return [
+            self._scenario(path, speed, disturbance, vehicle, seed)
+            for seed in seeds
+            for path, course in self.courses.items()
+            for speed in course.speeds
+            for disturbance in self._tried(course)
+            for vehicle in self.vehicles
+        ]
+
+    def _tried(self, course: Course) -> Sequence[str]:
+        every = (*self.disturbances, *self.mixed)
+        return every if course.disturbances is None else course.disturbances
+
+    def _scenario(
+        self, path: str, speed: str, disturbance: str, vehicle: str, seed: int
+    ) -> Scenario:
+        course = self.courses[path]
+        source = course.speeds[speed]
+        if isinstance(source, RandomProfile):
+            own = derived_seed(seed, path, speed, str(source.seed))
+            source = source.model_copy(update={"seed": own})
+        own = derived_seed(seed, path, speed, disturbance, vehicle)
+        applied = self.disturbances.get(disturbance)
+        if applied is None:
+            applied = self.mixed[disturbance].draw(np.random.default_rng([own, 1]))
+        run = RunConfig(
+            path=course.path,
+            speed=source,
+            vehicle=self.vehicles[vehicle],
+            duration=course.duration,
+            laps=course.laps,
+            corridor=self.corridor,
+            seed=own,
+        )
+        return Scenario(path, speed, disturbance, vehicle, seed, applied, applied.apply(run))
+
+
+def derived_seed(seed: int, *words: str) -> int:
+    """A seed below 2^31 that depends on ``seed`` and on every word.
+
+    >>> derived_seed(0, "circle") == derived_seed(0, "circle") != derived_seed(1, "circle")
+    True
+    """
+    text = "/".join((str(seed), *words))
+    return int.from_bytes(hashlib.sha256(text.encode()).digest()[:4], "big") >> 1

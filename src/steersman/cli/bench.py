@@ -1,0 +1,150 @@
+"""``steersman bench``: every controller over the same scenarios, and the table of who is best."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path as FilePath
+from typing import Annotated, Any
+
+import typer
+
+from steersman.cli import settings
+from steersman.cli.outcome import INTERRUPTED
+from steersman.cli.output import note, share_bar, show, show_json, table
+
+# Share of the work between two lines of progress.
+_TOLD = 0.05
+
+EXAMPLES = (
+    "\b\n"
+    "Examples:\n"
+    "  steersman bench --out runs/bench\n"
+    "  steersman bench quick --controllers pid,mpc_pid --out runs/quick\n"
+    "  steersman bench --controllers mpc_pid,ff=runs/tune_pid/tuned.yaml,runs/demo/policy.onnx \\\n"
+    "      --seeds 7 --out runs/bench\n"
+    "\n"
+    "The same command goes on where an interrupted one stopped; in the same folder, further\n"
+    "controllers cost only their own runs."
+)
+
+
+def bench(
+    out: Annotated[
+        str, typer.Option("--out", metavar="DIR", help="Folder for rows, results and report.")
+    ],
+    suite: Annotated[
+        str, typer.Argument(metavar="[SUITE]", help="standard, tuning, quick, or a YAML file.")
+    ] = "standard",
+    controllers: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--controllers",
+            metavar="LIST",
+            help="Kinds, YAML files or policies' ONNX files, each also as name=...; separated by"
+            " commas. Without it: every classical kind.",
+        ),
+    ] = None,
+    seeds: Annotated[
+        str, typer.Option("--seeds", metavar="LIST", help="Seeds of all draws: 0..4 or 0,3,7.")
+    ] = "0",
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", min=1, help="Processes; one for each core by default.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print results.json.")] = False,
+) -> None:
+    """Drive every controller through the same scenarios, and compare them.
+
+    Writes rows.jsonl (a line for each run), results.json and suite.yaml. A controller that
+    leaves the road is charged the corridor's half width for all that it did not drive.
+    """
+    from steersman.bench.entrants import entrants
+    from steersman.bench.results import results, write
+    from steersman.bench.suites import suite as read_suite
+    from steersman.cli.seeds import parse
+
+    words = [word for text in controllers or [] for word in text.split(",") if word.strip()]
+    numbers = parse(seeds)
+    plan = read_suite(suite)
+    found = entrants(words)
+    folder = settings.out_folder(out)
+    rows = _drive(plan.scenarios(numbers), found, folder, jobs)
+    outcome = results(suite, numbers, rows, found)
+    write(folder, outcome, plan)
+    if as_json:
+        show_json(outcome)
+    else:
+        _show(outcome, folder)
+
+
+def _drive(scenarios: Any, found: Any, folder: FilePath, jobs: int | None) -> Any:
+    from steersman.bench.runner import bench as run
+
+    title = f"{len(scenarios)} scenarios x {len(found)} controllers"
+    try:
+        with _progress(title) as progress:
+            return run(scenarios, found, folder, jobs=jobs, progress=progress)
+    except KeyboardInterrupt:
+        note(f"interrupted; the same command goes on from {folder}")
+        raise typer.Exit(INTERRUPTED) from None
+
+
+@contextmanager
+def _progress(title: str) -> Iterator[Callable[[float, float], None]]:
+    """Told (simulated seconds done, in all): a bar in a terminal, else now and then a line."""
+    note(title)
+    if sys.stderr.isatty():
+        with share_bar("driving") as update:
+            assert update is not None  # it is where stderr is a terminal
+            yield lambda done, total: update(done / max(total, 1.0))
+        return
+    told = 0.0
+
+    def line(done: float, total: float) -> None:
+        nonlocal told
+        if done >= told + _TOLD * total or done >= total:
+            told = done
+            share = 100.0 * done / max(total, 1.0)
+            note(f"{share:.0f} % of {total / 60.0:.0f} simulated minutes")
+
+    yield line
+
+
+def _show(outcome: dict[str, Any], folder: FilePath) -> None:
+    summary = outcome["summary"]
+    best = summary["best_classical"]
+    columns = ("clean", "disturbed", "p95", "failed", "steering", "step", "ratio")
+    out = table("controller", *columns, right=columns)
+    for name, found in summary["controllers"].items():
+        ratio = found["ratio"]["all"]["rms"] if "ratio" in found else None
+        out.add_row(
+            name,
+            _interval(found["clean"]["rms_m"], 1e3),
+            _interval(found["disturbed"]["rms_m"], 1e3),
+            _number(found["all"]["p95_m"], 1e3),
+            f"{found['failures']}/{found['runs']}",
+            _number(found["steer_change_rms"], 1e3),
+            _number(found["control_time_us_p50"]),
+            "" if ratio is None else _interval(ratio),
+        )
+    notes = (
+        f"{summary['scenarios']} scenarios on {summary['paths']} paths; 95 % intervals of a"
+        " bootstrap over paths. clean, disturbed: RMS lateral error [mm]; p95 [mm]; failed: runs"
+        " that ended early, charged in all errors; steering: RMS change in a step [1/1000];"
+        f" step: median computing time [us]; ratio: RMS error over that of {best}, the best"
+        " classical controller."
+    )
+    show(out, "", notes, f"written to {folder}")
+
+
+def _number(value: float | None, factor: float = 1.0) -> str:
+    if value is None:
+        return "-"
+    text = f"{factor * value:.3g}"
+    return f"{factor * value:.0f}" if "e+" in text else text
+
+
+def _interval(found: dict[str, float | None], factor: float = 1.0) -> str:
+    value, low, high = (_number(found[k], factor) for k in ("value", "low", "high"))
+    return value if found["low"] is None else f"{value}\n{low}..{high}"
