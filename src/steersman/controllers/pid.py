@@ -8,6 +8,7 @@ from typing import ClassVar, NamedTuple
 
 from steersman.config import Settings, param, register
 from steersman.controllers.base import ControllerComponent
+from steersman.kernels.preview import curvature_at
 from steersman.types import Observation, Status
 from steersman.vehicles import Vehicle
 
@@ -109,13 +110,8 @@ def steady_side_slip(vehicle: Vehicle, v: float, kappa: float) -> float:
 
 
 def preview_curvature(observation: Observation, distance: float) -> float:
-    """Curvature of the road ``distance`` ahead, from three waypoints around it [1/m]."""
-    points, spacing = observation.preview, observation.spacing
+    """Curvature of the road ``distance`` [m] ahead, linear between waypoints [1/m]."""
+    o = observation
     if distance <= 0.0:
-        return observation.curvature
-    i = min(max(round(distance / spacing), 1), len(points) - 2)
-    (x0, y0), (x1, y1), (x2, y2) = points[i - 1 : i + 2].tolist()
-    cross: float = (x1 - x0) * (y2 - y1) - (y1 - y0) * (x2 - x1)
-    sides = math.hypot(x1 - x0, y1 - y0) * math.hypot(x2 - x1, y2 - y1)
-    # Menger curvature; the third side is nearly the sum of the two others.
-    return 2.0 * cross / max(sides * math.hypot(x2 - x0, y2 - y0), 1e-12)
+        return o.curvature
+    return curvature_at(o.preview, o.spacing, o.curvature, distance)
