@@ -1,0 +1,82 @@
+"""Error dynamics of the linear single-track model along a road, and its steady turn.
+
+Rajamani, Vehicle Dynamics and Control, 2nd ed., sec. 2.5. State xi = [e1, e1', e2, e2']: lateral
+error of the centre of mass [m], its rate [m/s], heading error [rad], its rate [rad/s]. Input: the
+single-track wheel angle delta [rad]. Disturbance: the road's curvature kappa [1/m]; the desired
+yaw rate is v kappa. Errors and angles are positive to the left.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from steersman.controllers.mpc import zero_order_hold
+from steersman.types import FloatArray, Observation
+from steersman.vehicles import Vehicle
+
+
+class ErrorModel(NamedTuple):
+    """xi' = a xi + b delta + g kappa at one speed."""
+
+    a: FloatArray
+    """(4, 4)"""
+    b: FloatArray
+    """(4,) effect of the wheel angle."""
+    g: FloatArray
+    """(4,) effect of the curvature."""
+
+
+def error_model(vehicle: Vehicle, v: float) -> ErrorModel:
+    """The model of a vehicle's nominal parameters at speed ``v`` > 0 [m/s]; Rajamani eq. 2.45."""
+    m, inertia = vehicle.mass, vehicle.yaw_inertia
+    c_f, c_r, l_f, l_r = vehicle.c_f, vehicle.c_r, vehicle.l_f, vehicle.l_r
+    moment = c_f * l_f - c_r * l_r
+    damping = c_f * l_f * l_f + c_r * l_r * l_r
+    a = np.zeros((4, 4))
+    a[0, 1] = a[2, 3] = 1.0
+    a[1] = 0.0, -(c_f + c_r) / (m * v), (c_f + c_r) / m, -moment / (m * v)
+    a[3] = 0.0, -moment / (inertia * v), moment / inertia, -damping / (inertia * v)
+    b = np.array([0.0, c_f / m, 0.0, c_f * l_f / inertia])
+    g = np.array([0.0, -moment / m - v * v, 0.0, -damping / inertia])
+    return ErrorModel(a, b, g)
+
+
+class DiscreteModel(NamedTuple):
+    """xi(k+1) = a xi(k) + b delta(k) + g kappa(k), delta and kappa held over a period."""
+
+    a: FloatArray
+    b: FloatArray
+    g: FloatArray
+
+
+def discrete(model: ErrorModel, dt: float) -> DiscreteModel:
+    """Exact discretisation over ``dt`` [s]."""
+    a, inputs = zero_order_hold(model.a, np.stack([model.b, model.g], axis=1), dt)
+    return DiscreteModel(a, inputs[:, 0].copy(), inputs[:, 1].copy())
+
+
+def steady_state(model: ErrorModel) -> tuple[FloatArray, float]:
+    """Errors (4,) and wheel angle of the steady turn with e1 = 0, for a curvature of 1/m.
+
+    Both are in proportion to the curvature; only e2, minus the side-slip, is not zero.
+    """
+    # Rows 1 and 3 of 0 = a xi + b delta + g kappa with xi = [0, 0, e2, 0].
+    rows = [1, 3]
+    matrix = np.stack([model.a[rows, 2], model.b[rows]], axis=1)
+    heading, angle = np.linalg.solve(matrix, -model.g[rows])
+    return np.array([0.0, 0.0, heading, 0.0]), float(angle)
+
+
+def errors(observation: Observation) -> tuple[float, float, float, float]:
+    """The state xi of an observation, without the small-angle approximation of e1'."""
+    o = observation
+    c, s = math.cos(o.heading_error), math.sin(o.heading_error)
+    along = o.v_x * c - o.v_y * s
+    # The desired yaw rate is that of the road's point beside the car, which a car inside of the
+    # bend passes faster. Half the radius is as near to the centre as this is meant for.
+    beside = max(1.0 - o.curvature * o.lateral_error, 0.5)
+    rate = o.yaw_rate - o.curvature * along / beside
+    return o.lateral_error, o.v_x * s + o.v_y * c, o.heading_error, rate
