@@ -26,7 +26,7 @@ from steersman.rollout import RunConfig
 from steersman.types import Decision
 
 Steersman = Callable[..., Result]
-COMMANDS = ("list", "show", "drive", "train", "demo", "tune", "reproduce", "report")
+COMMANDS = ("list", "show", "drive", "train", "demo", "tune", "bench", "reproduce", "report")
 # Figures that differ from run to run.
 TIMES = [name for name in METRICS if name.startswith("control_time")]
 

@@ -113,3 +113,21 @@ def test_a_controller_with_nothing_to_tune_is_refused(tmp_path: FilePath) -> Non
 def test_an_empty_suite_is_refused() -> None:
     with pytest.raises(ConfigError, match="at least one run"):
         build(TuneConfig, override({}, ["suite=[]"]))
+
+
+def test_a_suite_may_be_given_by_its_name() -> None:
+    named = build(TuneConfig, override({}, ["suite=tuning"]))
+    assert len(named.suite) == 10
+    assert {r.path.kind for r in named.suite} == {"training_circuit"}
+    with pytest.raises(ConfigError, match="did you mean 'tuning'"):
+        build(TuneConfig, override({}, ["suite=tunning"]))
+
+
+def test_a_study_goes_on_although_its_file_lacks_a_newer_field(tmp_path: FilePath) -> None:
+    best = tune(study(trials=2), tmp_path)
+    file = tmp_path / "config.yaml"
+    lines = file.read_text().splitlines()
+    kept = [line for line in lines if line.strip() != "nominal: null"]
+    assert len(kept) == len(lines) - 1
+    file.write_text("\n".join(kept) + "\n")
+    assert tune(study(trials=2), tmp_path) == best

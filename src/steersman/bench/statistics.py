@@ -110,10 +110,12 @@ class Clusters:
         _, self._cluster = np.unique(np.asarray(names, dtype=str), return_inverse=True)
         count = int(self._cluster.max()) + 1 if self._cluster.size else 0
         self._sizes = np.bincount(self._cluster, minlength=count).astype(np.float64)
-        rng = np.random.default_rng(seed)
         # Row 0 is the sample itself; then how often each cluster was drawn.
-        drawn = rng.multinomial(count, np.full(count, 1.0 / max(count, 1)), size=repetitions)
-        self._drawn = np.vstack([np.ones(count), drawn]) if count else np.ones((1, 0))
+        self._drawn = np.ones((1, count))
+        if count:
+            rng = np.random.default_rng(seed)
+            draws = rng.multinomial(count, np.full(count, 1.0 / count), size=repetitions)
+            self._drawn = np.vstack([self._drawn, draws])
 
     def interval(self, statistic: Callable[[Callable[[ArrayLike], FloatArray]], Any]) -> Interval:
         """The statistic and its interval.

@@ -32,8 +32,8 @@ class Course(Settings):
         None, "s", "Length of a run; null with laps null: to the end of an open path.", gt=0
     )
     laps: float | None = param(None, "-", "Laps of a closed path, instead of a duration.", gt=0)
-    disturbances: tuple[str, ...] | None = param(
-        None, "-", "Names of those that are tried here; null: all of the suite's."
+    only: dict[str, tuple[str, ...]] = param(
+        {}, "-", "Disturbances by the name of a speed; a speed without them meets all."
     )
 
 
@@ -84,10 +84,14 @@ class Suite(Settings):
         if not known:
             raise ConfigError("needs at least one", ("disturbances",))
         for name, course in self.courses.items():
-            for word in course.disturbances or ():
-                if word not in known:
-                    message = f"unknown disturbance {word!r}{suggestion(word, known)}"
-                    raise ConfigError(message, ("courses", name, "disturbances"))
+            for speed, words in course.only.items():
+                where = ("courses", name, "only", speed)
+                if speed not in course.speeds:
+                    raise ConfigError(f"unknown speed{suggestion(speed, course.speeds)}", where)
+                for word in words:
+                    if word not in known:
+                        message = f"unknown disturbance {word!r}{suggestion(word, known)}"
+                        raise ConfigError(message, where)
         return self
 
     def scenarios(self, seeds: Sequence[int] = (0,)) -> list[Scenario]:
@@ -96,18 +100,15 @@ class Suite(Settings):
         A drawn speed depends on seed and path alone, so that it is the same under every
         disturbance; what a mixed disturbance draws differs from scenario to scenario.
         """
+        every = (*self.disturbances, *self.mixed)
         return [
             self._scenario(path, speed, disturbance, vehicle, seed)
             for seed in seeds
             for path, course in self.courses.items()
             for speed in course.speeds
-            for disturbance in self._tried(course)
+            for disturbance in course.only.get(speed, every)
             for vehicle in self.vehicles
         ]
-
-    def _tried(self, course: Course) -> Sequence[str]:
-        every = (*self.disturbances, *self.mixed)
-        return every if course.disturbances is None else course.disturbances
 
     def _scenario(
         self, path: str, speed: str, disturbance: str, vehicle: str, seed: int

@@ -1,0 +1,71 @@
+"""The summary: pooled errors, paired ratios, intervals that know that roads differ."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from steersman.bench.entrants import entrants
+from steersman.bench.statistics import Clusters
+from steersman.bench.summary import summarise_rows
+
+PID, MPC = entrants(["pid", "mpc_pid"])
+
+
+def row(controller: str, path: str, rms: float, disturbance: str = "clean") -> dict[str, Any]:
+    return {
+        "controller": controller, "path": path, "disturbance": disturbance,
+        "scenario": f"{path}/{disturbance}", "completed": True, "end": "duration", "fallbacks": 0,
+        "charged_rms_m": rms, "charged_mean_m": rms, "charged_p95_m": rms,
+        "steer_change_rms": 0.01, "steer_reversals_per_min": 3.0,
+        "control_time_us_p50": 5.0, "control_time_us_p99": 9.0,
+    }  # fmt: skip
+
+
+def test_errors_are_pooled_as_root_mean_squares() -> None:
+    rows = [row("pid", "a", 0.3), row("pid", "b", 0.4, "soft")]
+    found = summarise_rows(rows, [PID])["controllers"]["pid"]
+    assert found["all"]["rms_m"]["value"] == pytest.approx(np.sqrt(0.125))
+    assert found["clean"]["rms_m"]["value"] == pytest.approx(0.3)
+    assert found["disturbed"]["rms_m"]["value"] == pytest.approx(0.4)
+    assert found["ratio"]["all"]["rms"] == {"value": 1.0, "low": 1.0, "high": 1.0}
+
+
+def test_ratios_are_paired() -> None:
+    """Roads differ by far more than controllers: only pairs tell that one is always half."""
+    errors = np.exp(np.random.default_rng(0).normal(-3.0, 1.0, 40))
+    rows = [row("pid", f"road{i}", e) for i, e in enumerate(errors)]
+    rows += [row("mpc_pid", f"road{i}", 0.5 * e) for i, e in enumerate(errors)]
+    found = summarise_rows(rows, [PID, MPC])
+    assert found["best_classical"] == "mpc_pid"
+    assert list(found["controllers"]) == ["mpc_pid", "pid"]
+    for kind in ("rms", "typical"):
+        ratio = found["controllers"]["pid"]["ratio"]["all"][kind]
+        assert ratio["low"] == pytest.approx(ratio["high"]) == pytest.approx(2.0)
+    width = found["controllers"]["pid"]["all"]["rms_m"]
+    assert width["high"] > 1.3 * width["low"]
+
+
+def test_only_learned_controllers_have_nothing_to_be_compared_with() -> None:
+    found = summarise_rows([row("pid", "a", 0.1)], [PID._replace(learned=True)])
+    assert found["best_classical"] is None
+    assert "ratio" not in found["controllers"]["pid"]
+
+
+def test_clusters_are_drawn_as_a_whole() -> None:
+    """Ten alike items of a road say no more than one: the interval stays as wide."""
+    rng = np.random.default_rng(1)
+    values = rng.normal(0.0, 1.0, 50)
+    names = [f"road{i}" for i in range(50)]
+    one = Clusters(names).interval(lambda mean: mean(values))
+    ten = Clusters(names * 10).interval(lambda mean: mean(np.tile(values, 10)))
+    assert ten == pytest.approx(one)
+    assert one.value == pytest.approx(values.mean())
+    # The normal approximation of the mean of 50.
+    assert one.high - one.low == pytest.approx(2 * 1.96 * values.std() / np.sqrt(50), rel=0.1)
+
+
+def test_no_items_have_no_interval() -> None:
+    assert np.isnan(Clusters([]).interval(lambda mean: mean([]))).all()

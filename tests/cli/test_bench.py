@@ -1,0 +1,69 @@
+"""``steersman bench``: the table, the files, going on, and wrong words."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import Any
+
+import pytest
+from typer.testing import Result
+
+Steersman = Callable[..., Result]
+QUICK = ("bench", "quick", "--jobs", "1")
+
+
+def test_the_table_and_the_files(steersman: Steersman, tmp_path: FilePath) -> None:
+    result = steersman(*QUICK, "--controllers", "pid,ff=mpc_pid", "--out", "b")
+    assert result.exit_code == 0
+    first = [line.split()[0] for line in result.stdout.splitlines() if line[:1].isalpha()]
+    assert {"pid", "ff"} <= set(first)
+    assert "0/10" in result.stdout
+    found = json.loads((tmp_path / "b" / "results.json").read_text())
+    assert found["suite"] == "quick"
+    assert found["seeds"] == [0]
+    assert set(found["controllers"]) == set(found["summary"]["controllers"]) == {"pid", "ff"}
+    assert found["versions"]["steersman"]
+    assert (tmp_path / "b" / "rows.jsonl").read_text().count("\n") == 20
+    again = steersman("bench", "b/suite.yaml", "--controllers", "pid", "--out", "c", "--jobs", "1")
+    assert again.exit_code == 0  # the suite that was driven, from its file
+
+
+def test_json_is_what_is_written(steersman: Steersman, tmp_path: FilePath) -> None:
+    words = ("--controllers", "pid", "--seeds", "4,5", "--out", "b", "--json")
+    result = steersman(*QUICK, *words)
+    assert json.loads(result.stdout) == json.loads((tmp_path / "b" / "results.json").read_text())
+    assert json.loads(result.stdout)["summary"]["scenarios"] == 20
+
+
+def test_an_interruption_is_told(
+    steersman: Steersman, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stop(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("steersman.bench.journal.Journal.add", stop)
+    result = steersman(*QUICK, "--controllers", "pid", "--out", "b")
+    assert result.exit_code == 130
+    assert "the same command goes on from b" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("quik",), "unknown suite 'quik'; did you mean 'quick'?"),
+        (("none.yaml",), "none.yaml: cannot be read"),
+        (("quick", "--controllers", "pdi"), "unknown controller 'pdi'; did you mean 'pid'?"),
+        (("quick", "--controllers", "pid,pid"), "both called 'pid'"),
+        (("quick", "--seeds", "a"), "is not a list of seeds"),
+        (("quick", "--jobs", "0"), "--jobs"),
+    ],
+)
+def test_wrong_words_are_one_line(
+    steersman: Steersman, words: tuple[str, ...], message: str
+) -> None:
+    result = steersman("bench", *words, "--out", "b")
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert result.stderr.count("\n") == 1
