@@ -160,3 +160,14 @@ def test_what_is_not_plain_data_is_refused_before_writing(tmp_path):
         episode(meta={"path": object()}).save(file)
     assert file.read_bytes() == before
     assert [entry.name for entry in tmp_path.iterdir()] == ["one.npz"]
+
+
+def test_fine_accelerations_survive(tmp_path):
+    one = episode(4, fine=np.arange(40.0).reshape(20, 2))
+    one.save(tmp_path / "one.npz")
+    np.testing.assert_array_equal(load_episode(tmp_path / "one.npz").fine, one.fine)
+    episode(4).save(tmp_path / "two.npz")
+    assert load_episode(tmp_path / "two.npz").fine.shape == (0, 2)
+    rewrite(tmp_path / "one.npz", "fine", np.zeros(7))
+    with pytest.raises(DataError, match="accelerations have the shape"):
+        load_episode(tmp_path / "one.npz")

@@ -127,3 +127,37 @@ def test_a_road_shifted_by_a_parabola_is_seen_there() -> None:
     assert shown.lateral_error == pytest.approx(-0.3)
     assert shown.heading_error == pytest.approx(0.02)
     assert shown.curvature == pytest.approx(0.004)
+
+
+@pytest.mark.parametrize(
+    ("noise", "columns"),
+    [
+        ({"position_noise": 0.1}, {"lateral_error"}),
+        ({"heading_noise": 0.02}, {"heading_error"}),
+        ({"speed_noise": 0.3}, {"v_x", "v_y"}),
+        ({"yaw_rate_noise": 0.01}, {"yaw_rate"}),
+    ],
+)
+def test_measured_with_errors_of_the_size_that_they_say(
+    noise: dict[str, float], columns: set[str]
+) -> None:
+    sensor = WaypointSensor(**noise)
+    (size,) = noise.values()
+    shown = [seen(sensor, STRAIGHT, 40.0, 0.2, 0.0, seed) for seed in range(800)]
+    truth = seen(WaypointSensor(), STRAIGHT, 40.0, 0.2, 0.0)
+    for name in ("lateral_error", "heading_error", "v_x", "v_y", "yaw_rate"):
+        errors = np.array([getattr(o, name) for o in shown]) - getattr(truth, name)
+        if name in columns:
+            assert errors.std() == pytest.approx(size, rel=0.1)
+            assert errors.mean() == pytest.approx(0.0, abs=4.0 * size / math.sqrt(800))
+        else:
+            assert np.abs(errors).max() < 1e-9
+
+
+def test_a_wrong_pose_sees_the_whole_road_from_there() -> None:
+    """On a straight the lateral error and every waypoint's offset tell the same wrong position."""
+    sensor = WaypointSensor(position_noise=0.2)
+    for seed in range(5):
+        shown = seen(sensor, STRAIGHT, 40.0, 0.0, 0.0, seed)
+        assert shown.preview[:, 1] == pytest.approx(-shown.lateral_error)
+        assert abs(shown.lateral_error) > 1e-3

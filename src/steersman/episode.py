@@ -64,6 +64,9 @@ class Episode:
         dt: control period [s].
         path_length: arc length of the path [m]; ``closed`` tells whether it is a loop.
         meta: plain data: resolved configuration, seed, versions, commit.
+        fine: longitudinal and lateral acceleration at the plant's integration steps [m/s^2],
+            shape (rows x substeps, 2); row k of the columns is followed by its substeps. Empty
+            unless the plant records them (``plant.record``).
     """
 
     columns: Mapping[str, FloatArray]
@@ -73,6 +76,7 @@ class Episode:
     path_length: float
     closed: bool
     meta: Mapping[str, Any] = field(default_factory=dict)
+    fine: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
 
     def __getitem__(self, name: str) -> FloatArray:
         return self.columns[name]
@@ -97,6 +101,8 @@ class Episode:
         }
         text = np.frombuffer(json.dumps(head).encode(), dtype=np.uint8)
         arrays: dict[str, Any] = {"head": text, **self.columns}
+        if self.fine.size:
+            arrays["fine"] = self.fine
         with replacing(file) as stream:
             np.savez_compressed(stream, **arrays)
 
@@ -127,7 +133,8 @@ def load_episode(file: FilePath) -> Episode:
         with file.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
             head = json.loads(bytes(data["head"]).decode())
             columns = {name: np.asarray(data[name], dtype=np.float64) for name in COLUMNS}
-        episode = Episode(columns=columns, **head)
+            fine = np.asarray(data["fine"] if "fine" in data else np.zeros((0, 2)), np.float64)
+        episode = Episode(columns=columns, fine=fine, **head)
         _check(episode)
     except OSError as error:
         raise DataError(f"{file}: cannot be read ({error.strerror or error})") from None
@@ -141,6 +148,8 @@ def _check(episode: Episode) -> None:
     shapes = {np.shape(column) for column in episode.columns.values()}
     if len(shapes) != 1 or len(next(iter(shapes))) != 1:
         raise ValueError("its columns differ in length")
+    if episode.fine.shape[1:] != (2,):
+        raise ValueError(f"its accelerations have the shape {episode.fine.shape}")
     allowed: dict[str, type | tuple[type, ...]] = {
         "end": str,
         "distance": (int, float),

@@ -82,10 +82,11 @@ class _Recorder:
             )
         )
 
-    def episode(self, end: str, distance: float, dt: float, path: PathComponent) -> Episode:
+    def episode(self, end: str, distance: float, plant: Simulator, path: PathComponent) -> Episode:
         data = np.array(self.rows, dtype=np.float64).reshape(-1, len(COLUMNS))
         columns = {name: np.ascontiguousarray(data[:, i]) for i, name in enumerate(COLUMNS)}
-        return Episode(columns, end, distance, dt, path.length, path.closed)
+        fine = plant.accelerations()
+        return Episode(columns, end, distance, plant.dt, path.length, path.closed, fine=fine)
 
 
 class RunError(ControllerError):
@@ -141,6 +142,7 @@ def _with_meta(episode: Episode, config: RunConfig) -> Episode:
         episode.path_length,
         episode.closed,
         meta,
+        episode.fine,
     )
 
 
@@ -194,7 +196,7 @@ def rollout(  # noqa: PLR0913 - the nouns of a closed loop
                     _ask(controller, controller_state, observation)
                 decision, controller_state, took = _ask(controller, controller_state, observation)
             except ControllerError as error:
-                so_far = recorder.episode(ending.ERROR, distance, dt, path)
+                so_far = recorder.episode(ending.ERROR, distance, plant, path)
                 raise RunError(f"{error}, at t = {state.time:.2f} s", so_far) from error.__cause__
             throttle, brake, speed_state = speed.step(speed_state, state, place.s)
             recorder.add(state, place, decision, (throttle, brake), took)
@@ -208,7 +210,7 @@ def rollout(  # noqa: PLR0913 - the nouns of a closed loop
                 progress(min(max(distance / goal, step * dt / limit), 1.0))
     except KeyboardInterrupt:
         end = ending.INTERRUPTED
-    return recorder.episode(end, distance, dt, path)
+    return recorder.episode(end, distance, plant, path)
 
 
 def _ask(

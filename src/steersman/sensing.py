@@ -14,6 +14,8 @@ from steersman.protocols import Path
 from steersman.types import FloatArray, Observation, VehicleState
 
 NO_SHIFT = np.zeros((0, 2))
+# What pose and speed sensors measure.
+_MEASURED = (car.X, car.Y, car.PSI, car.VX, car.VY, car.YAW_RATE)
 
 
 class Tracking(NamedTuple):
@@ -72,7 +74,9 @@ class WaypointSensor(Component):
     """Waypoints ahead at equal distances, and the errors that follow from them.
 
     With waypoint errors, lateral error, heading error and curvature are those of the road as
-    estimated from the shifted waypoints, so no controller sees more than the others.
+    estimated from the shifted waypoints, so no controller sees more than the others. Errors of
+    pose and speed are normal and drawn anew at each step; with a wrong pose everything that is
+    told of the road is told from there.
     """
 
     count: int = param(15, "-", "Number of waypoints, the first beside the car.", ge=4, le=100)
@@ -81,6 +85,23 @@ class WaypointSensor(Component):
         0.0, "m", "Waypoints are shifted by up to this in x and in y, uniformly.", ge=0
     )
     redraw: bool = param(True, "-", "New shifts at every step; else one draw for the whole run.")
+    position_noise: float = param(
+        0.0, "m", "SD of the error of the vehicle's position in x and in y.", ge=0
+    )
+    heading_noise: float = param(0.0, "rad", "SD of the error of the vehicle's yaw.", ge=0)
+    speed_noise: float = param(0.0, "m/s", "SD of the errors of v_x and of v_y.", ge=0)
+    yaw_rate_noise: float = param(0.0, "rad/s", "SD of the error of the yaw rate.", ge=0)
+
+    @property
+    def _deviations(self) -> tuple[float, ...]:
+        """SDs of the columns ``_MEASURED``."""
+        position, speed = self.position_noise, self.speed_noise
+        return position, position, self.heading_noise, speed, speed, self.yaw_rate_noise
+
+    @property
+    def _blurred(self) -> bool:
+        """Whether pose or speed are measured with errors."""
+        return any(self._deviations)
 
     def fit_weights(self) -> FloatArray:
         """Weights (3, count) of the least-squares parabola: value, slope, second derivative."""
@@ -106,13 +127,17 @@ class WaypointSensor(Component):
     ) -> Observation:
         """What a controller is told about the path at this moment."""
         row = np.zeros(kernel.O_PREVIEW + 2 * self.count)
+        vehicle, place = state_row(state), np.array(tracking)
+        if self._blurred:
+            vehicle[list(_MEASURED)] += rng.normal(0.0, self._deviations)
+            kernel.track(path.table, 0, vehicle, tracking.s, place)
         shift = self.draw(rng) if sensor_state is None else sensor_state
         weights = self.fit_weights() if shift.shape[0] else NO_SHIFT
         kernel.sense(
             path.table,
             0,
-            state_row(state),
-            np.array(tracking),
+            vehicle,
+            place,
             self.spacing,
             self.count,
             shift,

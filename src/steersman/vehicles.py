@@ -72,6 +72,9 @@ class Vehicle(Component):
     ackermann: bool = param(True, "-", "Outer wheel by Ackermann, else parallel wheels.")
     steer_rate_up: float = param(2.5, "1/s", "Normalised steering rate away from centre.", gt=0)
     steer_rate_down: float = param(5.0, "1/s", "Normalised steering rate to the centre.", gt=0)
+    steer_bias: float = param(
+        0.0, "rad", "Inner wheel angle at centred steering, at low speed.", ge=-0.2, le=0.2
+    )
     pedal_rate_up: float = param(6.0, "1/s", "Rate at which pedals are pressed.", gt=0)
     pedal_rate_down: float = param(10.0, "1/s", "Rate at which pedals are released.", gt=0)
     load_lag: float = param(0.1, "s", "Time constant of load transfer.", ge=0.02)
@@ -159,6 +162,7 @@ class Vehicle(Component):
             kernel.LOAD_LAG: self.load_lag,
             kernel.FADE_SPEED: self.fade_speed,
             kernel.SLIP_SPEED: self._slip_speed(),
+            kernel.STEER_BIAS: self.steer_bias / self.max_wheel_angle,
         }
         for column, value in values.items():
             out[column] = value

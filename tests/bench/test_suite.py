@@ -74,7 +74,8 @@ def test_the_seed_decides_every_draw() -> None:
 def test_a_drawn_speed_is_the_same_under_every_disturbance() -> None:
     changing = [s for s in suites.standard().scenarios() if (s.path, s.speed) == _MONZA]
     assert len(changing) > 10
-    assert all(s.run.speed == changing[0].run.speed for s in changing)
+    drawn = [s.run.speed.breakpoints()[1] for s in changing]
+    assert all(np.array_equal(speeds, drawn[0]) for speeds in drawn)
     # What the sensors' errors and the mixed disturbances draw is each scenario's own.
     assert len({s.run.seed for s in changing}) == len(changing)
 
@@ -105,6 +106,25 @@ def test_a_wrong_model_leaves_the_car_alone() -> None:
     assert wrong.vehicle == CAR
     assert wrong.nominal is not None
     assert wrong.nominal.mass == pytest.approx(1.3 * CAR.mass)
+
+
+def test_the_disturbances_reach_what_they_name() -> None:
+    run = RunConfig(vehicle=CAR, speed={"kind": "constant_speed", "a_lat_max": 6.0})
+    slippery = Disturbance(friction=0.5).apply(run)
+    assert slippery.vehicle.friction == 0.5
+    assert slippery.speed.a_lat_max == pytest.approx(0.6 * 0.5 * 9.81)
+    assert Disturbance(friction=2.0).apply(run).speed == run.speed
+    windy = Disturbance(wind=15.0).apply(run)
+    assert windy.plant.wind.speed == 15.0
+    assert windy.plant.wind.seed != windy.seed
+    slow = Disturbance(steer_rate=0.5, steer_bias=0.02).apply(run)
+    assert slow.vehicle.steer_rate_up == pytest.approx(0.5 * CAR.steer_rate_up)
+    assert slow.vehicle.steer_bias == 0.02
+    assert slow.nominal == CAR
+    blurred = Disturbance(position_noise=0.1, speed_noise=0.2, yaw_rate_noise=0.3).apply(run)
+    sensor = blurred.sensor
+    assert (sensor.position_noise, sensor.speed_noise, sensor.yaw_rate_noise) == (0.1, 0.2, 0.3)
+    assert blurred.nominal is None
 
 
 def test_mixed_draws_stay_in_their_ranges_and_fill_them() -> None:

@@ -14,6 +14,7 @@ from steersman.errors import ConfigError
 from steersman.kernels import turn
 from steersman.kernels import vehicle as kernel
 from steersman.plants.simulator import Simulator, SimulatorConfig
+from steersman.plants.wind import Gusts, Wind
 from steersman.types import Command, Pose, VehicleState
 from steersman.vehicles import CarlaModel3
 
@@ -199,3 +200,91 @@ def test_reset_aligns_the_velocity_with_the_pose(
     if speed > 0.0:
         moving = state.psi + math.atan2(state.v_y, state.v_x)
         assert moving == pytest.approx(course, abs=1e-12)
+
+
+# ------------------------------------------------------------------- wind, misalignment, record
+
+
+def drift(config: SimulatorConfig, car: CarlaModel3 = CAR, seconds: float = 10.0) -> list[float]:
+    """Lateral positions with centred steering [m]."""
+    plant = config.make(car)
+    plant.reset(ORIGIN, 20.0, 0.0)
+    return [plant.step(Command(0.0, 0.6, 0.0)).y for _ in range(round(seconds / config.dt))]
+
+
+def test_wind_moves_the_car_and_calm_air_does_not() -> None:
+    assert max(map(abs, drift(SimulatorConfig()))) < 1e-9
+    windy = SimulatorConfig(wind=Wind(speed=15.0, seed=1))
+    assert max(map(abs, drift(windy))) > 0.1
+    assert drift(windy) == drift(windy)
+    other = SimulatorConfig(wind=Wind(speed=15.0, seed=2))
+    assert drift(other) != drift(windy)
+    # The vehicle is the same component for all: one plant's wind is not another's.
+    assert max(map(abs, drift(SimulatorConfig()))) < 1e-9
+
+
+def test_reset_brings_the_same_wind_back() -> None:
+    plant = SimulatorConfig(wind=Wind(speed=15.0)).make(CAR)
+    runs = []
+    for _ in range(2):
+        plant.reset(ORIGIN, 20.0, 0.0)
+        runs.append([plant.step(Command(0.0, 0.6, 0.0)) for _ in range(100)])
+    assert runs[0] == runs[1]
+
+
+def test_gusts_are_as_strong_and_as_long_as_they_say() -> None:
+    wind = Wind(speed=10.0, gust=(1.0, 2.0), pause=3.0, seed=4)
+    gusts = Gusts(wind)
+    times = np.arange(0.0, 600.0, 0.01)
+    blown = np.array([gusts.at(float(t)) for t in times])
+    assert 9.0 < blown.max() <= 10.0
+    assert -10.0 <= blown.min() < -9.0
+    assert np.abs(np.diff(blown)).max() < 0.5 * 10.0 * math.tau * 0.01 / 1.0
+    blowing = np.abs(blown) > 1e-3
+    starts = int((np.diff(blowing.astype(int)) == 1).sum())
+    assert blowing.sum() * 0.01 / starts == pytest.approx(1.5, abs=0.2)
+    assert (~blowing).sum() * 0.01 / starts == pytest.approx(3.0, rel=0.3)
+
+
+def test_side_force_is_odd_and_turns_the_car_from_the_wind() -> None:
+    wind = Wind(speed=10.0)
+    force, moment = wind.load(10.0, 20.0)
+    assert wind.load(-10.0, 20.0) == pytest.approx((-force, -moment))
+    assert force > 0.0
+    assert moment == pytest.approx(wind.arm * force)
+    assert wind.load(0.0, 20.0) == (0.0, 0.0)
+    # In the flow's dynamic pressure, for a small angle: q A c w / v.
+    small, _ = wind.load(0.1, 20.0)
+    assert small == pytest.approx(
+        0.5 * 1.2 * 20.0**2 * wind.area * wind.side * 0.1 / 20.0, rel=1e-3
+    )
+
+
+def test_misaligned_steering_drives_a_circle_that_steering_against_it_straightens() -> None:
+    bias = math.radians(1.0)
+    askew = CAR.replace(steer_bias=bias)
+    plant = SimulatorConfig().make(askew)
+    plant.reset(ORIGIN, 3.0, 0.0)
+    states = [plant.step(Command(0.0, 0.3, 0.0)) for _ in range(40)]
+    assert states[-1].steer == 0.0  # what the sensor tells is where the actuator stands
+    assert states[-1].wheel_angle == pytest.approx(bias, rel=0.15)
+    assert states[-1].yaw_rate > 0.0
+    plant.reset(ORIGIN, 3.0, 0.0)
+    against = -bias / CAR.max_wheel_angle
+    states = [plant.step(Command(against, 0.3, 0.0)) for _ in range(40)]
+    assert states[-1].yaw_rate == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.05, 0.13])
+def test_recording_changes_nothing(delay: float) -> None:
+    rng = np.random.default_rng(0)
+    commands = [Command(float(u), 0.5, 0.0) for u in rng.uniform(-0.2, 0.2, 60)]
+    plain = made(SimulatorConfig(steering_delay=delay), 12.0)
+    recorded = made(SimulatorConfig(steering_delay=delay, record=True), 12.0)
+    states = [plain.step(c) for c in commands]
+    assert [recorded.step(c) for c in commands] == states
+    fine = recorded.accelerations()
+    assert fine.shape == (300, 2)
+    assert plain.accelerations().shape == (0, 2)
+    # The state's accelerations are those of the last substep.
+    assert fine[4::5].tolist() == [[s.a_x, s.a_y] for s in states]

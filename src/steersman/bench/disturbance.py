@@ -8,8 +8,16 @@ import numpy as np
 
 from steersman.config import Settings, param
 from steersman.controllers.mpc_pid import ModelError
+from steersman.kernels.vehicle import GRAVITY
+from steersman.plants.wind import Wind
 from steersman.rollout import RunConfig
+from steersman.speed import SpeedComponent, SpeedTracking
 from steersman.vehicles import Vehicle
+
+# Fields that are the sensor's of the same name.
+_NOISES = ("position_noise", "heading_noise", "speed_noise", "yaw_rate_noise")
+# Share of the grip that speeds on a slippery road ask for.
+_USED_GRIP = 0.6
 
 
 class Disturbance(Settings):
@@ -27,6 +35,16 @@ class Disturbance(Settings):
     yaw_inertia: float = param(1.0, "-", "Factor on the yaw inertia.", gt=0)
     c_f: float = param(1.0, "-", "Factor on the front cornering stiffness.", gt=0)
     c_r: float = param(1.0, "-", "Factor on the rear cornering stiffness.", gt=0)
+    friction: float | None = param(
+        None, "-", "Tyre friction coefficient, with speeds to match; null: the vehicle's.", gt=0
+    )
+    steer_rate: float = param(1.0, "-", "Factor on the steering actuator's rates.", gt=0)
+    steer_bias: float = param(0.0, "rad", "Inner wheel angle at centred steering.")
+    wind: float = param(0.0, "m/s", "Strongest gust of side wind.", ge=0)
+    position_noise: float = param(0.0, "m", "SD of the measured position in x and in y.", ge=0)
+    heading_noise: float = param(0.0, "rad", "SD of the measured yaw.", ge=0)
+    speed_noise: float = param(0.0, "m/s", "SD of the measured v_x and v_y.", ge=0)
+    yaw_rate_noise: float = param(0.0, "rad/s", "SD of the measured yaw rate.", ge=0)
     model: ModelError = param(
         ModelError(), "-", "Factors on the vehicle that model-based controllers believe in."
     )
@@ -34,25 +52,47 @@ class Disturbance(Settings):
     def apply(self, run: RunConfig) -> RunConfig:
         """The run with this disturbance; ``run.vehicle`` is the undisturbed one."""
         true, believed = self._car(run.vehicle), self.model.nominal(run.vehicle)
-        sensor = run.sensor.model_copy(update={"error_range": self.waypoint_noise})
+        noise = {name: getattr(self, name) for name in _NOISES}
+        # Another stream of numbers than the sensors': the run's seed itself is theirs.
+        wind = Wind(speed=self.wind, seed=run.seed ^ 1) if self.wind else Wind()
+        plant = {"steering_delay": self.delay, "wind": wind}
         changes: dict[str, Any] = {
             "vehicle": true,
             "nominal": None if believed == true else believed,
-            "plant": run.plant.model_copy(update={"steering_delay": self.delay}),
-            "sensor": sensor,
+            "plant": run.plant.model_copy(update=plant),
+            "sensor": run.sensor.model_copy(update={"error_range": self.waypoint_noise, **noise}),
+            "speed": self._careful(run.speed),
         }
         return run.model_copy(update=changes)
 
-    def _car(self, vehicle: Vehicle) -> Vehicle:
-        factors = {name: getattr(self, name) for name in ("mass", "yaw_inertia", "c_f", "c_r")}
-        if all(factor == 1.0 for factor in factors.values()):
-            return vehicle
-        figures = {name: getattr(vehicle, name) * factor for name, factor in factors.items()}
-        # The throttle map stays that of the undisturbed car: a heavier one accelerates less.
-        known = vehicle.mass if vehicle.map_mass is None else vehicle.map_mass
-        return vehicle.replace(map_mass=known, **figures)
+    def _careful(self, speed: SpeedComponent) -> SpeedComponent:
+        """On a slippery road nobody drives as on a dry one: part of the grip stays in hand."""
+        if self.friction is None or not isinstance(speed, SpeedTracking):
+            return speed
+        cap = _USED_GRIP * self.friction * GRAVITY
+        cap = cap if speed.a_lat_max is None else min(cap, speed.a_lat_max)
+        return speed.model_copy(update={"a_lat_max": cap})
 
-    def figures(self) -> dict[str, float]:
+    def _car(self, vehicle: Vehicle) -> Vehicle:
+        figures: dict[str, float] = {}
+        for name in ("mass", "yaw_inertia", "c_f", "c_r"):
+            if getattr(self, name) != 1.0:
+                figures[name] = getattr(vehicle, name) * getattr(self, name)
+        if self.mass != 1.0:
+            # The throttle map stays that of the undisturbed car: a heavier one accelerates less.
+            figures["map_mass"] = vehicle.mass if vehicle.map_mass is None else vehicle.map_mass
+        if self.steer_rate != 1.0:
+            figures["steer_rate_up"] = vehicle.steer_rate_up * self.steer_rate
+            figures["steer_rate_down"] = vehicle.steer_rate_down * self.steer_rate
+        if self.friction is not None:
+            figures["friction"] = self.friction
+        if self.steer_bias:
+            figures["steer_bias"] = vehicle.steer_bias + self.steer_bias
+        if not figures:
+            return vehicle
+        return vehicle.replace(**figures)
+
+    def figures(self) -> dict[str, float | None]:
         """Every number by its name, those of the model as ``model_mass`` and so on."""
         plain = self.model_dump()
         model = plain.pop("model")

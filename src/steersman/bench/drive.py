@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 from steersman.bench.charge import charged_mean, charged_quantile, charged_rms, driven_share
 from steersman.bench.entrants import Entrant
 from steersman.bench.metrics import evaluate
+from steersman.bench.standards import BENCH_METRICS
 from steersman.bench.suite import Scenario
 from steersman.config import dump
 from steersman.episode import INTERRUPTED, Episode
@@ -19,6 +20,8 @@ from steersman.rollout import RunConfig, RunError, run
 Row: TypeAlias = dict[str, Any]
 # For estimates only [m/s].
 _USUAL_SPEED = 12.0
+# Of a row's columns: with others, what was driven before is driven again.
+VERSION = 2
 FACTORS = ("path", "speed", "disturbance", "vehicle", "seed")
 
 
@@ -28,10 +31,12 @@ def fitted(scenario: Scenario, entrant: Entrant) -> RunConfig:
     A policy that reads more waypoints than the suite's sensor gives, or others, gets its own.
     """
     config, sensor = scenario.run, scenario.run.sensor
+    plant = config.plant.model_copy(update={"record": True})
     if entrant.waypoints > sensor.count or entrant.spacing not in (0.0, sensor.spacing):
         count = max(entrant.waypoints, 4)
         sensor = sensor.model_copy(update={"count": count, "spacing": entrant.spacing})
-    return config.model_copy(update={"controller": entrant.controller, "sensor": sensor})
+    parts = {"controller": entrant.controller, "sensor": sensor, "plant": plant}
+    return config.model_copy(update=parts)
 
 
 def key(plan: str, config: RunConfig, entrant: Entrant) -> str:
@@ -43,7 +48,7 @@ def key(plan: str, config: RunConfig, entrant: Entrant) -> str:
         entrant: who drives.
     """
     sensor = f"{config.sensor.count} {config.sensor.spacing!r}"
-    return _hashed(f"{plan} {entrant.digest} {sensor}")
+    return _hashed(f"{VERSION} {plan} {entrant.digest} {sensor}")
 
 
 def digest(scenario: Scenario) -> str:
@@ -85,6 +90,7 @@ def measure(scenario: Scenario, entrant: Entrant) -> Row:
         "end": episode.end,
         **charged(scenario.run, episode),
         **evaluate(episode),
+        **evaluate(episode, BENCH_METRICS),
         "commit": provenance()["commit"],
     }
 

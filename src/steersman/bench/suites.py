@@ -6,6 +6,7 @@ test suite. ``quick`` shows in seconds that a controller drives at all.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import Any, TypeAlias
@@ -71,6 +72,14 @@ def disturbances() -> dict[str, Disturbance]:
         "soft": Disturbance(c_f=0.7, c_r=0.7),
         "understeer": Disturbance(c_f=0.7, c_r=1.3),
         "oversteer": Disturbance(c_f=1.3, c_r=0.7),
+        "slow_actuator": Disturbance(steer_rate=0.25),
+        "bias_1deg": Disturbance(steer_bias=math.radians(1.0)),
+        "friction_1.0": Disturbance(friction=1.0),
+        "friction_0.7": Disturbance(friction=0.7),
+        "friction_0.5": Disturbance(friction=0.5),
+        "side_wind": Disturbance(wind=20.0),
+        "pose_noise": Disturbance(position_noise=0.05, heading_noise=math.radians(0.5)),
+        "speed_noise": Disturbance(speed_noise=0.2, yaw_rate_noise=0.01),
         **{f"model_{name}": Disturbance(model=model) for name, model in _wrong_models().items()},
     }
 

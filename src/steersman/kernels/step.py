@@ -122,6 +122,31 @@ def drive(  # noqa: PLR0917 - numba takes no keyword-only arguments
 
 
 @kernel
+def drive_recorded(  # noqa: PLR0917 - numba takes no keyword-only arguments
+    vehicles: VehicleTable,
+    n: int,
+    state: FloatArray,
+    command: FloatArray,
+    delayed: FloatArray,
+    delay: int,
+    h: float,
+    substeps: int,
+    work: FloatArray,
+    out: FloatArray,
+) -> None:
+    """As :func:`drive`, to the bit, keeping a_x and a_y of every substep: ``out`` (substeps, 2)."""
+    for i in range(delayed.shape[0] - 1, 0, -1):
+        delayed[i] = delayed[i - 1]
+    delayed[0] = command[car.CMD_STEER]
+    whole = delay // substeps
+    late = delay - whole * substeps
+    for i in range(substeps):
+        command[car.CMD_STEER] = delayed[whole + 1] if i < late else delayed[whole]
+        car.advance(vehicles, n, state, command, h, 1, work)
+        out[i, 0], out[i, 1] = state[car.AX], state[car.AY]
+
+
+@kernel
 def look(world: World, fleet: Fleet, n: int, shift: FloatArray) -> None:
     """Sense and encode for vehicle ``n``, whose tracking row is up to date."""
     enc_table = world.encoding

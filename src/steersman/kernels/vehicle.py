@@ -53,8 +53,11 @@ CMD_STEER, CMD_THROTTLE, CMD_BRAKE = range(3)
     LOAD_LAG,
     FADE_SPEED,
     SLIP_SPEED,
-) = range(24)
-N_PARAMS = 24
+    STEER_BIAS,
+    SIDE_FORCE,
+    YAW_MOMENT,
+) = range(27)
+N_PARAMS = 27
 
 # Below this speed resistance fades, so that it never drives a standing car backwards [m/s].
 _ROLL_SPEED = 0.2
@@ -114,8 +117,10 @@ def wheel_tangents(
     """Tangents of the left, right and single-track front wheel angles.
 
     Inner wheel = steer x largest angle x curve(speed); cot(outer) = cot(inner) + Ackermann.
+    Misaligned steering adds its bias to ``steer``.
     """
     row = table.rows[n]
+    steer += row[STEER_BIAS]
     factor = interpolate(table.steer_speed, table.steer_factor, speed)
     inner = math.tan(abs(steer) * row[MAX_STEER] * factor)
     outer = inner / (1.0 + row[ACKERMANN] * inner)
@@ -132,7 +137,8 @@ def steer_for_wheel(table: VehicleTable, n: int, wheel_angle: float, speed: floa
     factor = interpolate(table.steer_speed, table.steer_factor, speed)
     middle = math.tan(min(abs(wheel_angle), 1.5))
     inner = middle / max(1.0 - 0.5 * row[ACKERMANN] * middle, 1e-9)
-    return math.copysign(math.atan(inner) / (row[MAX_STEER] * factor), wheel_angle)
+    steer = math.copysign(math.atan(inner) / (row[MAX_STEER] * factor), wheel_angle)
+    return float(steer - row[STEER_BIAS])
 
 
 @kernel
@@ -266,8 +272,9 @@ def derivative(
     fx3, fy3 = _wheel(c_r * rl, mu * rl, demand3, 0.0, x_l, y_r, soft)
     fx4, fy4 = _wheel(c_r * rr, mu * rr, demand4, 0.0, x_r, y_r, soft)
     a_x = (fx1 + fx2 + fx3 + fx4 - row[DRAG] * v_x * abs(v_x)) / row[MASS]
-    a_y = (fy1 + fy2 + fy3 + fy4) / row[MASS]
+    a_y = (fy1 + fy2 + fy3 + fy4 + row[SIDE_FORCE]) / row[MASS]
     turning = row[L_F] * (fy1 + fy2) - row[L_R] * (fy3 + fy4) + half * (fx2 + fx4 - fx1 - fx3)
+    turning += row[YAW_MOMENT]
     c, s = math.cos(q[PSI]), math.sin(q[PSI])
     out[X] = c * v_x - s * v_y
     out[Y] = s * v_x + c * v_y

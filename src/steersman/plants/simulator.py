@@ -9,6 +9,7 @@ from steersman.errors import ConfigError
 from steersman.kernels import step as kernel
 from steersman.kernels import turn
 from steersman.kernels import vehicle as car
+from steersman.plants.wind import Gusts, Wind
 from steersman.types import Command, FloatArray, Pose, VehicleState
 from steersman.vehicles import LONGEST_STEP, Vehicle
 
@@ -24,6 +25,10 @@ class SimulatorConfig(Component):
     integration_step: float = param(0.01, "s", "Integration step.", gt=0, le=LONGEST_STEP)
     steering_delay: float = param(
         0.0, "s", "Time until a steering command acts; rounded to whole integration steps.", ge=0
+    )
+    wind: Wind = param(Wind(), "-", "Side wind.")
+    record: bool = param(
+        False, "-", "Keep the accelerations of every integration step in the episode."
     )
 
     def substeps(self) -> int:
@@ -74,6 +79,13 @@ class Simulator:
         self._delayed = np.zeros(kernel.DELAY_LINE)
         self._work = np.zeros((3, car.N_MOTION))
         self._steps = 0
+        self._trace: list[FloatArray] = []
+        self._record = config.record
+        self._table = vehicle.table
+        self._wind = config.wind if config.wind.speed > 0.0 else None
+        if self._wind is not None:  # its loads are written into the vehicle's row
+            self._table = self._table._replace(rows=self._table.rows.copy())
+            self._gusts = Gusts(self._wind)
 
     @property
     def dt(self) -> float:
@@ -90,12 +102,19 @@ class Simulator:
         """
         place(self.vehicle.table, 0, self._state, self._delayed, pose, speed, curvature)
         self._steps = 0
+        self._trace = []
+        if self._wind is not None:
+            self._gusts = Gusts(self._wind)
         return self._read()
 
     def step(self, command: Command) -> VehicleState:
-        """Hold ``command`` for one control period."""
-        kernel.drive(
-            self.vehicle.table,
+        """Hold ``command`` for one control period, and the wind that blows at its start."""
+        if self._wind is not None:
+            wind = self._gusts.at(self._steps * self._dt)
+            load = self._wind.load(wind, self._state[car.VX])
+            self._table.rows[0, [car.SIDE_FORCE, car.YAW_MOMENT]] = load
+        parts = (
+            self._table,
             0,
             self._state,
             np.array(command, dtype=np.float64),
@@ -105,8 +124,17 @@ class Simulator:
             self._substeps,
             self._work,
         )
+        if self._record:
+            self._trace.append(np.empty((self._substeps, 2)))
+            kernel.drive_recorded(*parts, self._trace[-1])
+        else:
+            kernel.drive(*parts)
         self._steps += 1
         return self._read()
+
+    def accelerations(self) -> FloatArray:
+        """a_x and a_y since ``reset`` [m/s^2], (integration steps, 2); empty if not recorded."""
+        return np.concatenate([np.zeros((0, 2)), *self._trace])
 
     def rolled_over(self) -> bool:
         """Whether both inner wheels have lifted."""

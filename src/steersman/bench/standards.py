@@ -1,0 +1,177 @@
+"""Metrics that a benchmark adds: standards of comfort, deadlines, shares.
+
+Accelerations come from the plant's integration steps (``plant.record``), since UN R79 asks for
+100 Hz or more. Sources: ISO 11270:2014 (lane keeping: |a_y| at most 3 m/s^2, lateral jerk as a
+moving average over 0.5 s at most 5 m/s^3); UN Regulation No. 79, Annex 8 (a_y through a
+fourth-order Butterworth low-pass of 0.5 Hz, jerk as the moving average over 0.5 s of its
+derivative; the same limits); ISO 2631-1:1997 (weighting W_d of horizontal acceleration).
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from steersman.bench.metrics import JERK_WINDOW, METRICS, Metric
+from steersman.episode import Episode
+from steersman.types import FloatArray
+
+# Limits of ISO 11270 and UN R79.
+MOST_ACCELERATION, MOST_JERK = 3.0, 5.0
+# UN R79's filter, and the sampling that it asks for [Hz].
+_R79_CUT, _R79_ORDER, _R79_RATE = 0.5, 4, 100.0
+# W_d of ISO 2631-1, Table A.1: high-pass, and transition from acceleration to velocity. Its
+# low-pass at 100 Hz lies beyond what is sampled.
+_F1, _Q1, _F3, _F4, _Q4 = 0.4, 1.0 / math.sqrt(2.0), 2.0, 2.0, 0.63
+_DEADLINES = (0.05, 0.01)
+
+
+def sampled_rate(episode: Episode) -> float:
+    """How often accelerations were recorded [Hz]; NaN if they were not."""
+    if not episode.fine.size or not len(episode):
+        return math.nan
+    return round(len(episode.fine) / len(episode)) / episode.dt
+
+
+def _fine(episode: Episode, column: int) -> FloatArray | None:
+    """Recorded acceleration, column 0 for a_x and 1 for a_y; None if it is of no use."""
+    values = episode.fine[:, column]
+    return values if values.size and bool(np.isfinite(values).all()) else None
+
+
+def r79_acceleration(episode: Episode) -> float:
+    """Largest |a_y| after UN R79's filter [m/s^2]."""
+    filtered = _r79(episode)
+    return math.nan if filtered is None else float(np.max(np.abs(filtered)))
+
+
+def r79_jerk(episode: Episode) -> float:
+    """Largest moving average over 0.5 s of the derivative of the filtered a_y [m/s^3]."""
+    filtered = _r79(episode)
+    if filtered is None:
+        return math.nan
+    rate = sampled_rate(episode)
+    steps = min(round(JERK_WINDOW * rate), filtered.size - 1)
+    if steps < 1:
+        return 0.0
+    return float(np.max(np.abs(filtered[steps:] - filtered[:-steps])) * rate / steps)
+
+
+def _r79(episode: Episode) -> FloatArray | None:
+    """a_y after UN R79's filter, which starts settled; None below 100 Hz."""
+    values, rate = _fine(episode, 1), sampled_rate(episode)
+    if values is None or rate < _R79_RATE - 1e-6:
+        return None
+    from scipy import signal
+
+    sos = signal.butter(_R79_ORDER, _R79_CUT, fs=rate, output="sos")
+    return _settled(sos, values)
+
+
+def _settled(sos: Any, values: FloatArray) -> FloatArray:
+    """Filter as if the first value had been there for ever."""
+    from scipy import signal
+
+    filtered: FloatArray
+    filtered, _ = signal.sosfilt(sos, values, zi=signal.sosfilt_zi(sos) * values[0])
+    return filtered
+
+
+@cache
+def weighting(rate: float) -> Any:
+    """ISO 2631-1's W_d as digital second-order sections, by the bilinear transform."""
+    from scipy import signal
+
+    w1, w3, w4 = (2.0 * math.pi * f for f in (_F1, _F3, _F4))
+    high = ([1.0, 0.0, 0.0], [1.0, w1 / _Q1, w1 * w1])
+    step = ([1.0 / w3, 1.0], [1.0 / (w4 * w4), 1.0 / (_Q4 * w4), 1.0])
+    parts = [signal.bilinear(*part, fs=rate) for part in (high, step)]
+    return np.vstack([signal.tf2sos(*part) for part in parts])
+
+
+def weighted_acceleration(episode: Episode) -> float:
+    """Root of the summed mean squares of weighted a_x and a_y [m/s^2], seated, comfort (k = 1)."""
+    along, across = _fine(episode, 0), _fine(episode, 1)
+    if along is None or across is None:
+        return math.nan
+    sos = weighting(sampled_rate(episode))
+    squares = [np.mean(np.square(_settled(sos, values))) for values in (along, across)]
+    return math.sqrt(float(sum(squares)))
+
+
+def path_acceleration(episode: Episode) -> float:
+    """Largest lateral acceleration that the path itself asks for, v^2 |kappa| [m/s^2]."""
+    if not len(episode):
+        return math.nan
+    speed2 = np.square(episode["v_x"]) + np.square(episode["v_y"])
+    return float(np.max(speed2 * np.abs(episode["curvature"])))
+
+
+def iso_11270(episode: Episode) -> float:
+    """1 if the run was completed within ISO 11270's acceleration and jerk."""
+    acceleration = METRICS["max_lateral_acceleration_m_s2"].function(episode)
+    jerk = METRICS["max_lateral_jerk_500ms_m_s3"].function(episode)
+    return _within(episode, acceleration, jerk)
+
+
+def r79(episode: Episode) -> float:
+    """1 if the run was completed within UN R79's acceleration and jerk."""
+    return _within(episode, r79_acceleration(episode), r79_jerk(episode))
+
+
+def _within(episode: Episode, acceleration: float, jerk: float) -> float:
+    if not math.isfinite(acceleration + jerk):
+        return math.nan
+    good = acceleration <= MOST_ACCELERATION and jerk <= MOST_JERK
+    return float(episode.completed and good)
+
+
+def saturated_share(episode: Episode) -> float:
+    """Share of control steps whose command was clipped to a limit."""
+    return METRICS["saturated"].function(episode) / len(episode) if len(episode) else math.nan
+
+
+def rms_heading_error(episode: Episode) -> float:
+    """Root mean square of the heading error [deg]."""
+    return _rms_degrees(episode["heading_error"])
+
+
+def rms_course_error(episode: Episode) -> float:
+    """Root mean square of the course error [deg]."""
+    return _rms_degrees(episode["course_error"])
+
+
+def _rms_degrees(values: FloatArray) -> float:
+    return math.degrees(float(np.sqrt(np.mean(np.square(values))))) if values.size else math.nan
+
+
+def misses_50ms(episode: Episode) -> float:
+    """Number of control steps that took longer than 50 ms."""
+    return float(np.count_nonzero(episode["control_time"] > _DEADLINES[0]))
+
+
+def misses_10ms(episode: Episode) -> float:
+    """Number of control steps that took longer than 10 ms."""
+    return float(np.count_nonzero(episode["control_time"] > _DEADLINES[1]))
+
+
+BENCH_METRICS: dict[str, Metric] = {
+    "rms_heading_error_deg": Metric(rms_heading_error, "deg", "RMS of the heading error"),
+    "rms_course_error_deg": Metric(rms_course_error, "deg", "RMS of the course error"),
+    "saturated_share": Metric(saturated_share, "-", "share of steps with the command clipped"),
+    "path_acceleration_m_s2": Metric(
+        path_acceleration, "m/s^2", "largest lateral acceleration that the path asks for"
+    ),
+    "iso_11270": Metric(iso_11270, "-", "completed within ISO 11270's limits", bool),
+    "r79_acceleration_m_s2": Metric(r79_acceleration, "m/s^2", "largest |a_y|, UN R79's filter"),
+    "r79_jerk_m_s3": Metric(r79_jerk, "m/s^3", "largest lateral jerk, UN R79's filter and average"),
+    "r79": Metric(r79, "-", "completed within UN R79's limits", bool),
+    "weighted_acceleration_m_s2": Metric(
+        weighted_acceleration, "m/s^2", "ISO 2631-1 weighted RMS of a_x and a_y"
+    ),
+    "deadline_misses_50ms": Metric(misses_50ms, "-", "control steps over 50 ms", int),
+    "deadline_misses_10ms": Metric(misses_10ms, "-", "control steps over 10 ms", int),
+}
