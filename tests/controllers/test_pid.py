@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -118,6 +119,26 @@ def test_curvature_ahead_on_a_circle(direction: str, distance: float) -> None:
     observation = observe(path, beside(path, 5.0, d=0.3, heading=0.1), 5.0)
     expected = path.at(0.0).kappa
     assert preview_curvature(observation, distance) == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize(("window", "share"), [(6.0, 0.003), (12.0, 0.01), (28.0, 0.04)])
+def test_fitted_curvature_of_a_circle(window: float, share: float) -> None:
+    path = Circle(radius=50.0)
+    observation = observe(path, beside(path, 5.0, d=0.3, heading=0.1), 5.0)
+    assert preview_curvature(observation, 6.0, window) == pytest.approx(0.02, rel=share)
+
+
+def test_a_longer_window_hears_less_noise() -> None:
+    path, rng = Straight(), np.random.default_rng(0)
+    clean = observe(path, beside(path, 5.0), 5.0)
+    spread = []
+    for window in (4.0, 12.0, 28.0):
+        shifted = [
+            clean._replace(preview=clean.preview + rng.uniform(-0.1, 0.1, clean.preview.shape))
+            for _ in range(100)
+        ]
+        spread.append(np.std([preview_curvature(o, 6.0, window) for o in shifted]))
+    assert spread[0] > 8.0 * spread[1] > 40.0 * spread[2]
 
 
 def test_feedforward_of_a_neutral_car_is_geometry() -> None:

@@ -6,11 +6,16 @@ import math
 from collections.abc import Mapping
 from typing import ClassVar, NamedTuple
 
+import numpy as np
+
 from steersman.config import Settings, param, register
 from steersman.controllers.base import ControllerComponent
 from steersman.kernels.preview import curvature_at
-from steersman.types import Observation, Status
+from steersman.types import FloatArray, Observation, Status
 from steersman.vehicles import Vehicle
+
+# Waypoints that have one curvature without any fit.
+_THREE = 3
 
 
 class PidState(NamedTuple):
@@ -69,12 +74,16 @@ class Pid(ControllerComponent):
         "gains.filter_time": (1e-3, 0.5, True),
         "k_heading": (0.0, 3.0, False),
         "preview_time": (1e-2, 1.0, True),
+        "preview_window": (4.0, 28.0, False),
     }
 
     gains: PidGains = param(PidGains(), "-", "Gains.")
     k_heading: float = param(0.0, "1/rad", "Gain on heading error minus its steady value.", ge=0)
     feedforward: bool = param(False, "-", "Add the steady turn's steering for the curvature.")
     preview_time: float = param(0.1, "s", "Look-ahead of the feed-forward's curvature.", ge=0)
+    preview_window: float = param(
+        4.0, "m", "Length of road over which that curvature is fitted, against noise.", ge=0
+    )
 
     def init(self, vehicle: Vehicle, dt: float) -> PidControllerState:
         """State before the first step."""
@@ -88,7 +97,7 @@ class Pid(ControllerComponent):
         vehicle, v = state.vehicle, observation.v_x
         steady_slip = 0.0
         if self.feedforward:
-            kappa = preview_curvature(observation, self.preview_time * v)
+            kappa = preview_curvature(observation, self.preview_time * v, self.preview_window)
             steer += vehicle.steer_for_wheel_angle(steady_wheel_angle(vehicle, v, kappa), v)
             steady_slip = steady_side_slip(vehicle, v, observation.curvature)
         steer -= self.k_heading * (observation.heading_error + steady_slip)
@@ -109,9 +118,28 @@ def steady_side_slip(vehicle: Vehicle, v: float, kappa: float) -> float:
     return vehicle.l_r * kappa - load_r * v * v * kappa / vehicle.c_r
 
 
-def preview_curvature(observation: Observation, distance: float) -> float:
-    """Curvature of the road ``distance`` [m] ahead, linear between waypoints [1/m]."""
+def preview_curvature(observation: Observation, distance: float, window: float = 0.0) -> float:
+    """Curvature of the road ``distance`` [m] ahead [1/m].
+
+    Linear between the curvatures at waypoints; if ``window`` [m] spans more than three of them,
+    that of a least-squares parabola over arc length through all that it spans. The window is
+    moved to where the preview holds it.
+    """
     o = observation
+    count = min(2 * round(0.5 * window / o.spacing) + 1, len(o.preview))
+    if count > _THREE:
+        centre = round(distance / o.spacing)
+        first = min(max(centre - count // 2, 0), len(o.preview) - count)
+        return _fitted_curvature(o.preview[first : first + count], o.spacing)
     if distance <= 0.0:
         return o.curvature
     return curvature_at(o.preview, o.spacing, o.curvature, distance)
+
+
+def _fitted_curvature(points: FloatArray, spacing: float) -> float:
+    """Curvature at the middle of the parabola x(u), y(u) that fits the points best [1/m]."""
+    u = spacing * (np.arange(len(points)) - 0.5 * (len(points) - 1))
+    bend = u * u - (u * u).mean()
+    x_1, y_1 = (u @ points / (u @ u)).tolist()
+    x_2, y_2 = (2.0 * (bend @ points) / (bend @ bend)).tolist()
+    return float((x_1 * y_2 - y_1 * x_2) / max((x_1 * x_1 + y_1 * y_1) ** 1.5, 1e-12))
