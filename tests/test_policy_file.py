@@ -9,11 +9,13 @@ from typing import Any
 
 import pytest
 
+from steersman.config import build
 from steersman.controllers.policy import Policy
 from steersman.errors import ConfigError, DataError, SteersmanError
 from steersman.learning.config import TrainConfig
 from steersman.learning.export import network
-from steersman.policy_file import PolicyCard, read_policy, sha256
+from steersman.policy_file import PolicyCard, locate, read_policy, sha256, shipped
+from steersman.rollout import RunConfig, run
 from steersman.sensing import WaypointSensor
 
 from .loops import CAR, DT, Posed, drive, random_net, random_policy
@@ -105,3 +107,25 @@ def test_card_holds_the_training(file: FilePath) -> None:
     _, card = read_policy(file)
     assert card.training["config"]["problem"]["action"] == TrainConfig().problem.action
     assert card.observation[0].endswith("]")
+
+
+@pytest.mark.parametrize("name", shipped())
+def test_policies_of_the_package_are_small_and_drive(name: str) -> None:
+    data, card = read_policy(locate(name))
+    assert len(data) < 1e6
+    assert card.commit is not None
+    assert not card.commit.endswith("dirty")
+    words = {"controller": {"kind": "policy", "file": name}, "duration": 20.0}
+    speed = {"kind": "constant_speed", "speed": 12.0}
+    episode = run(build(RunConfig, {**words, "path": {"kind": "circle"}, "speed": speed}))
+    assert episode.completed
+    assert abs(episode["lateral_error"]).mean() < 0.02
+
+
+def test_the_policy_that_drives_by_default_is_part_of_the_package() -> None:
+    assert Policy().file in shipped()
+
+
+def test_a_policy_that_is_neither_file_nor_of_the_package() -> None:
+    with pytest.raises(DataError, match=r"'precison' is neither .* did you mean 'precision'\?"):
+        locate("precison")

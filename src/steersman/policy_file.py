@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+from importlib.resources import files
 from pathlib import Path as FilePath
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from steersman.errors import DataError
+from steersman.errors import DataError, suggestion
 from steersman.messages import config_error
 
 FORMAT = 1
@@ -28,6 +29,8 @@ class PolicyCard(BaseModel):
     dt: float = Field(gt=0)
     waypoints: int = Field(ge=0)
     spacing: float = Field(gt=0)
+    trim: float = Field(default=0.0, ge=0)
+    """Rate of the integral loop around the network [1/s]."""
     encoding: dict[str, Any]
     observation: list[str]
     scale: list[float]
@@ -42,6 +45,29 @@ class PolicyCard(BaseModel):
 def sha256(data: bytes) -> str:
     """Hex digest of a file's content."""
     return hashlib.sha256(data).hexdigest()
+
+
+def shipped() -> list[str]:
+    """Names of the policies that are part of the package."""
+    found = files("steersman.policies").iterdir()
+    return sorted(f.name[:-5] for f in found if f.name.endswith(".onnx"))
+
+
+def locate(file: str) -> FilePath:
+    """The ONNX file of a policy, given as a path or as the name of one of the package.
+
+    Raises:
+        DataError: it is neither a file's name (``.onnx``) nor one of the package.
+    """
+    if file.endswith(".onnx"):
+        return FilePath(file)
+    known = shipped()
+    if file not in known:
+        raise DataError(
+            f"{file!r} is neither an ONNX file (*.onnx) nor a policy of the package"
+            f"{suggestion(file, known)}"
+        )
+    return FilePath(str(files("steersman.policies").joinpath(f"{file}.onnx")))
 
 
 def read_policy(file: FilePath) -> tuple[bytes, PolicyCard]:

@@ -44,10 +44,10 @@ def test_paper_tracking_in_its_own_words() -> None:
 
 
 def test_precise_tracking() -> None:
-    task = PreciseTask(root_error=0.04, root_weight=0.5)
-    expected = 1.0 - 0.5 * 0.5 - 0.5 * 0.01 - 0.5 * math.sin(0.1)
+    task = PreciseTask(root_error=0.04, root_weight=0.5, linear_weight=2.0)
+    expected = 1.0 - 0.5 * 0.5 - 2.0 * 0.01 - 0.5 * math.sin(0.1)
     assert track(task, 8.0, 0.01, -0.1) == pytest.approx(expected)
-    assert track(task, 8.0, 1.0, 0.0) == pytest.approx(0.0)
+    assert track(PreciseTask(), 8.0, 1.0, 0.0) == pytest.approx(0.0)
 
 
 @pytest.mark.parametrize("task", [PaperTask(), PreciseTask()])

@@ -219,6 +219,12 @@ def test_failures_are_charged_and_counted() -> None:
     assert score.total > score.mean_error  # failures multiply
 
 
+def test_the_best_policy_can_be_the_one_of_the_smallest_rms_error_and_activity() -> None:
+    config = tiny(validation={"select": "rms", "steer_weight": 3.0}).validation
+    score = Validator(problem(), config).score(lambda _: np.full(2, 0.01))
+    assert score.total == pytest.approx(score.rms_error + 3.0 * score.steer_activity)
+
+
 def test_actions_that_are_nan_cost_the_whole_corridor() -> None:
     score = Validator(problem(), tiny().validation).score(lambda _: np.full(2, math.nan))
     assert math.isfinite(score.total)

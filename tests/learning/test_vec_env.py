@@ -7,7 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from steersman.kernels import observe
+from steersman.kernels import speed as speeds
 from steersman.kernels import step as kernel
+from steersman.kernels import vehicle as car
 from steersman.learning.env import PathFollowingEnv
 from steersman.learning.vec_env import PathFollowingVecEnv
 
@@ -157,6 +160,54 @@ def test_spread_varies_the_car_and_the_start() -> None:
     assert abs(rows[:, 0] / env.driver.problem.vehicle.row()[0] - 1.0).max() <= 0.1
     offsets = env.driver.fleet.tracking[:, 1]
     assert 0.0 < abs(offsets).max() <= 0.3 + 1e-6
+
+
+def _first_looks(n: int, **spread: float) -> tuple[Any, Any, Any]:
+    """Cars, delays and waypoint errors of ``n`` episodes on a straight."""
+    env = PathFollowingVecEnv(
+        problem(
+            roads=[{"kind": "straight"}],
+            sensor={"kind": "waypoints", "error_range": 0.2},
+            spread={"offset": 0.0, "heading": 0.0, "mass": 0.1, "delay": 0.1, **spread},
+        ),
+        n,
+    )
+    env.reset()
+    driver = env.driver
+    seen = driver.fleet.rows[:, observe.O_PREVIEW + 1 :: 2] - driver.fleet.tracking[:, [observe.D]]
+    return driver.world.vehicles.rows[:, car.MASS], driver.fleet.delay, abs(seen).max(axis=1)
+
+
+def test_a_share_of_episodes_has_the_nominal_car_and_sensor() -> None:
+    mass, delay, errors = _first_looks(200, waypoints=1.0, nominal=0.3)
+    nominal = mass == problem().vehicle.row()[car.MASS]
+    assert 0.2 < nominal.mean() < 0.4
+    assert (delay[nominal] == 0).all()
+    assert delay[~nominal].max() > 5
+    assert errors[nominal].max() < 1e-9
+    assert errors[~nominal].min() > 0.0
+
+
+def test_fast_episodes_can_be_kept_for_the_nominal_car() -> None:
+    fast = {"kind": "random_profile", "a_lat_max": 12.0, "cap_low": 1.0}
+    slow = fast | {"a_lat_max": 3.0}
+    env = PathFollowingVecEnv(problem(speeds=[fast, slow], spread={"a_lat_max": 5.0}), 60)
+    env.reset()
+    driver = env.driver
+    other = driver.world.vehicles.rows[:, car.MASS] != problem().vehicle.row()[car.MASS]
+    scale = driver.world.speed.rows[:, speeds.CAP_SCALE]
+    assert 15 < other.sum() < 45
+    assert scale[other].max() < scale[~other].min()
+
+
+def test_waypoint_errors_are_of_another_size_in_each_episode() -> None:
+    *_, full = _first_looks(50)
+    *_, some = _first_looks(50, waypoints=0.5)
+    *_, every = _first_looks(50, waypoints=1.0)
+    assert full.min() > 0.15
+    assert full.max() <= 0.2
+    assert some.min() > 0.05
+    assert every.min() < 0.05
 
 
 def test_sb3s_other_methods() -> None:

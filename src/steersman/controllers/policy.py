@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from pathlib import Path as FilePath
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from steersman.config import register, required, resolve
+from steersman.config import param, register, resolve
 from steersman.controllers.base import ControllerComponent
 from steersman.encoding import EncodingComponent
 from steersman.errors import ConfigError, DataError, one_line
 from steersman.kernels import encode as kernel
 from steersman.kernels import observe
 from steersman.kernels.encode import EncodingTable
-from steersman.policy_file import PolicyCard, read_policy
+from steersman.policy_file import PolicyCard, locate, read_policy
 from steersman.types import FloatArray, Observation, Status
 from steersman.vehicles import Vehicle
 
@@ -33,13 +33,26 @@ class PolicyState(NamedTuple):
     rate_step: float
     """Largest change of steering in one step, 0 for direct actions."""
     waypoints: int
+    trim: float
+    """Rate of the integral loop around the network [1/s]."""
+    shift: float
+    """How far the path that the network is told lies to the right of the true one [m]."""
 
 
 @register("controller", "policy")
 class Policy(ControllerComponent):
-    """A policy exported by ``steersman train``: ``policy.onnx`` with ``policy.json`` beside it."""
+    """A trained policy: one of the package, or a file of ``steersman train`` with its card.
 
-    file: str = required("-", "The policy's ONNX file.")
+    Around the network an integral loop may be closed: it is told of a path that moves away from
+    the car at ``trim`` times the lateral error. Wherever the network lets the car settle beside
+    the path that it is told, the shift grows until the car itself is on the path.
+    """
+
+    file: str = param("precision", "-", "A policy of the package, or an ONNX file.")
+    trim: float | None = param(
+        None, "1/s", "Rate of the integral loop; null: as the card says.", ge=0, le=10
+    )
+    trim_limit: float = param(0.3, "m", "Longest shift of the path.", ge=0)
 
     def init(self, vehicle: Vehicle, dt: float) -> PolicyState:
         """Load the network and check that it belongs into this loop.
@@ -48,7 +61,7 @@ class Policy(ControllerComponent):
             DataError: the files are missing or corrupt.
             ConfigError: the policy was trained for another control period.
         """
-        data, card = read_policy(FilePath(self.file))
+        data, card = read_policy(locate(self.file))
         if abs(card.dt - dt) > _SAME:
             raise ConfigError(
                 f"{self.file}: trained for a control period of {card.dt} s, but plant.dt is {dt} s"
@@ -66,6 +79,8 @@ class Policy(ControllerComponent):
             memory,
             step,
             card.waypoints,
+            card.trim if self.trim is None else self.trim,
+            0.0,
         )
 
     def decide(
@@ -74,6 +89,9 @@ class Policy(ControllerComponent):
         """Normalised steering, unclipped."""
         table = state.table
         row = to_row(observation, state.waypoints, table.spacing)
+        shift = self._shift(state, observation.lateral_error)
+        row[observe.O_D] += shift
+        row[observe.O_PREVIEW + 1 :: 2] -= shift
         memory = state.memory.copy()
         features = np.zeros(state.features)
         kernel.encode(table, row, memory, features)
@@ -84,7 +102,14 @@ class Policy(ControllerComponent):
         if state.rate_step > 0.0:
             steer = memory[kernel.LAST_COMMAND] + action * state.rate_step
         kernel.remember(table, row, memory, min(max(steer, -1.0), 1.0))
-        return float(steer), Status.SOLVED, state._replace(memory=memory)
+        return float(steer), Status.SOLVED, state._replace(memory=memory, shift=shift)
+
+    def _shift(self, state: PolicyState, error: float) -> float:
+        """The shift of this step; an error that is not finite leaves it as it is."""
+        wanted = state.shift + state.trim * error * state.table.dt
+        if not math.isfinite(wanted):
+            return state.shift
+        return min(max(wanted, -self.trim_limit), self.trim_limit)
 
 
 def to_row(observation: Observation, waypoints: int, spacing: float) -> FloatArray:

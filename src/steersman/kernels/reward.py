@@ -23,6 +23,8 @@ class RewardTable(NamedTuple):
     """Lateral error at which the square-root term is fully paid [m]."""
     root_weight: float
     """Weight of the square-root term."""
+    linear_weight: float
+    """Weight of the linear term [1/m]."""
     change: float
     """c_change, weight of half the squared change of steering."""
     blend: int
@@ -57,7 +59,7 @@ def track_reward(table: RewardTable, speed: float, d: float, course: float, slip
     if table.shape == PAPER:
         return abs(speed * math.cos(phi)) - abs(speed * math.sin(phi)) - abs(speed * d)
     root = math.sqrt(min(abs(d) / table.root_error, 1.0))
-    return 1.0 - table.root_weight * root - 0.5 * abs(d) - 0.5 * abs(math.sin(phi))
+    return 1.0 - table.root_weight * root - table.linear_weight * abs(d) - 0.5 * abs(math.sin(phi))
 
 
 @kernel

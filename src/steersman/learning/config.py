@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import field_validator
 
@@ -48,6 +48,11 @@ class ValidationConfig(Settings):
     vehicles: int = param(32, "-", "Drives.", ge=1)
     interval: int = param(10_000, "steps", "Environment steps between validations.", gt=0)
     seed: int = param(12345, "-", "Seed of starts, speeds, cars and sensor errors.", ge=0)
+    select: Literal["typical", "rms"] = param(
+        "typical",
+        "-",
+        "The best policy by the geometric mean of the drives' mean errors, or by the RMS error.",
+    )
     steer_weight: float = param(
         0.0, "m", "Price of the RMS change of steering per step in the score.", ge=0
     )
@@ -67,4 +72,11 @@ class TrainConfig(Settings):
     steps: int = param(200_000, "steps", "Environment steps of all vehicles together.", gt=0)
     seed: int = param(0, "-", "Seed of everything random.", ge=0)
     checkpoint_interval: int = param(50_000, "steps", "Steps between checkpoints.", gt=0)
+    trim: float = param(
+        0.0,
+        "1/s",
+        "Rate of the integral loop around the exported policy; training is without it.",
+        ge=0,
+        le=10,
+    )
     threads: int = param(1, "-", "Threads of the linear algebra; more may change last bits.", ge=1)

@@ -84,6 +84,7 @@ def export_policy(
         dt=problem.plant.dt,
         waypoints=problem.sensor.count,
         spacing=problem.sensor.spacing,
+        trim=config.trim,
         encoding=dump(problem.encoding) or {},
         observation=problem.encoding.names(table),
         scale=scale.tolist(),

@@ -34,6 +34,11 @@ class Start(NamedTuple):
     speed: float
 
 
+def _lateral_cap(profile: Profile) -> float:
+    """Lateral acceleration that a profile's speed cap allows [m/s^2]; infinite without a cap."""
+    return math.inf if profile.a_lat_max is None else profile.a_lat_max * profile.cap_scale**2
+
+
 class FleetDriver:
     """Drives the vehicles of a :class:`Problem`; environments are thin shells around it."""
 
@@ -48,6 +53,7 @@ class FleetDriver:
         self._base = problem.vehicle.row()
         errors = problem.sensor.error_range > 0.0
         self._shifts = np.zeros((n, problem.sensor.count if errors else 0, 2))
+        self._levels = np.ones(n)
         self._rngs = [np.random.default_rng(0) for _ in range(n)]
         demonstration = problem.demonstration
         self._demonstrator = (
@@ -75,9 +81,13 @@ class FleetDriver:
         """Begin a new episode of vehicle ``i``."""
         problem, rng = self.problem, self._rngs[i]
         self._vary(i, rng)
-        self.begin(i, self._draw_start(rng))
+        start = self._draw_start(rng)
+        limit = problem.spread.a_lat_max
+        if limit is not None and _lateral_cap(start.profile) > limit:
+            self._make_nominal(i)
+        self.begin(i, start)
         if not problem.sensor.redraw and self._shifts.shape[1]:
-            self._shifts[i] = problem.sensor.draw(rng)
+            self._shifts[i] = self._levels[i] * problem.sensor.draw(rng)
         self._look(i)
         self._demonstrate(i, restart=True)
 
@@ -98,10 +108,16 @@ class FleetDriver:
         return Start(road, s, float(offset), float(heading), profile, speed)
 
     def _vary(self, i: int, rng: np.random.Generator) -> None:
-        """Draw this episode's car."""
+        """Draw this episode's car, delay and sensor."""
         spread = self.problem.spread
         row = self.world.vehicles.rows[i]
         row[:] = self._base
+        self._levels[i] = 1.0
+        if spread.nominal > 0.0 and rng.uniform() < spread.nominal:
+            self._make_nominal(i)
+            return
+        if spread.waypoints > 0.0:
+            self._levels[i] = 1.0 - rng.uniform(0.0, spread.waypoints)
         draws = 1.0 + rng.uniform(-1.0, 1.0, 5) * (
             spread.mass,
             spread.yaw_inertia,
@@ -115,6 +131,12 @@ class FleetDriver:
             row[column] *= factor
         extra = int(rng.integers(round(spread.delay / self.problem.plant.integration_step) + 1))
         self.fleet.delay[i] = self.problem.plant.delay_substeps() + extra
+
+    def _make_nominal(self, i: int) -> None:
+        """The car, delay and sensor without any spread."""
+        self.world.vehicles.rows[i] = self._base
+        self.fleet.delay[i] = self.problem.plant.delay_substeps()
+        self._levels[i] = 1.0 - self.problem.spread.waypoints
 
     def begin(self, i: int, start: Start) -> None:
         """Put vehicle ``i`` at a start, in the steady turn of the road there."""
@@ -153,7 +175,7 @@ class FleetDriver:
 
     def _draw_shift(self, i: int) -> None:
         if self._shifts.shape[1] and self.problem.sensor.redraw:
-            self._shifts[i] = self.problem.sensor.draw(self._rngs[i])
+            self._shifts[i] = self._levels[i] * self.problem.sensor.draw(self._rngs[i])
 
     def _demonstrate(self, i: int, *, restart: bool = False) -> None:
         if self._demonstrator is None:
@@ -187,6 +209,7 @@ class FleetDriver:
             "speed_times": speed.times,
             "speed_speeds": speed.speeds,
             "shifts": self._shifts,
+            "levels": self._levels,
         }
 
     def snapshot(self) -> dict[str, Any]:

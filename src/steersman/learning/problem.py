@@ -33,6 +33,15 @@ class Spread(Settings):
     stiffness: float = param(0.0, "-", "Each axle's stiffness, up to 1 +- this.", ge=0, lt=1)
     friction: float = param(0.0, "-", "Friction is scaled by up to 1 +- this.", ge=0, lt=1)
     delay: float = param(0.0, "s", "Longest additional steering delay.", ge=0, le=0.4)
+    waypoints: float = param(
+        0.0, "-", "Waypoint errors are scaled by a draw from 1 - this to 1.", ge=0, le=1
+    )
+    nominal: float = param(
+        0.0, "-", "Share of episodes with the nominal car, delay and sensor.", ge=0, le=1
+    )
+    a_lat_max: float | None = param(
+        None, "m/s^2", "So are those whose speed cap allows more than this; null: none.", gt=0
+    )
     offset: float = param(0.0, "m", "Start up to this far beside the path.", ge=0)
     heading: float = param(0.0, "rad", "Start turned by up to this.", ge=0)
 

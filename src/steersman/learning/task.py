@@ -33,13 +33,12 @@ class TaskComponent(Component):
         """The constants as the kernels read them."""
 
     def _table(
-        self, shape: int, side_slip: bool, root: tuple[float, float], track_scale: float
+        self, shape: int, side_slip: bool, error: tuple[float, float, float], track_scale: float
     ) -> RewardTable:
         return RewardTable(
             shape,
             int(side_slip),
-            root[0],
-            root[1],
+            *error,
             self.c_change,
             _BLEND[self.demonstration],
             self.c_track,
@@ -60,19 +59,21 @@ class PaperTask(TaskComponent):
     def table(self) -> RewardTable:
         """The constants as the kernels read them."""
         scale = self.v_ref if self.normalise else 1.0
-        return self._table(kernel.PAPER, self.phi == "sideslip", (1.0, 0.0), scale)
+        return self._table(kernel.PAPER, self.phi == "sideslip", (1.0, 0.0, 0.0), scale)
 
 
 @register("task", "precise")
 class PreciseTask(TaskComponent):
     """A tracking reward of size one whose slope does not fade near zero error.
 
-    r_track = 1 - w sqrt(min(|d| / d_0, 1)) - |d|/2 - |sin(course error)|/2.
+    r_track = 1 - w sqrt(min(|d| / d_0, 1)) - k |d| - |sin(course error)|/2.
     """
 
     root_error: float = param(0.05, "m", "d_0, error at which the root is fully paid.", gt=0)
     root_weight: float = param(0.5, "-", "w, weight of the root.", ge=0)
+    linear_weight: float = param(0.5, "1/m", "k, weight of the error itself.", ge=0)
 
     def table(self) -> RewardTable:
         """The constants as the kernels read them; r_track needs no scaling here."""
-        return self._table(kernel.FINITE_SLOPE, False, (self.root_error, self.root_weight), 1.0)
+        error = (self.root_error, self.root_weight, self.linear_weight)
+        return self._table(kernel.FINITE_SLOPE, False, error, 1.0)

@@ -30,9 +30,9 @@ class Score(NamedTuple):
     steer_activity: float
     """RMS change of the steering command per step [-]."""
     total: float
-    """What selects the best policy [m]: the geometric mean of the drives' mean errors, so that a
-    millimetre counts where drives are easy and a decimetre where they are hard, times one plus
-    the failures, plus the price of steering."""
+    """What selects the best policy [m], plus the price of steering: either the geometric mean of
+    the drives' mean errors, so that a millimetre counts where drives are easy and a decimetre
+    where they are hard, times one plus the failures; or the RMS error."""
 
 
 class Validator:
@@ -80,10 +80,7 @@ class Validator:
         errors = errors[counted]
         activity = (changes / max(moves, 1)) ** 0.5
         failures = int(failed.sum())
-        return Score(
-            float(errors.mean()),
-            float(np.sqrt((errors**2).mean())),
-            failures,
-            activity,
-            typical * (1.0 + failures) + self._config.steer_weight * activity,
-        )
+        rms = float(np.sqrt((errors**2).mean()))
+        base = rms if self._config.select == "rms" else typical * (1.0 + failures)
+        total = base + self._config.steer_weight * activity
+        return Score(float(errors.mean()), rms, failures, activity, total)

@@ -1,0 +1,1 @@
+"""Trained policies that are part of the package."""
