@@ -78,7 +78,7 @@ def curvature_of(preview: FloatArray, i: int) -> float:
     x_1, y_1 = preview[i, 0] - preview[i - 1, 0], preview[i, 1] - preview[i - 1, 1]
     x_2, y_2 = preview[i + 1, 0] - preview[i, 0], preview[i + 1, 1] - preview[i, 1]
     sides = math.hypot(x_1, y_1) * math.hypot(x_2, y_2) * math.hypot(x_1 + x_2, y_1 + y_2)
-    return 2.0 * (x_1 * y_2 - y_1 * x_2) / max(sides, 1e-12)
+    return float(2.0 * (x_1 * y_2 - y_1 * x_2) / max(sides, 1e-12))
 
 
 @kernel
@@ -90,4 +90,4 @@ def curvature_at(preview: FloatArray, spacing: float, beside: float, u: float) -
     t = min(max(u / spacing, 0.0), preview.shape[0] - 2.0)
     i = min(int(t), preview.shape[0] - 3)
     before = beside if i == 0 else curvature_of(preview, i)
-    return before + (t - i) * (curvature_of(preview, i + 1) - before)
+    return float(before + (t - i) * (curvature_of(preview, i + 1) - before))

@@ -1,0 +1,221 @@
+"""The delay-aware MPC against regulators, solvers and simulations that know nothing of it."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from steersman.bench.metrics import rms_lateral_error
+from steersman.controllers import delay_plan
+from steersman.controllers.delay_model import Weights, at_speed, build_model, build_tables
+from steersman.controllers.delay_plan import Problem
+from steersman.controllers.error_model import discrete, error_model
+from steersman.controllers.mpc_delay import MpcDelay
+from steersman.paths.basic import Circle, Straight
+from steersman.paths.eights import FigureEight
+from steersman.plants.simulator import SimulatorConfig
+from steersman.rollout import rollout
+from steersman.sensing import WaypointSensor
+from steersman.speed import ConstantSpeed
+from steersman.types import FloatArray, Status
+from steersman.vehicles import Bmw320i
+
+from ..loops import CAR, DT, Posed, beside, drive, observe
+from .test_lqr import riccati_iteration
+from .test_mpc import least_distance
+
+N, V = 20, 10.0
+WEIGHTS = Weights(1.0, 0.02, 0.3, 0.05, 0.4, 5.0)
+PLAIN = MpcDelay(delay=0.0, disturbance_time=None, filter_road=False)
+
+
+def problem(seed: int = 0, size: float = 1.0, most: float = 0.5, step: float = 0.1) -> Problem:
+    """Any state, any road, a little off."""
+    rng = np.random.default_rng(seed)
+    model = build_model(CAR, DT, N, WEIGHTS, V)
+    xi = size * rng.normal(size=4) * [0.2, 0.2, 0.05, 0.1]
+    road = 0.02 * np.sin(0.3 * np.arange(N + 1) + rng.uniform(0.0, 6.0))
+    return Problem(model, road, xi, float(model.steady[1, 0]), 0.003, most, step)
+
+
+def cost(p: Problem, plan: FloatArray, before: float) -> float:
+    """The cost as documented, simulated step by step, with the end by a long free run."""
+    model = discrete(error_model(CAR, V), DT)
+    heading = p.model.steady[0, 0]
+    xi, u, total = p.xi, before, 0.0
+    for i in range(4000):
+        stage = np.append(xi**2, u * u)
+        if i > 0:
+            total += float(np.array(WEIGHTS[:5]) @ stage)
+        change = plan[i] - u if i < N else -float(p.model.gain @ np.append(xi, u))
+        u += change
+        total += WEIGHTS.change * change * change
+        xi = model.a @ xi + model.b * u
+        if i < N:
+            xi[2] += heading * (p.road[i] - p.road[i + 1])
+    return total
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_free_plan_is_the_least_of_the_condensed_cost(seed: int) -> None:
+    p = problem(seed)
+    hessian, linear = delay_plan.condensed(p, WEIGHTS, 0.01)
+    plan = delay_plan.free_plan(p, 0.01)
+    assert plan == pytest.approx(-np.linalg.solve(hessian, linear), abs=1e-9)
+
+
+def test_the_condensed_cost_is_the_documented_one() -> None:
+    p, rng = problem(), np.random.default_rng(1)
+    hessian, linear = delay_plan.condensed(p, WEIGHTS, 0.01)
+    plans = rng.normal(0.0, 0.1, (6, N))
+    ours = [u @ hessian @ u + 2.0 * linear @ u for u in plans]
+    real = [cost(p, u, 0.01) for u in plans]
+    assert np.diff(ours) == pytest.approx(np.diff(real), rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize(("most", "step"), [(0.02, 1.0), (1.0, 0.004), (0.03, 0.01)])
+def test_with_active_limits_it_is_the_reference_solvers_plan(most: float, step: float) -> None:
+    eye, active = np.eye(N), 0
+    changes = eye - np.eye(N, k=-1)
+    for seed in range(5):
+        p, last = problem(seed, most=most, step=step), 0.01
+        steady = p.angle_per_kappa * p.road[:-1] + p.angle_offset
+        before = last - steady[0]
+        hessian, linear = delay_plan.condensed(p, WEIGHTS, before)
+        moves = changes @ steady - last * eye[0]
+        rows = np.vstack([eye, -eye, changes, -changes])
+        limits = np.concatenate([most - steady, most + steady, step - moves, step + moves])
+        expected = least_distance(hessian, linear, rows, limits)
+        plan = delay_plan.limited_plan(p, WEIGHTS, before, steady, last)
+        assert plan == pytest.approx(expected, abs=1e-6)
+        active += bool(abs(expected - delay_plan.free_plan(p, before)).max() > 1e-3)
+    assert active == 5
+
+
+@pytest.mark.parametrize("periods", [0, 1, 4])
+def test_is_the_regulator_of_the_car_with_its_delay(periods: int) -> None:
+    """States: errors, commands on their way, the last deviation; gain by value iteration."""
+    controller = PLAIN.model_copy(update={"delay": periods * DT})
+    model, n = discrete(error_model(CAR, V), DT), 5 + periods
+    # The command that acts now is the oldest one, or without delay the one decided now.
+    a, b = np.zeros((n, n)), np.zeros(n)
+    a[:4, :4] = model.a
+    chain = list(range(4, 4 + periods))  # oldest first
+    for here, following in pairwise(chain):
+        a[here, following] = 1.0
+    a[n - 1, n - 1] = b[n - 1] = 1.0
+    if periods:
+        a[:4, 4] = model.b
+        a[chain[-1], n - 1] = b[chain[-1]] = 1.0
+    else:
+        a[:4, n - 1], b[:4] = model.b, model.b
+    w, q = controller.weights(), np.zeros((n, n))
+    q[range(4), range(4)] = w[:4]
+    # The price of an angle counts when it has acted, whichever command that is.
+    q[4 if periods else n - 1, 4 if periods else n - 1] += w.angle
+    gain = riccati_iteration(a, b, q, w.change)
+    e1, heading, side, rate = 1e-3, 2e-4, 3e-3, -1e-3
+    path, v = Straight(), V
+    car = beside(path, 9.0, d=e1, heading=heading, velocity=(v, side), yaw_rate=rate, steer=0.0)
+    decision, _ = controller.step(controller.init(CAR, DT), observe(path, car, 9.0))
+    state = np.zeros(n)
+    state[:4] = e1, v * math.sin(heading) + side * math.cos(heading), heading, rate
+    expected = CAR.steer_for_wheel_angle(float(-gain @ state), v)
+    assert decision.steer == pytest.approx(expected, rel=2e-3)
+
+
+def test_a_delay_of_nothing_is_no_delay() -> None:
+    runs = [
+        drive(PLAIN.model_copy(update={"delay": delay}), Posed(), duration=5.0)
+        for delay in (0.0, 1e-12)
+    ]
+    assert runs[0]["steer_command"] == pytest.approx(runs[1]["steer_command"], abs=1e-9)
+
+
+def eight(controller: MpcDelay, delay: float) -> float:
+    """RMS lateral error on the figure-eight at 8 m/s [m]; infinite if the car left it."""
+    plant = SimulatorConfig(steering_delay=delay)
+    episode = drive(
+        controller, FigureEight(), speed=ConstantSpeed(speed=8.0), plant=plant, duration=20.0
+    )
+    return rms_lateral_error(episode) if episode.completed else math.inf
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.1, 0.13, 0.2])
+def test_a_known_delay_costs_little(delay: float) -> None:
+    assert eight(MpcDelay(delay=delay), delay) < 0.003
+
+
+@pytest.mark.parametrize("delay", [0.05, 0.13, 0.2])
+def test_an_unknown_delay_is_found(delay: float) -> None:
+    """Where steering moves slowly, no better than to a period; in whole periods, exactly."""
+    whole = math.isclose(delay % DT, 0.0, abs_tol=1e-9) or math.isclose(delay % DT, DT)
+    assert eight(MpcDelay(), delay) < (1.05 if whole else 2.0) * eight(MpcDelay(delay=delay), delay)
+
+
+def test_a_wrong_delay_is_what_the_others_suffer_from() -> None:
+    assert eight(MpcDelay(delay=0.0), 0.2) > 0.1
+
+
+WRONG = CAR.replace(mass=1.3 * CAR.mass, c_f=0.7 * CAR.c_f, c_r=1.2 * CAR.c_r)
+
+
+@pytest.mark.parametrize("estimated", [True, False])
+def test_no_steady_error_with_wrong_parameters(estimated: bool) -> None:
+    """Only the estimate of what the model lacks does that."""
+    controller = MpcDelay(disturbance_time=0.3 if estimated else None)
+    episode = rollout(
+        SimulatorConfig().make(CAR),
+        controller,
+        Circle(),
+        ConstantSpeed(speed=10.0),
+        WaypointSensor(),
+        vehicle=WRONG,
+        duration=20.0,
+    )
+    late = abs(episode["lateral_error"][-40:]).max()
+    assert late < 1e-4 if estimated else late > 5e-3
+
+
+def test_steering_rate_is_kept() -> None:
+    """A slow servo is asked for nothing that it cannot do, so that it follows its command."""
+    bmw, path = Bmw320i(), Posed()
+    controller = MpcDelay(delay=0.0, q_lateral=50.0)
+    state = controller.init(bmw, DT)
+    state_0, angles = state, []
+    for d in (1.0, 1.0, -1.0, -1.0, 1.0):
+        car = beside(path, 5.0, d=d, steer=0.0)
+        decision, state = controller.step(state, observe(path, car, 5.0))
+        assert decision.status is Status.SOLVED
+        angles.append(state.angle)
+    largest = bmw.steer_rate_up * bmw.max_wheel_angle * DT
+    assert abs(np.diff(angles, prepend=state_0.angle)).max() == pytest.approx(largest, rel=1e-6)
+
+
+def test_a_solver_that_fails_leaves_the_clipped_optimum(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(delay_plan, "limited_plan", lambda *_: None)
+    bmw, path = Bmw320i(), Posed()
+    state = MpcDelay().init(bmw, DT)
+    decision, state = MpcDelay().step(state, observe(path, beside(path, 5.0, d=1.4), 5.0))
+    assert decision.status is Status.FALLBACK
+    largest = bmw.steer_rate_up * bmw.max_wheel_angle * DT
+    assert state.angle == pytest.approx(-largest)
+
+
+def test_tables_between_two_speeds() -> None:
+    tables = build_tables(CAR, DT, N, WEIGHTS)
+    for v in (1.0, 7.5, 7.73, 40.0):
+        for ours, exact in zip(
+            at_speed(tables, v), build_model(CAR, DT, N, WEIGHTS, v), strict=True
+        ):
+            assert ours == pytest.approx(exact, rel=0.02, abs=0.02 * abs(exact).max())
+
+
+@pytest.mark.parametrize("v", [3.0, 8.0, 20.0])
+def test_holds_the_circle(v: float) -> None:
+    episode = drive(MpcDelay(), Circle(), speed=ConstantSpeed(speed=v), duration=20.0)
+    assert episode.completed
+    assert abs(episode["lateral_error"][-40:]).max() < 1e-3
