@@ -19,10 +19,15 @@ from .loops import CAR, DT, Posed, answers, beside, drive, observe, random_polic
 
 # Further settings of kinds whose defaults leave code aside.
 VARIANTS: dict[str, dict[str, Any]] = {
+    "mpc-limits": {"kind": "mpc", "rate_limit": True, "corridor": 0.2, "scheduled": True},
+    "mpc_delay-given": {"kind": "mpc_delay", "delay": 0.12},
+    "mpc_delay-plain": {"kind": "mpc_delay", "disturbance_time": None, "filter_road": False},
     "mpc_pid-limits": {"kind": "mpc_pid", "rate_limit": True, "corridor": 0.2},
     "mpc_pid-scheduled": {"kind": "mpc_pid", "scheduled": True},
     "mpc_pid-wrong": {"kind": "mpc_pid", "model_error": {"mass": 1.3, "c_r": 0.8}},
     "pid-feedforward": {"kind": "pid", "feedforward": True, "k_heading": 0.3},
+    "pure_pursuit-centre": {"kind": "pure_pursuit", "track": "centre_of_mass"},
+    "stanley-centre": {"kind": "stanley", "track": "centre_of_mass", "steer_damping": 0.2},
 }
 ALL = {**{kind: {"kind": kind} for kind in components("controller")}, **VARIANTS}
 # Random weights know no left and right: an odd network is a matter of training, not of the code.
@@ -139,6 +144,24 @@ def test_any_finite_input_gives_a_command(controller: ControllerComponent, size:
     for decision in answers(controller, extremes):
         assert -1.0 <= decision.steer <= 1.0
         assert decision.status in set(Status)
+
+
+@pytest.mark.parametrize("size", [1e3, 1e100, 1e300])
+def test_extreme_input_leaves_nothing_behind(controller: ControllerComponent, size: float) -> None:
+    """A glitch may be answered by anything within the limits, but not the minute after it."""
+    good = plain()
+    for field in Observation._fields[1:8]:
+        state = controller.init(CAR, DT)
+        for observation in (good, good._replace(**{field: size}), *[good] * 5):
+            decision, state = controller.step(state, observation)
+        assert decision.status in {Status.SOLVED, Status.SATURATED}, field
+
+
+def test_a_standing_car_gets_an_ordinary_answer(controller: ControllerComponent) -> None:
+    path = Posed()
+    cars = [beside(path, 30.0, d=d, heading=0.05, velocity=(0.0, 0.0)) for d in (0.0, 0.3, -0.3)]
+    for decision in answers(controller, [observe(path, car, 30.0) for car in cars]):
+        assert decision.status in {Status.SOLVED, Status.SATURATED}
 
 
 def test_limits_are_kept(controller: ControllerComponent) -> None:

@@ -88,6 +88,8 @@ def moved_errors(d: float, heading: float, kappa: float, ahead: float) -> tuple[
     >>> moved_errors(0.5, 0.0, 0.0, 2.0)
     (0.5, 0.0)
     """
+    if not math.isfinite(heading):
+        return math.nan, math.nan
     x, y = ahead * math.cos(heading), d + ahead * math.sin(heading)
     # Distance from the centre (0, 1/kappa) against the radius, in a form that kappa = 0 allows.
     root = math.hypot(kappa * x, 1.0 - kappa * y)
