@@ -78,9 +78,14 @@ def test_it_settles_with_the_time_constant_of_its_rate(content_beside: str) -> N
     assert later == pytest.approx(math.exp(-0.05 * 20.0), rel=0.05)
 
 
+def test_it_moves_no_faster_than_its_speed(content_beside: str) -> None:
+    error = driven(content_beside, trim=10.0, trim_speed=1e-3)["lateral_error"]
+    assert error[700] - error[600] == pytest.approx(-1e-3 * 5.0, rel=0.02)
+
+
 def test_waypoints_and_error_are_shifted_together(content_beside: str) -> None:
     """What the network is told is what it would be told on a path so far to the right."""
-    controller, path = Policy(file=content_beside), Straight()
+    controller, path = Policy(file=content_beside, trim_speed=1.0), Straight()
     state = controller.init(CAR, DT)
     there = observe(path, beside(path, 5.0, d=0.1), 5.0)
     steer, _, _ = controller.decide(state._replace(shift=0.1), there)

@@ -52,6 +52,7 @@ class Policy(ControllerComponent):
     trim: float | None = param(
         None, "1/s", "Rate of the integral loop; null: as the card says.", ge=0, le=10
     )
+    trim_speed: float = param(0.01, "m/s", "Largest speed of the path's shift.", ge=0)
     trim_limit: float = param(0.3, "m", "Longest shift of the path.", ge=0)
 
     def init(self, vehicle: Vehicle, dt: float) -> PolicyState:
@@ -106,10 +107,12 @@ class Policy(ControllerComponent):
 
     def _shift(self, state: PolicyState, error: float) -> float:
         """The shift of this step; an error that is not finite leaves it as it is."""
-        wanted = state.shift + state.trim * error * state.table.dt
-        if not math.isfinite(wanted):
+        speed = state.trim * error
+        if not math.isfinite(speed):
             return state.shift
-        return min(max(wanted, -self.trim_limit), self.trim_limit)
+        speed = min(max(speed, -self.trim_speed), self.trim_speed)
+        shift = state.shift + speed * state.table.dt
+        return min(max(shift, -self.trim_limit), self.trim_limit)
 
 
 def to_row(observation: Observation, waypoints: int, spacing: float) -> FloatArray:
