@@ -1,7 +1,7 @@
 """The suites that come with the package, and those from the user's files.
 
-``standard`` is the test suite. ``tuning`` is what gains are tuned on: it shares no path with the
-test suite. ``quick`` shows in seconds that a controller drives at all.
+``standard`` is the test suite, ``core`` a part of it. ``tuning`` is what gains are tuned on: it
+shares no path with the test suite. ``quick`` shows in seconds that a controller drives at all.
 """
 
 from __future__ import annotations
@@ -34,6 +34,12 @@ SPORTY_CAP = 10.0
 # ISO 3888-2 with a car of 2.16 m: lanes 1.1 b + 0.25 and b + 1, 1 m between them. Its changes of
 # lane, 13.5 and 12.5 m, would need a radius of 6 to 7 m; stretched to 20 m it is 13.4 m.
 _OBSTACLE = DoubleLaneChange(entry=12.0, out=20.0, beside=11.0, back=20.0, exit=12.0, offset=3.89)
+
+# The disturbances of the suite ``core``.
+_COMMON = (
+    *(CLEAN, "delay_100ms", "delay_200ms", "noise_0.1m"),
+    *("heavy", "light", "stiff", "soft", "understeer", "oversteer"),
+)
 
 
 def constant(speed: float, cap: float = CAP) -> ConstantSpeed:
@@ -118,6 +124,20 @@ def standard() -> Suite:
     return Suite(courses=courses, disturbances=disturbances(), mixed=mixed)
 
 
+def core() -> Suite:
+    """A quarter of the test suite: every track, four roads, and the commonest disturbances.
+
+    These are delay, waypoint noise, and a car of other mass and stiffness than anybody was told.
+    """
+    whole = standard()
+    left_out = {f"road_{seed}" for seed in HELD_OUT[4:]}
+    return Suite(
+        courses={name: course for name, course in whole.courses.items() if name not in left_out},
+        disturbances={name: whole.disturbances[name] for name in _COMMON},
+        mixed=whole.mixed,
+    )
+
+
 def tuning() -> Suite:
     """Gains are tuned here: the training circuit at several speeds, clean and disturbed."""
     speeds: Speeds = {
@@ -148,7 +168,12 @@ def quick() -> Suite:
     return Suite(courses=courses, disturbances=chosen, mixed={"mixed": Mixed()})
 
 
-SUITES: dict[str, Callable[[], Suite]] = {"standard": standard, "tuning": tuning, "quick": quick}
+SUITES: dict[str, Callable[[], Suite]] = {
+    "standard": standard,
+    "core": core,
+    "tuning": tuning,
+    "quick": quick,
+}
 
 
 def suite(name: str) -> Suite:
