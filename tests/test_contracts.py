@@ -217,6 +217,17 @@ def test_observation_is_left_alone(controller: ControllerComponent) -> None:
     assert np.array_equal(observation.preview, kept)
 
 
+@pytest.mark.parametrize("kind", components("controller"))
+def test_what_tuning_may_change_holds_the_defaults(kind: str) -> None:
+    for name, (low, high, log) in components("controller")[kind].search.items():
+        value: Any = make(kind, "")
+        for part in name.split("."):
+            value = getattr(value, part)
+        assert low <= value <= high, name
+        assert low < high, name
+        assert low > 0.0 or not log, name
+
+
 @pytest.mark.parametrize("name", [name for name in ALL if name != "policy"])
 @pytest.mark.parametrize("dt", [0.01, 0.1])
 def test_other_control_periods(name: str, dt: float, policy_file: str) -> None:
