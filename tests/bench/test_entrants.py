@@ -63,9 +63,9 @@ def test_the_digest_tells_controllers_apart_and_not_their_places(
     ("word", "message"),
     [
         ("stanly", "unknown controller 'stanly'; did you mean 'stanley'"),
-        ("policy", "needs file; give its ONNX file"),
         ("none.yaml", "none.yaml: cannot be read"),
         ("none.onnx", "none.*: cannot be read"),
+        ("missing/none.onnx", "missing/none.*: cannot be read"),
         ("a=", "names no controller"),
         ("empty.yaml", "holds no controller"),
         ("typo.yaml", "typo.yaml: .*did you mean 'k_heading'"),

@@ -126,7 +126,7 @@ class Failing(ControllerComponent):
 
 
 def failing(*, raises: bool) -> Entrant:
-    return Entrant("failing", Failing(raises=raises), False, f"failing {raises}", 0, 0.0)
+    return Entrant("failing", Failing(raises=raises), False, f"failing {raises}", 0, 0.0, {})
 
 
 @pytest.mark.parametrize(("raises", "end"), [(True, "error"), (False, "off_track")])

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from steersman.bench.disturbance import Disturbance
 from steersman.bench.entrants import entrants
 from steersman.bench.statistics import Clusters
 from steersman.bench.summary import summarise_rows
@@ -14,14 +15,20 @@ from steersman.bench.summary import summarise_rows
 PID, MPC = entrants(["pid", "mpc_pid"])
 
 
-def row(controller: str, path: str, rms: float, disturbance: str = "clean") -> dict[str, Any]:
-    return {
+def row(
+    controller: str, path: str, rms: float, disturbance: str = "clean", **words: Any
+) -> dict[str, Any]:
+    figures = {f"disturbance_{name}": v for name, v in Disturbance().figures().items()}
+    return figures | {
         "controller": controller, "path": path, "disturbance": disturbance,
         "scenario": f"{path}/{disturbance}", "completed": True, "end": "duration", "fallbacks": 0,
         "charged_rms_m": rms, "charged_mean_m": rms, "charged_p95_m": rms,
         "steer_change_rms": 0.01, "steer_reversals_per_min": 3.0,
-        "control_time_us_p50": 5.0, "control_time_us_p99": 9.0,
-    }  # fmt: skip
+        "control_time_us_p50": 5.0, "control_time_us_p99": 9.0, "speed": "constant",
+        "path_acceleration_m_s2": 2.0, "iso_11270": True, "r79": False, "saturated_share": 0.0,
+        "weighted_acceleration_m_s2": 0.3, "deadline_misses_50ms": 0, "deadline_misses_10ms": 1,
+        "duration_s": 10.0, "dt_s": 0.05,
+    } | words  # fmt: skip
 
 
 def test_errors_are_pooled_as_root_mean_squares() -> None:
@@ -69,3 +76,44 @@ def test_clusters_are_drawn_as_a_whole() -> None:
 
 def test_no_items_have_no_interval() -> None:
     assert np.isnan(Clusters([]).interval(lambda mean: mean([]))).all()
+
+
+def test_profiles_are_shares_within_a_factor_of_the_best() -> None:
+    rows = [row("pid", "a", 0.1), row("pid", "b", 0.4)]
+    rows += [row("mpc_pid", "a", 0.2), row("mpc_pid", "b", 0.1, completed=False)]
+    found = summarise_rows(rows, [PID, MPC])["profiles"]
+    at = dict(zip(found["factors"], zip(*found["shares"].values(), strict=True), strict=True))
+    # On b nobody but pid arrived, so that it is the best there; the other never counts.
+    assert at[1.0] == (1.0, 0.0)
+    assert at[2.0] == (1.0, 0.5)
+    assert at[found["factors"][-1]] == (1.0, 0.5)
+    for shares in found["shares"].values():
+        assert shares == sorted(shares)
+
+
+def test_standards_are_judged_where_the_road_allows_them() -> None:
+    rows = [row("pid", "a", 0.1, path_acceleration_m_s2=2.9), row("pid", "b", 0.1, r79=True)]
+    rows += [row("mpc_pid", "a", 0.1, path_acceleration_m_s2=3.1), row("mpc_pid", "b", 0.1)]
+    found = summarise_rows(rows, [PID, MPC])["controllers"]
+    assert found["pid"]["gentle_runs"] == 1  # a asks for too much, as one of them found out
+    assert found["pid"]["r79_share"] == 1.0
+    assert found["mpc_pid"]["r79_share"] == 0.0
+    assert found["pid"]["control_steps"] == 400
+
+
+def test_sweeps_are_ordered_and_hold_nothing_else() -> None:
+    names = {"slow": 0.2, "clean": 0.0, "quick": 0.05}
+    rows = [row("pid", "a", 0.1, n, disturbance_delay=v) for n, v in names.items()]
+    rows.append(row("pid", "a", 0.1, "both", disturbance_delay=0.1, disturbance_mass=1.2))
+    sweeps = summarise_rows(rows, [PID])["sweeps"]
+    assert [step["disturbance"] for step in sweeps["delay"]] == ["clean", "quick", "slow"]
+    assert [step["value"] for step in sweeps["delay"]] == [0.0, 0.05, 0.2]
+    assert sweeps["friction"] == []
+
+
+def test_errors_by_a_factor_add_up() -> None:
+    rows = [row("pid", "a", 0.3), row("pid", "b", 0.4), row("pid", "b", 0.5, "soft")]
+    found = summarise_rows(rows, [PID])["by"]
+    assert list(found["path"]) == ["a", "b"]
+    assert found["path"]["b"]["pid"]["rms_m"]["value"] == pytest.approx(np.sqrt(0.205))
+    assert found["disturbance"]["soft"]["pid"]["runs"] == 1

@@ -26,6 +26,8 @@ def test_the_table_and_the_files(steersman: Steersman, tmp_path: FilePath) -> No
     assert set(found["controllers"]) == set(found["summary"]["controllers"]) == {"pid", "ff"}
     assert found["versions"]["steersman"]
     assert (tmp_path / "b" / "rows.jsonl").read_text().count("\n") == 20
+    assert (tmp_path / "b" / "results.parquet").exists()
+    assert "Worst cases" in (tmp_path / "b" / "report.html").read_text()
     again = steersman("bench", "b/suite.yaml", "--controllers", "pid", "--out", "c", "--jobs", "1")
     assert again.exit_code == 0  # the suite that was driven, from its file
 
@@ -58,6 +60,7 @@ def test_an_interruption_is_told(
         (("quick", "--controllers", "pid,pid"), "both called 'pid'"),
         (("quick", "--seeds", "a"), "is not a list of seeds"),
         (("quick", "--jobs", "0"), "--jobs"),
+        (("quick", "--engine", "rey"), "unknown engine 'rey'; did you mean 'ray'?"),
     ],
 )
 def test_wrong_words_are_one_line(

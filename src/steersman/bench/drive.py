@@ -21,7 +21,7 @@ Row: TypeAlias = dict[str, Any]
 # For estimates only [m/s].
 _USUAL_SPEED = 12.0
 # Of a row's columns: with others, what was driven before is driven again.
-VERSION = 2
+VERSION = 3
 FACTORS = ("path", "speed", "disturbance", "vehicle", "seed")
 
 
@@ -87,6 +87,7 @@ def measure(scenario: Scenario, entrant: Entrant) -> Row:
         "scenario": scenario.name,
         **{name: getattr(scenario, name) for name in FACTORS},
         **{f"disturbance_{name}": v for name, v in scenario.applied.figures().items()},
+        "dt_s": episode.dt,
         "end": episode.end,
         **charged(scenario.run, episode),
         **evaluate(episode),

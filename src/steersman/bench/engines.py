@@ -1,7 +1,8 @@
-"""Where the runs of a benchmark are computed: in this process, or over the cores."""
+"""Where the runs of a benchmark are computed: in this process, over the cores, or on a cluster."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeAlias
 
@@ -29,4 +30,37 @@ def local(work: Work, chunks: Sequence[Chunk], jobs: int) -> Iterator[list[Any]]
         yield from parallel(delayed(do)(work, chunk) for chunk in chunks)
 
 
-ENGINES: dict[str, Engine] = {"local": local}
+def cluster(work: Work, chunks: Sequence[Chunk], jobs: int) -> Iterator[list[Any]]:
+    """On a Ray cluster: the one that ``RAY_ADDRESS`` names, else one on this machine alone.
+
+    Every node needs this package, and policies under the same names. What is started here is
+    stopped here; a cluster that was running goes on. In no certain order.
+    """
+    import ray
+
+    ours = not ray.is_initialized()
+    if ours:
+        # With an address, CPUs are the cluster's to tell.
+        there = bool(os.environ.get("RAY_ADDRESS"))
+        own: dict[str, Any] = {} if there else {"num_cpus": jobs, "include_dashboard": False}
+        ray.init(log_to_driver=False, configure_logging=False, **own)
+    try:
+        remote = ray.remote(num_cpus=1, max_retries=2)(do)
+        # The function travels once; a few pieces wait beyond those that are computed.
+        left: list[Chunk] = list(reversed(chunks))
+        running: list[Any] = []
+        most = _WAITING * max(int(ray.cluster_resources().get("CPU", 1)), 1)
+        shared = ray.put(work)
+        while left or running:
+            while left and len(running) < most:
+                running.append(remote.remote(shared, left.pop()))
+            done, running = ray.wait(running)
+            yield from ray.get(done)
+    finally:
+        if ours:
+            ray.shutdown()
+
+
+# Pieces of work handed out for each core of a cluster.
+_WAITING = 2
+ENGINES: dict[str, Engine] = {"local": local, "ray": cluster}

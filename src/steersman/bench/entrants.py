@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
 from steersman.config import components, dump, lookup, read_yaml, resolve
 from steersman.controllers.base import ControllerComponent
 from steersman.errors import ConfigError, DataError, suggestion
-from steersman.policy_file import PolicyCard, read_policy
+from steersman.policy_file import PolicyCard, locate, read_policy, shipped
 
 _YAML = (".yaml", ".yml")
-_ONNX = ".onnx"
+_ONNX, _POLICY = ".onnx", "policy"
 # Names of files that every tuning or training writes: there the folder's name tells more.
 _COMMON = ("tuned", "policy", "config")
 
@@ -32,13 +33,15 @@ class Entrant(NamedTuple):
     """Waypoints that its policy reads; 0 without one."""
     spacing: float
     """Distance between them [m]; 0 without a policy."""
+    shown: dict[str, Any]
+    """The controller as plain data, with files as they were given."""
 
 
 def entrants(words: Sequence[str]) -> list[Entrant]:
     """Controllers from their specifications ``[name=]spec``; of none given, every classical kind.
 
     A ``spec`` is a registered kind, a YAML file with a controller (as ``steersman tune`` writes
-    it), or the ONNX file of a policy.
+    it), the ONNX file of a policy, or the name of a policy of the package.
 
     Raises:
         ConfigError: a kind is unknown, or two have the same name.
@@ -56,11 +59,12 @@ def entrants(words: Sequence[str]) -> list[Entrant]:
 
 
 def classical() -> list[str]:
-    """Every registered kind that needs nothing given."""
+    """Every registered kind that needs nothing given and holds no policy."""
     return [
         kind
         for kind, cls in components("controller").items()
         if not any(field.is_required() for field in cls.model_fields.values())
+        and not list(policies(dump(cls())))
     ]
 
 
@@ -80,22 +84,20 @@ def entrant(word: str) -> Entrant:
             f"{word!r} names no controller; write a kind, a file, or name=one of them"
         )
     controller = _controller(spec)
-    cards = [_card(file) for file in policy_files(dump(controller) or {})]
-    content = json.dumps(
-        [_without_files(dump(controller)), [card.sha256 for card in cards]], sort_keys=True
-    )
+    shown = dump(controller) or {}
+    cards = [read_policy(locate(file))[1] for file in policies(shown)]
+    plain = _with_policies(shown, lambda _: _POLICY)  # where a policy lies does not matter
+    content = json.dumps([plain, [card.model_dump(mode="json") for card in cards]], sort_keys=True)
     return Entrant(
         name or _short(spec),
-        controller,
+        # Processes elsewhere have other working folders.
+        _component(_with_policies(shown, _absolute)) if cards else controller,
         bool(cards),
         hashlib.sha256(content.encode()).hexdigest()[:16],
         max((card.waypoints for card in cards), default=0),
         _spacing(spec, cards),
+        shown,
     )
-
-
-def _card(file: str) -> PolicyCard:
-    return read_policy(FilePath(file))[1]
 
 
 def _spacing(spec: str, cards: Sequence[PolicyCard]) -> float:
@@ -108,18 +110,24 @@ def _spacing(spec: str, cards: Sequence[PolicyCard]) -> float:
 def _controller(spec: str) -> ControllerComponent:
     file = FilePath(spec)
     if file.suffix == _ONNX:
-        data: Any = {"kind": "policy", "file": spec}
+        data: Any = {"kind": _POLICY, "file": spec}
     elif file.suffix in _YAML:
         data = _from_yaml(file)
+    elif spec in shipped():
+        data = {"kind": _POLICY, "file": spec}
     elif file.exists() and spec not in components("controller"):
         raise DataError(f"{spec}: expected a file that ends in .onnx, .yaml or .yml")
     else:
         _known(spec)
         data = spec
     try:
-        found = resolve("controller", data)
+        return _component(data)
     except ConfigError as error:
         raise ConfigError(f"{spec}: {error}") from None
+
+
+def _component(data: Any) -> ControllerComponent:
+    found = resolve("controller", data)
     assert isinstance(found, ControllerComponent)
     return found
 
@@ -128,12 +136,13 @@ def _known(kind: str) -> None:
     """Refuse a kind that is unknown, or that needs more than its name."""
     known = components("controller")
     if kind not in known:
-        raise ConfigError(f"unknown controller {kind!r}{suggestion(kind, known)}")
+        raise ConfigError(f"unknown controller {kind!r}{suggestion(kind, [*known, *shipped()])}")
     cls = lookup("controller", kind)
     needed = [name for name, field in cls.model_fields.items() if field.is_required()]
     if needed:
-        what = "its ONNX file" if kind == "policy" else "a YAML file"
-        raise ConfigError(f"controller {kind!r} needs {', '.join(needed)}; give {what} instead")
+        raise ConfigError(
+            f"controller {kind!r} needs {', '.join(needed)}; give a YAML file instead"
+        )
 
 
 def _from_yaml(file: FilePath) -> Mapping[str, Any]:
@@ -156,17 +165,23 @@ def _short(spec: str) -> str:
     return folder if file.stem in _COMMON and folder else file.stem
 
 
-def policy_files(data: Any) -> Iterator[str]:
-    """Every ONNX file that a dumped controller names, however deep."""
+def policies(data: Any) -> Iterator[str]:
+    """The file of every policy in a dumped controller, however deep."""
     if isinstance(data, Mapping):
+        if data.get("kind") == _POLICY:
+            yield str(data["file"])
         for value in data.values():
-            yield from policy_files(value)
-    elif isinstance(data, str) and data.endswith(_ONNX):
-        yield data
+            yield from policies(value)
 
 
-def _without_files(data: Any) -> Any:
-    """The same without the names of files: where a policy lies does not matter."""
-    if isinstance(data, Mapping):
-        return {key: _without_files(value) for key, value in data.items()}
-    return _ONNX if isinstance(data, str) and data.endswith(_ONNX) else data
+def _with_policies(data: Any, change: Callable[[str], str]) -> Any:
+    """The same with other names of policies' files."""
+    if not isinstance(data, Mapping):
+        return data
+    out = {key: _with_policies(value, change) for key, value in data.items()}
+    return {**out, "file": change(str(data["file"]))} if data.get("kind") == _POLICY else out
+
+
+def _absolute(file: str) -> str:
+    """A file's name for any folder; a policy of the package keeps its own."""
+    return os.path.abspath(file) if file.endswith(_ONNX) else file

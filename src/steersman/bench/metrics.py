@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from steersman.bench.reversals import reversals
 from steersman.episode import OFF_TRACK, ROLL_OVER, Episode
 from steersman.types import FloatArray, Status
 
@@ -112,26 +113,7 @@ def steer_reversals(episode: Episode) -> float:
     command = episode["steer_command"]
     if not (command.size and np.isfinite(command).all()):
         return math.nan
-    return 60.0 * _reversals(command, REVERSAL_GAP) / (command.size * episode.dt)
-
-
-def _reversals(values: FloatArray, gap: float) -> int:
-    """How often a signal turns back by at least ``gap`` after it moved by as much."""
-    steps = np.sign(np.diff(values))
-    # Between its turning points a signal only rises or only falls; they are all that counts.
-    turns = np.flatnonzero(steps[1:] != steps[:-1]) + 1
-    count, direction = 0, 0
-    low = high = float(values[0])
-    for value in [*values[turns].tolist(), float(values[-1])]:
-        low, high = min(low, value), max(high, value)
-        if value - low >= gap and direction <= 0:
-            count, direction = count + (direction < 0), 1
-        elif high - value >= gap and direction >= 0:
-            count, direction = count + (direction > 0), -1
-        else:
-            continue
-        low = high = value
-    return count
+    return 60.0 * reversals(command, REVERSAL_GAP) / (command.size * episode.dt)
 
 
 def lateral_jerk_rms(episode: Episode) -> float:

@@ -11,7 +11,7 @@ from steersman.bench.drive import Row
 from steersman.bench.entrants import Entrant
 from steersman.bench.suite import Suite
 from steersman.bench.summary import summarise_rows
-from steersman.config import dump, to_yaml
+from steersman.config import to_yaml
 from steersman.files import write_text
 from steersman.provenance import provenance
 
@@ -28,7 +28,7 @@ def results(
         "seeds": list(seeds),
         **provenance(),
         "made_by": sorted({str(row["commit"]) for row in rows}),
-        "controllers": {e.name: dump(e.controller) for e in entrants},
+        "controllers": {e.name: e.shown for e in entrants},
         "summary": summarise_rows(rows, entrants),
     }
 

@@ -63,8 +63,8 @@ def bench(
         scenarios: what is driven.
         entrants: who drives.
         out: folder of the journal.
-        engine: where it is computed: ``local``.
-        jobs: processes at a time; None: one for each core.
+        engine: where it is computed: ``local``, or on a cluster with ``ray``.
+        jobs: processes at a time on this machine; None: one for each core.
         progress: told (simulated seconds done, simulated seconds in all), about.
 
     Raises:

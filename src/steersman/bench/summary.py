@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from steersman.bench.disturbance import Disturbance
 from steersman.bench.drive import Row
 from steersman.bench.entrants import Entrant
+from steersman.bench.standards import MOST_ACCELERATION
 from steersman.bench.statistics import Clusters, Interval
 from steersman.bench.suite import CLEAN
 from steersman.types import FloatArray
@@ -20,6 +22,10 @@ GROUPS: dict[str, Callable[[str], bool]] = {
     "clean": lambda name: name == CLEAN,
     "disturbed": lambda name: name != CLEAN,
 }
+# What errors are shown against.
+SWEPT = ("delay", "waypoint_noise", "friction")
+# Factors of the best controller's error at which profiles are given.
+FACTORS_OF_BEST = tuple(round(2.0 ** (k / 4.0), 4) for k in range(29))
 # Errors below this are taken for it in ratios of single runs [m].
 _FINEST = 1e-5
 
@@ -32,10 +38,16 @@ def summarise_rows(rows: Sequence[Row], entrants: Sequence[Entrant]) -> dict[str
 
     Returns:
         ``controllers``: by name, the figures; ``best_classical``: the name that the ratios refer
-        to, None without one; ``paths``: how many paths the intervals rest on.
+        to, None without one; ``profiles``: of :func:`profiles`; ``by``: errors by disturbance,
+        path and speed; ``sweeps``: which disturbances differ in delay, noise or friction alone;
+        ``paths``: how many paths the intervals rest on.
     """
     table = {e.name: [row for row in rows if row["controller"] == e.name] for e in entrants}
-    figures = {name: _figures(own) for name, own in table.items()}
+    gentle = _gentle(rows)
+    figures = {
+        name: {**_figures(own), **_standards([row for row in own if row["scenario"] in gentle])}
+        for name, own in table.items()
+    }
     order = sorted(figures, key=lambda name: figures[name]["all"]["rms_m"]["value"])
     learned = {e.name: e.learned for e in entrants}
     best = next((name for name in order if not learned[name]), None)
@@ -44,6 +56,9 @@ def summarise_rows(rows: Sequence[Row], entrants: Sequence[Entrant]) -> dict[str
     return {
         "controllers": {name: {"learned": learned[name], **figures[name]} for name in order},
         "best_classical": best,
+        "profiles": profiles(table),
+        "by": {factor: _by(table, factor) for factor in ("disturbance", "path", "speed")},
+        "sweeps": {name: _sweep(rows, name) for name in SWEPT},
         "paths": len({row["path"] for row in rows}),
         "scenarios": len({row["scenario"] for row in rows}),
     }
@@ -61,7 +76,86 @@ def _figures(rows: Sequence[Row]) -> dict[str, Any]:
         "control_time_us_p50": _median(_column(rows, "control_time_us_p50")),
         "control_time_us_p99": _median(_column(rows, "control_time_us_p99")),
         "fallbacks": sum(row["fallbacks"] for row in rows),
+        "saturated_share": _mean(_column(rows, "saturated_share")),
+        "weighted_acceleration_m_s2": _mean(_column(rows, "weighted_acceleration_m_s2")),
+        "deadline_misses_50ms": sum(row["deadline_misses_50ms"] for row in rows),
+        "deadline_misses_10ms": sum(row["deadline_misses_10ms"] for row in rows),
+        "control_steps": sum(round(row["duration_s"] / row["dt_s"]) for row in rows),
     }
+
+
+def _gentle(rows: Sequence[Row]) -> set[str]:
+    """Scenarios whose road asks for no more than the standards of comfort allow.
+
+    What a road asks for is the most that any controller saw of it: who leaves early sees less.
+    """
+    asked: dict[str, float] = {}
+    for row in rows:
+        name, value = row["scenario"], row["path_acceleration_m_s2"]
+        asked[name] = max(asked.get(name, 0.0), 0.0 if value is None else value)
+    return {name for name, most in asked.items() if most <= MOST_ACCELERATION}
+
+
+def _standards(rows: Sequence[Row]) -> dict[str, Any]:
+    """Shares of these runs that kept to the limits."""
+    return {
+        "gentle_runs": len(rows),
+        "iso_11270_share": _mean(_column(rows, "iso_11270")),
+        "r79_share": _mean(_column(rows, "r79")),
+    }
+
+
+def profiles(table: Mapping[str, Sequence[Row]]) -> dict[str, Any]:
+    """Performance profiles: the share of scenarios within a factor of the best controller's error.
+
+    Source: E. Dolan and J. More, "Benchmarking optimization software with performance profiles",
+    *Mathematical Programming* 91, 2002. The measure is the RMS error; a run that failed is within
+    no factor.
+
+    Returns:
+        ``factors``, and under ``shares`` a list of shares for each controller.
+    """
+    best: dict[str, float] = {}
+    for row in (row for rows in table.values() for row in rows if row["completed"]):
+        name = row["scenario"]
+        best[name] = min(best.get(name, math.inf), max(row["charged_rms_m"], _FINEST))
+    shares = {}
+    for name, rows in table.items():
+        ratios = np.array(
+            [
+                max(r["charged_rms_m"], _FINEST) / best[r["scenario"]]
+                if r["completed"]
+                else math.inf
+                for r in rows
+            ]
+        )
+        shares[name] = [float(np.mean(ratios <= f * (1.0 + 1e-12))) for f in FACTORS_OF_BEST]
+    return {"factors": list(FACTORS_OF_BEST), "shares": shares}
+
+
+def _by(table: Mapping[str, Sequence[Row]], factor: str) -> dict[str, Any]:
+    """Errors of each controller for each value of a factor, values in the order of the suite."""
+    values = dict.fromkeys(row[factor] for rows in table.values() for row in rows)
+    return {
+        value: {
+            name: _errors([row for row in rows if row[factor] == value])
+            for name, rows in table.items()
+        }
+        for value in values
+    }
+
+
+def _sweep(rows: Sequence[Row], name: str) -> list[dict[str, Any]]:
+    """Disturbances that differ from a clean run in one figure alone, by its size."""
+    neutral = {f"disturbance_{k}": v for k, v in Disturbance().figures().items()}
+    own = f"disturbance_{name}"
+    found = {}
+    for row in rows:
+        alone = all(row[k] == v for k, v in neutral.items() if k != own)
+        if alone and row[own] is not None:
+            found[row["disturbance"]] = float(row[own])
+    order = sorted(found, key=lambda word: found[word])
+    return [{"disturbance": word, "value": found[word]} for word in order]
 
 
 def _errors(rows: Sequence[Row]) -> dict[str, Any]:

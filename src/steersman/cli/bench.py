@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path as FilePath
 from typing import Annotated, Any
 
@@ -13,6 +14,7 @@ import typer
 from steersman.cli import settings
 from steersman.cli.outcome import INTERRUPTED
 from steersman.cli.output import note, share_bar, show, show_json, table
+from steersman.errors import ConfigError, suggestion
 
 # Share of the work between two lines of progress.
 _TOLD = 0.05
@@ -52,39 +54,68 @@ def bench(
     jobs: Annotated[
         int | None, typer.Option("--jobs", min=1, help="Processes; one for each core by default.")
     ] = None,
+    engine: Annotated[
+        str,
+        typer.Option(
+            "--engine", help="local: the cores of this machine; ray: a cluster (RAY_ADDRESS)."
+        ),
+    ] = "local",
     as_json: Annotated[bool, typer.Option("--json", help="Print results.json.")] = False,
 ) -> None:
     """Drive every controller through the same scenarios, and compare them.
 
-    Writes rows.jsonl (a line for each run), results.json and suite.yaml. A controller that
-    leaves the road is charged the corridor's half width for all that it did not drive.
+    Writes rows.jsonl (a line for each run), results.parquet, results.json, suite.yaml and
+    report.html. A controller that leaves the road is charged the corridor's half width for all
+    that it did not drive.
     """
+    from steersman.bench.engines import ENGINES
     from steersman.bench.entrants import entrants
     from steersman.bench.results import results, write
     from steersman.bench.suites import suite as read_suite
     from steersman.cli.seeds import parse
 
     words = [word for text in controllers or [] for word in text.split(",") if word.strip()]
+    if engine not in ENGINES:
+        raise ConfigError(f"unknown engine {engine!r}{suggestion(engine, ENGINES)}", ("--engine",))
     numbers = parse(seeds)
     plan = read_suite(suite)
     found = entrants(words)
     folder = settings.out_folder(out)
-    rows = _drive(plan.scenarios(numbers), found, folder, jobs)
+    scenarios = plan.scenarios(numbers)
+    rows = _drive(scenarios, found, folder, jobs, engine)
     outcome = results(suite, numbers, rows, found)
     write(folder, outcome, plan)
+    _extras(folder, outcome, rows, scenarios, found)
     if as_json:
         show_json(outcome)
     else:
         _show(outcome, folder)
 
 
-def _drive(scenarios: Any, found: Any, folder: FilePath, jobs: int | None) -> Any:
+def _extras(
+    folder: FilePath, outcome: dict[str, Any], rows: Any, scenarios: Any, found: Any
+) -> None:
+    """The table and the page, each if its extra is installed."""
+    from steersman.bench.replay import worst_cases
+    from steersman.bench.table import write_table
+
+    if write_table(rows, folder) is None:
+        note("no results.parquet: it needs the extra 'bench': pip install 'steersman[bench]'")
+    if find_spec("jinja2") is None:
+        note("no report.html: it needs the extra 'report': pip install 'steersman[report]'")
+        return
+    from steersman.report.benchmark import write_benchmark
+
+    write_benchmark(outcome, worst_cases(rows, scenarios, found), folder / "report.html")
+
+
+def _drive(scenarios: Any, found: Any, folder: FilePath, jobs: int | None, engine: str) -> Any:
     from steersman.bench.runner import bench as run
 
     title = f"{len(scenarios)} scenarios x {len(found)} controllers"
     try:
         with _progress(title) as progress:
-            return run(scenarios, found, folder, jobs=jobs, progress=progress)
+            return run(scenarios, found, folder, engine=engine, jobs=jobs, progress=progress)
     except KeyboardInterrupt:
         note(f"interrupted; the same command goes on from {folder}")
         raise typer.Exit(INTERRUPTED) from None

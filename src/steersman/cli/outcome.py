@@ -21,6 +21,8 @@ _UsageError: type[Any] = typer.BadParameter.__mro__[1]
 _EXTRAS = {
     "jinja2": "report",
     "onnx": "train",
+    "pyarrow": "bench",
+    "ray": "ray",
     "optuna": "tune",
     "plotly": "report",
     "stable_baselines3": "train",

@@ -2,7 +2,9 @@
 
 A section is plain data: ``title``; ``text``, sentences; ``findings``, each with ``agrees``
 (true, false, or null for what can be neither) and ``text``; ``tables`` (``title``, ``columns``,
-``rows``) and ``figures`` (as :func:`steersman.report.svg.line_plot` takes them, and ``file``).
+``rows``) and ``figures``, each with ``file``, as :func:`steersman.report.svg.line_plot`,
+:func:`steersman.report.charts.heat_map` (with ``cells``) or
+:func:`steersman.report.charts.interval_plot` (with ``points``) take them.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ from typing import Any
 from steersman.errors import SteersmanError
 from steersman.files import make_folder, write_text
 from steersman.report import tables
+from steersman.report.charts import heat_map, interval_plot
 from steersman.report.runs import Table
 from steersman.report.svg import line_plot
 
@@ -41,7 +44,7 @@ def write_article(
     for section in sections:
         figures = []
         for figure in section.get("figures", ()):
-            figures.append(line_plot(figure))
+            figures.append(_drawn(figure))
             write_text(folder / f"{figure['file']}.svg", figures[-1])
         grids = [
             tables.grid(Table(t["title"], t["columns"], t["rows"]))
@@ -54,6 +57,12 @@ def write_article(
     style = _resource("page.css")
     write_text(out, template.render(title=title, style=style, sections=shown, source=source))
     return out
+
+
+def _drawn(figure: Mapping[str, Any]) -> str:
+    if "cells" in figure:
+        return heat_map(figure)
+    return interval_plot(figure) if "points" in figure else line_plot(figure)
 
 
 def _resource(name: str) -> str:

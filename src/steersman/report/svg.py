@@ -40,13 +40,21 @@ class _Axis:
 
     def ticks(self) -> list[float]:
         """Round values within the axis."""
-        if self.log and self.b - self.a > 1.0:
-            return [10.0**k for k in range(math.ceil(self.a - 1e-9), math.floor(self.b + 1e-9) + 1)]
-        a, b = (10.0**self.a, 10.0**self.b) if self.log else (self.a, self.b)
-        raw = (b - a) / _TICKS
-        size = 10.0 ** math.floor(math.log10(raw))
-        step = next(size * m for m in (1.0, 2.0, 5.0, 10.0) if size * m >= raw)
-        return [k * step for k in range(math.ceil(a / step), math.floor(b / step) + 1)]
+        return axis_ticks(self.a, self.b) if self.log else _even(self.a, self.b)
+
+
+def axis_ticks(a: float, b: float) -> list[float]:
+    """Round values of a logarithmic axis from 10^a to 10^b: decades, or even steps within one."""
+    if b - a > 1.0:
+        return [10.0**k for k in range(math.ceil(a - 1e-9), math.floor(b + 1e-9) + 1)]
+    return _even(10.0**a, 10.0**b)
+
+
+def _even(a: float, b: float) -> list[float]:
+    raw = (b - a) / _TICKS
+    size = 10.0 ** math.floor(math.log10(raw))
+    step = next(size * m for m in (1.0, 2.0, 5.0, 10.0) if size * m >= raw)
+    return [k * step for k in range(math.ceil(a / step), math.floor(b / step) + 1)]
 
 
 def _finite(values: Sequence[Any]) -> list[float]:
@@ -57,15 +65,15 @@ def line_plot(figure: Mapping[str, Any]) -> str:
     """A figure as SVG.
 
     ``figure`` has ``title``, ``x`` and ``y`` (axis titles), ``lines``: each with ``name``, ``x``,
-    ``y`` and, for a band, ``low`` and ``high``; optional ``log`` (logarithmic y) and ``equal``
-    (equal scales on both axes).
+    ``y`` and, for a band, ``low`` and ``high``; optional ``log`` (logarithmic y), ``log_x``
+    and ``equal`` (equal scales on both axes).
     """
     lines = [line for line in figure["lines"] if _finite(line["y"])]
     rows = math.ceil(len(lines) / 2) if len(lines) > 1 else 0
     height = HEIGHT + _ROW * rows
     xs = [v for line in lines for v in _finite(line["x"])]
     ys = [v for line in lines for key in ("y", "low", "high") for v in _finite(line.get(key, ()))]
-    x = _Axis(xs, _LEFT, WIDTH - _RIGHT, False)
+    x = _Axis(xs, _LEFT, WIDTH - _RIGHT, bool(figure.get("log_x")))
     y = _Axis(ys, HEIGHT - _BOTTOM, _TOP, bool(figure.get("log")))
     if figure.get("equal"):
         _equalise(x, y)

@@ -1,0 +1,296 @@
+"""The page of a benchmark: ranking, profiles, where each controller is good and where it fails."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path as FilePath
+from typing import Any
+
+from steersman.report.article import write_article
+from steersman.report.tables import text
+
+TITLE = "Steering controllers compared"
+_GROUPS = {"all": "all scenarios", "clean": "clean", "disturbed": "disturbed"}
+_SWEEPS = {
+    "delay": "steering delay [s]",
+    "waypoint_noise": "waypoint errors up to [m]",
+    "friction": "tyre friction",
+}
+_PERCENT, _MM = 100.0, 1000.0
+# Nothing is compared where there is only one.
+_SEVERAL = 2
+
+
+def write_benchmark(
+    results: Mapping[str, Any], cases: Sequence[Mapping[str, Any]], out: FilePath
+) -> FilePath:
+    """Write the page, self-contained, and its figures as files into ``plots/`` beside it.
+
+    Args:
+        results: the content of ``results.json``.
+        cases: of :func:`steersman.bench.replay.worst_cases`.
+        out: file of the page.
+
+    Raises:
+        SteersmanError: the extra ``report`` is not installed.
+        DataError: the files cannot be written.
+    """
+    source = f"Suite {results['suite']}, seeds {results['seeds']}, commit "
+    return write_article(
+        sections(results, cases), out, TITLE, f"{source}{', '.join(results['made_by'])}."
+    )
+
+
+def sections(
+    results: Mapping[str, Any], cases: Sequence[Mapping[str, Any]]
+) -> list[dict[str, Any]]:
+    """The page as plain data, as :mod:`steersman.report.article` takes it."""
+    summary = results["summary"]
+    several = len(summary["controllers"]) >= _SEVERAL
+    return [
+        _ranking(results),
+        *([_profiles(summary)] if several else []),
+        _disturbances(summary),
+        _map(summary, "path", "Paths"),
+        _ride(summary),
+        *([_worst(cases)] if cases else []),
+    ]
+
+
+def _ranking(results: Mapping[str, Any]) -> dict[str, Any]:
+    summary = results["summary"]
+    found, best = summary["controllers"], summary["best_classical"]
+    figures = [
+        _intervals(f"RMS lateral error, {words}", "mm", found, (group, "rms_m"), _MM)
+        | {"file": f"rms_{group}"}
+        for group, words in _GROUPS.items()
+    ]
+    if best is not None:
+        title = f"RMS error over that of {best}"
+        figures.append(
+            _intervals(title, "ratio", found, ("ratio", "all", "rms"), 1.0) | {"file": "ratio"}
+        )
+    rows = [_row(name, figures_of) for name, figures_of in found.items()]
+    columns = {
+        "name": "controller",
+        **{group: f"RMS, {words} [mm]" for group, words in _GROUPS.items()},
+        "p95": "95 % of |d| [mm]",
+        "failed": "failed",
+        "steer": "RMS steering change per step",
+        "reversals": "reversals per minute",
+        "ratio": f"RMS over {best}'s",
+        "typical": "typical ratio",
+        "step": "step time p50 / p99 [us]",
+    }
+    return {
+        "title": "Ranking",
+        "text": [
+            f"{summary['scenarios']} scenarios on {summary['paths']} paths, the same for every "
+            "controller. Errors are pooled: the root of the mean square over all scenarios, each "
+            "of the same weight. A run that ends early is charged the corridor's half width for "
+            "all that it did not drive.",
+            "In brackets: 95 % intervals of a bootstrap in which whole paths are drawn, the same "
+            "for every controller. The typical ratio is the geometric mean over the scenarios, "
+            "which hard ones do not dominate.",
+        ],
+        "tables": [{"title": "Controllers, best first", "columns": columns, "rows": rows}],
+        "figures": figures,
+    }
+
+
+def _row(name: str, found: Mapping[str, Any]) -> dict[str, Any]:
+    ratio = found.get("ratio", {}).get("all", {})
+    return {
+        "name": name + (" (learned)" if found["learned"] else ""),
+        **{group: _interval(found[group]["rms_m"], _MM) for group in _GROUPS},
+        "p95": _scaled(found["all"]["p95_m"]),
+        "failed": f"{found['failures']} of {found['runs']}",
+        "steer": found["steer_change_rms"],
+        "reversals": found["steer_reversals_per_min"],
+        "ratio": _interval(ratio.get("rms"), 1.0),
+        "typical": _interval(ratio.get("typical"), 1.0),
+        "step": " / ".join(text(found[f"control_time_us_{p}"], 3) for p in ("p50", "p99")),
+    }
+
+
+def _profiles(summary: Mapping[str, Any]) -> dict[str, Any]:
+    found = summary["profiles"]
+    lines = [
+        {"name": name, "x": found["factors"], "y": found["shares"][name]}
+        for name in summary["controllers"]
+    ]
+    return {
+        "title": "Performance profiles",
+        "text": [
+            "The share of scenarios that a controller drives with at most so many times the error "
+            "of the best in that scenario. At 1: how often it is the best itself; to the right: "
+            "how many scenarios it completes at all within that factor."
+        ],
+        "figures": [
+            {
+                "file": "profiles", "title": "Performance profiles", "log_x": True,
+                "x": "factor of the best RMS error", "y": "share of scenarios", "lines": lines,
+            }
+        ],
+    }  # fmt: skip
+
+
+def _disturbances(summary: Mapping[str, Any]) -> dict[str, Any]:
+    section = _map(summary, "disturbance", "Disturbances")
+    for name, axis in _SWEEPS.items():
+        steps = summary["sweeps"].get(name, [])
+        if len(steps) >= _SEVERAL:
+            section["figures"].append(_sweep(summary, name, axis, steps))
+    section["text"].append(
+        "On slippery roads speeds are lower too: they ask for at most 60 % of the grip."
+    )
+    return section
+
+
+def _sweep(
+    summary: Mapping[str, Any], name: str, axis: str, steps: Sequence[Mapping[str, Any]]
+) -> dict[str, Any]:
+    table = summary["by"]["disturbance"]
+    lines = []
+    for controller in summary["controllers"]:
+        found = [table[step["disturbance"]][controller]["rms_m"] for step in steps]
+        values = {k: [_scaled(one[k]) for one in found] for k in ("value", "low", "high")}
+        lines.append(
+            {
+                "name": controller, "x": [step["value"] for step in steps],
+                "y": values["value"], "low": values["low"], "high": values["high"],
+            }
+        )  # fmt: skip
+    title = f"Error against {axis.partition(' [')[0]}"
+    return {"file": f"sweep_{name}", "title": title, "x": axis, "y": "RMS error [mm]",
+            "log": True, "lines": lines}  # fmt: skip
+
+
+def _map(summary: Mapping[str, Any], factor: str, title: str) -> dict[str, Any]:
+    table = summary["by"][factor]
+    names = list(summary["controllers"])
+    cells = [[_scaled(column[name]["rms_m"]["value"]) for column in table.values()]
+             for name in names]  # fmt: skip
+    marks = [
+        [_mark(column[name], cell) for column, cell in zip(table.values(), row, strict=True)]
+        for name, row in zip(names, cells, strict=True)
+    ]
+    known = [cell for row in cells for cell in row if cell]
+    low, high = (min(known), max(known)) if known else (1.0, 10.0)
+    figure = {
+        "file": f"map_{factor}", "title": f"RMS error [mm] by {factor}",
+        "rows": names, "columns": list(table), "cells": cells, "marks": marks,
+        "low": low, "high": max(high, 1.01 * low),
+    }  # fmt: skip
+    words = "RMS error in mm, over all scenarios of a column; a star: not all runs were completed."
+    return {"title": title, "text": [words], "figures": [figure]}
+
+
+def _mark(found: Mapping[str, Any], cell: float | None) -> str:
+    return text(cell, 3) + ("*" if found["failures"] else "")
+
+
+def _ride(summary: Mapping[str, Any]) -> dict[str, Any]:
+    columns = {
+        "name": "controller",
+        "iso": "ISO 11270 kept [%]",
+        "r79": "UN R79 kept [%]",
+        "of": "of runs",
+        "weighted": "ISO 2631 acceleration [m/s²]",
+        "saturated": "steps clipped [%]",
+        "fallbacks": "fallbacks",
+        "late50": "steps over 50 ms",
+        "late10": "steps over 10 ms",
+        "steps": "steps",
+    }
+    rows = [
+        {
+            "name": name,
+            "iso": _scaled(found["iso_11270_share"], _PERCENT),
+            "r79": _scaled(found["r79_share"], _PERCENT),
+            "of": found["gentle_runs"],
+            "weighted": found["weighted_acceleration_m_s2"],
+            "saturated": _scaled(found["saturated_share"], _PERCENT),
+            "fallbacks": found["fallbacks"],
+            "late50": found["deadline_misses_50ms"],
+            "late10": found["deadline_misses_10ms"],
+            "steps": found["control_steps"],
+        }
+        for name, found in summary["controllers"].items()
+    ]
+    return {
+        "title": "Comfort and effort",
+        "text": [
+            "ISO 11270 and UN R79 allow 3 m/s² and 5 m/s³ of lateral acceleration and jerk. Their "
+            "shares are over the runs whose road asks for no more than 3 m/s²: elsewhere no "
+            "controller could keep to it. Computing times hold whatever else the machine did."
+        ],
+        "tables": [{"title": "Ride and computing", "columns": columns, "rows": rows}],
+    }
+
+
+def _worst(cases: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    columns = {
+        "controller": "controller",
+        "scenario": "scenario",
+        "end": "ended by",
+        "rms": "RMS, charged [mm]",
+        "best": "best there",
+        "best_rms": "its RMS [mm]",
+    }
+    rows = [
+        {
+            **case,
+            "end": case["end"].replace("_", " "),
+            "rms": _scaled(case["rms_m"]),
+            "best_rms": _scaled(case["best_rms_m"]),
+        }
+        for case in cases
+    ]
+    return {
+        "title": "Worst cases",
+        "text": [
+            "The scenario of each controller's largest error, driven once more: the road around "
+            "the place where the drive ended early, or where the error was largest."
+        ],
+        "tables": [{"title": "Worst scenario of each", "columns": columns, "rows": rows}],
+        "figures": [figure for k, case in enumerate(cases) for figure in _replay(case, k)],
+    }
+
+
+def _replay(case: Mapping[str, Any], k: int) -> list[dict[str, Any]]:
+    """The driven line on the road, and how far from it."""
+    names = {"driven": case["controller"], "best": f"best: {case['best']}", "path": "path"}
+    lines = {key: {"name": name, **case["lines"][key]}
+             for key, name in names.items() if key in case["lines"]}  # fmt: skip
+    offsets = [{**line, "x": line["along"], "y": line["offset"]}
+               for line in lines.values() if "offset" in line]  # fmt: skip
+    title = f"{case['controller']}: {case['scenario'].rpartition('/')[0]}"
+    line = {"file": f"worst_{k}", "title": title, "x": "x [m]", "y": "y [m]", "equal": True}
+    offset = {"file": f"offset_{k}", "title": title, "x": "distance driven [m]",
+              "y": "offset, left positive [m]"}  # fmt: skip
+    return [{**line, "lines": list(lines.values())}, {**offset, "lines": offsets}]
+
+
+def _intervals(
+    title: str, axis: str, found: Mapping[str, Any], keys: Sequence[str], scale: float
+) -> dict[str, Any]:
+    points = []
+    for name, figures in found.items():
+        one: Any = figures
+        for key in keys:
+            one = one[key]
+        values = {k: _scaled(one[k], scale) for k in ("value", "low", "high")}
+        points.append({"name": name, "group": int(figures["learned"]), **values})
+    return {"title": title, "x": axis, "points": points}
+
+
+def _interval(found: Mapping[str, Any] | None, scale: float) -> str:
+    if found is None or found["value"] is None:
+        return text(None)
+    value, low, high = (text(_scaled(found[k], scale), 3) for k in ("value", "low", "high"))
+    return f"{value} [{low}, {high}]"
+
+
+def _scaled(value: float | None, scale: float = _MM) -> float | None:
+    return None if value is None else scale * value

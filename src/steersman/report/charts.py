@@ -1,0 +1,124 @@
+"""Charts of a benchmark as SVG text: a heat map, and estimates with their intervals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import Any
+
+from steersman.report.signals import look
+from steersman.report.svg import axis_ticks
+from steersman.report.tables import text
+
+_LABEL, _CELL, _ROW, _TOP = 150, 46, 22, 110
+_WIDTH, _PLOT_LEFT, _PLOT_RIGHT = 640, 170, 90
+# From good to bad, light enough for dark figures on them.
+_GOOD, _MIDDLE, _BAD = (0x7F, 0xC9, 0x9B), (0xF7, 0xE6, 0xA1), (0xE8, 0x8A, 0x6A)
+_INK, _SOFT = "#1c2126", "#808080"
+_HALF = 0.5
+
+
+def heat_map(figure: Mapping[str, Any]) -> str:
+    """A table of coloured cells as SVG.
+
+    ``figure`` has ``title``, ``rows`` and ``columns`` (names), ``cells``: a list for each row,
+    of numbers or None; ``low`` and ``high`` (the numbers with the first and the last colour, on a
+    logarithmic scale), and ``marks``, a list for each row of what is written into the cells.
+    """
+    rows, columns = figure["rows"], figure["columns"]
+    width, height = _LABEL + _CELL * len(columns) + 40, _TOP + _ROW * len(rows) + 8
+    parts = [
+        _open(figure["title"], width, height),
+        *(_slanted(name, _LABEL + _CELL * (k + _HALF)) for k, name in enumerate(columns)),
+    ]
+    for i, name in enumerate(rows):
+        top = _TOP + _ROW * i
+        parts.append(_text(_LABEL - 6, top + _ROW / 2, name, "end"))
+        for k, value in enumerate(figure["cells"][i]):
+            color = _color(value, figure["low"], figure["high"])
+            parts.append(
+                f'<rect x="{_LABEL + _CELL * k}" y="{top}" width="{_CELL - 1}" '
+                f'height="{_ROW - 1}" fill="{color}"/>'
+                + _text(
+                    _LABEL + _CELL * (k + _HALF), top + _ROW / 2, figure["marks"][i][k],
+                    "middle", _INK,
+                )
+            )  # fmt: skip
+    return "\n".join([*parts, "</svg>"]) + "\n"
+
+
+def interval_plot(figure: Mapping[str, Any]) -> str:
+    """Estimates with intervals, one below the other, on a logarithmic scale, as SVG.
+
+    ``figure`` has ``title``, ``x`` (title of the axis) and ``points``: each with ``name``,
+    ``value``, ``low``, ``high`` (all above zero, or None) and ``group``, a number for its colour.
+    """
+    points = [p for p in figure["points"] if p["value"]]
+    values = [p[k] for p in points for k in ("value", "low", "high") if p[k]]
+    top, low = 34, 34 + _ROW * len(points)
+    parts = [_open(figure["title"], _WIDTH, low + 46)]
+    scale = _Log(values or [1.0])
+    for tick in axis_ticks(scale.a, scale.b):
+        at = scale.at(tick)
+        parts.append(
+            f'<path d="M{at:.1f} {top}V{low}" stroke="{_SOFT}" stroke-opacity=".25"/>'
+            + _text(at, low + 12, f"{tick:.4g}", "middle")
+        )
+    for i, point in enumerate(points):
+        middle, color = top + _ROW * (i + _HALF), look(point["group"])["color"]
+        ends = [scale.at(point[k] or point["value"]) for k in ("low", "high")]
+        value = text(point["value"], 3)
+        parts.append(
+            _text(_PLOT_LEFT - 8, middle, point["name"], "end")
+            + f'<path d="M{ends[0]:.1f} {middle}H{ends[1]:.1f}" stroke="{color}" '
+            f'stroke-width="2.5"/><circle cx="{scale.at(point["value"]):.1f}" cy="{middle}" '
+            f'r="4.5" fill="{color}"/>' + _text(_WIDTH - _PLOT_RIGHT + 12, middle, value, "start")
+        )
+    parts.append(_text((_PLOT_LEFT + _WIDTH - _PLOT_RIGHT) / 2, low + 32, figure["x"], "middle"))
+    return "\n".join([*parts, "</svg>"]) + "\n"
+
+
+class _Log:
+    """From values to places, decades equally long."""
+
+    def __init__(self, values: Sequence[float]) -> None:
+        self.a, self.b = math.log10(min(values)) - 0.05, math.log10(max(values)) + 0.05
+
+    def at(self, value: float) -> float:
+        share = (math.log10(value) - self.a) / (self.b - self.a)
+        return _PLOT_LEFT + share * (_WIDTH - _PLOT_RIGHT - _PLOT_LEFT)
+
+
+def _open(title: str, width: float, height: float) -> str:
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" role="img" '
+        f'width="{width}" height="{height}" font-family="sans-serif" font-size="12" '
+        f'fill="{_SOFT}"><title>{escape(title)}</title>'
+        f'<text x="8" y="16" font-weight="bold">{escape(title)}</text>'
+    )
+
+
+def _text(x: float, y: float, words: str, anchor: str, color: str = "") -> str:
+    fill = f' fill="{color}"' if color else ""
+    return (
+        f'<text x="{x:.1f}" y="{y:.1f}" dy=".35em" text-anchor="{anchor}"{fill}>'
+        f"{escape(words)}</text>"
+    )
+
+
+def _slanted(words: str, x: float) -> str:
+    return (
+        f'<text transform="translate({x:.1f} {_TOP - 8}) rotate(-40)" text-anchor="start">'
+        f"{escape(words)}</text>"
+    )
+
+
+def _color(value: float | None, low: float, high: float) -> str:
+    """Colour of a value between ``low`` and ``high``; grey for none."""
+    if value is None or not math.isfinite(value):
+        return "#b8bec4"
+    share = math.log(max(value, low) / low) / math.log(high / low)
+    share = min(max(share, 0.0), 1.0)
+    a, b, w = (_GOOD, _MIDDLE, 2 * share) if share < _HALF else (_MIDDLE, _BAD, 2 * share - 1)
+    return "#" + "".join(f"{round(p + w * (q - p)):02x}" for p, q in zip(a, b, strict=True))
