@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -17,7 +19,7 @@ from steersman.bench.suite import Scenario, Suite
 from steersman.bench.summary import summarise_rows
 from steersman.config import build
 from steersman.controllers.base import ControllerComponent
-from steersman.errors import ConfigError, DataError
+from steersman.errors import ConfigError, DataError, SteersmanError
 from steersman.types import Observation, Status
 from steersman.vehicles import Vehicle
 
@@ -77,6 +79,27 @@ def test_an_interrupted_bench_goes_on(
     assert told[0] > 0.3
     assert told[-1] == pytest.approx(1.0)
     assert (tmp_path / NAME).read_bytes().startswith(kept)
+
+
+class Deadly(ControllerComponent):
+    """Ends its process, as the system does for want of memory."""
+
+    parent: int
+
+    def init(self, vehicle: Vehicle, dt: float) -> int:
+        return 0
+
+    def decide(self, state: int, observation: Observation) -> tuple[float, Status, int]:
+        if os.getpid() != self.parent:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return 0.0, Status.SOLVED, state
+
+
+def test_a_killed_process_is_told_in_a_line(tmp_path: FilePath, monkeypatch: Any) -> None:
+    monkeypatch.setattr("steersman.bench.runner._CHUNK_RUNS", 5)
+    deadly = Entrant("deadly", Deadly(parent=os.getpid()), False, "deadly", 0, 0.0, {})
+    with pytest.raises(SteersmanError, match="was killed; the same command goes on"):
+        bench(SCENARIOS, [deadly], tmp_path, jobs=2)
 
 
 def test_what_is_finished_is_not_driven_again(rows: list[Row], tmp_path: FilePath) -> None:

@@ -6,6 +6,8 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeAlias
 
+from steersman.errors import SteersmanError
+
 # A piece of work, and what does it.
 Chunk: TypeAlias = Sequence[Any]
 Work: TypeAlias = Callable[[Any], Any]
@@ -18,16 +20,27 @@ def do(work: Work, chunk: Chunk) -> list[Any]:
 
 
 def local(work: Work, chunks: Sequence[Chunk], jobs: int) -> Iterator[list[Any]]:
-    """Over the cores with joblib; with one job in this very process. In no certain order."""
+    """Over the cores with joblib; with one job in this very process. In no certain order.
+
+    Raises:
+        SteersmanError: a process was killed, by the system for want of memory for example.
+    """
     if jobs == 1 or len(chunks) <= 1:
         yield from (do(work, chunk) for chunk in chunks)
         return
     from joblib import Parallel, delayed, parallel_config
+    from joblib.externals.loky.process_executor import BrokenProcessPool
 
     # One thread of BLAS each: the processes are what uses the cores.
     with parallel_config("loky", inner_max_num_threads=1):
         parallel = Parallel(jobs, return_as="generator_unordered", batch_size=1)
-        yield from parallel(delayed(do)(work, chunk) for chunk in chunks)
+        try:
+            yield from parallel(delayed(do)(work, chunk) for chunk in chunks)
+        except BrokenProcessPool:
+            raise SteersmanError(
+                "a process of the benchmark was killed; the same command goes on, with fewer "
+                "--jobs if memory ran out"
+            ) from None
 
 
 def cluster(work: Work, chunks: Sequence[Chunk], jobs: int) -> Iterator[list[Any]]:
