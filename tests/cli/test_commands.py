@@ -145,7 +145,7 @@ class TestShow:
     def test_a_required_field(self, steersman: Steersman) -> None:
         row = next(
             line
-            for line in steersman("show", "controller", "policy").stdout.splitlines()
+            for line in steersman("show", "path", "csv").stdout.splitlines()
             if line.startswith("file")
         )
         assert "(required)" in row

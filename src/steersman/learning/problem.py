@@ -98,6 +98,18 @@ class Problem(Settings):
         return self
 
     @model_validator(mode="after")
+    def _simulated(self) -> Problem:
+        """Refuse what the fleet of training vehicles does not simulate, rather than ignore it."""
+        if self.plant.wind.speed > 0.0:
+            raise ValueError("plant.wind.speed: training has no side wind yet; use steersman bench")
+        for name in ("position_noise", "heading_noise", "speed_noise", "yaw_rate_noise"):
+            if getattr(self.sensor, name) > 0.0:
+                raise ValueError(
+                    f"sensor.{name}: training has no such noise yet, only sensor.error_range"
+                )
+        return self
+
+    @model_validator(mode="after")
     def _delay(self) -> Problem:
         longest = self.plant.steering_delay + self.spread.delay
         self.plant.model_copy(update={"steering_delay": longest}).delay_substeps()
