@@ -197,6 +197,11 @@ def lookup(family: str, kind: str) -> type[Component]:
     return known[kind]
 
 
+def _a(noun: str) -> str:
+    """The noun with its article."""
+    return f"{'an' if noun[:1] in 'aeiou' else 'a'} {noun}"
+
+
 def resolve(family: str, value: Any, *, optional: bool = False) -> Component | None:
     """A component from its name, its mapping (``kind`` and fields) or itself."""
     if value is None and optional:
@@ -204,13 +209,13 @@ def resolve(family: str, value: Any, *, optional: bool = False) -> Component | N
     if isinstance(value, Component):
         if value.family != family:
             given = value.family or type(value).__name__
-            raise ConfigError(f"a {given} was given where a {family} is expected")
+            raise ConfigError(f"{_a(given)} was given where {_a(family)} is expected")
         return value
     if isinstance(value, str):
         value = {"kind": value}
     if not isinstance(value, Mapping) or "kind" not in value:
         raise ConfigError(
-            f"a {family} is a name, or fields among them 'kind'; given {value!r};"
+            f"{_a(family)} is a name, or fields among them 'kind'; given {value!r};"
             f" names: {', '.join(components(family))}"
         )
     fields = {k: v for k, v in value.items() if k != "kind"}

@@ -13,7 +13,7 @@ import pytest
 
 from steersman.bench.metrics import summarise
 from steersman.errors import DataError, SteersmanError
-from steersman.report import Run, Table, write_report
+from steersman.report import Run, Table, tables, write_report
 from steersman.report import html as module
 from steersman.report.html import group_title, render
 from steersman.report.signals import Drive, group_by_path
@@ -34,6 +34,15 @@ def runs(drive):
         Run("training", training={"steps": np.arange(3.0), EVIL: np.arange(3.0)}),
         Run("table", table=Table(EVIL, {"a": EVIL, "b": "b"}, [{"a": EVIL}, {"a": 1.5, "b": 2}])),
     ]
+
+
+def test_the_table_of_runs_tells_who_drove_what(drive):
+    config = {"controller": {"kind": "stanley"}, "vehicle": "bmw_320i"}
+    episode = drive(meta={"config": config})
+    known = tables.summary_row(Run("a", episode, summarise(episode), config=config))
+    unknown = tables.summary_row(Run("b", episode, summarise(episode)))
+    assert [cell.text for cell in known[:3]] == ["stanley", "bmw_320i", "duration"]
+    assert [cell.text for cell in unknown[:2]] == [tables.NOTHING] * 2
 
 
 class Outline(HTMLParser):

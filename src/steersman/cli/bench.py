@@ -37,7 +37,8 @@ def bench(
         str, typer.Option("--out", metavar="DIR", help="Folder for rows, results and report.")
     ],
     suite: Annotated[
-        str, typer.Argument(metavar="[SUITE]", help="standard, tuning, quick, or a YAML file.")
+        str,
+        typer.Argument(metavar="[SUITE]", help="standard, core, tuning, quick, or a YAML file."),
     ] = "standard",
     controllers: Annotated[
         list[str] | None,

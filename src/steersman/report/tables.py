@@ -84,11 +84,19 @@ def flat(metrics: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def summary_row(run: Run) -> list[Cell]:
-    """How the run ended, and the summary's metrics."""
+    """Who drove what, how the run ended, and the summary's metrics."""
     values = flat(run.metrics)
     done = values.get("completed")
     end = str(values.get("end", NOTHING)).replace("_", " ")
-    return [Cell(end, bad=done is False), *(_summary_cell(values, c) for c in SUMMARY)]
+    who = [Cell(_kind(run, part)) for part in ("controller", "vehicle")]
+    return [*who, Cell(end, bad=done is False), *(_summary_cell(values, c) for c in SUMMARY)]
+
+
+def _kind(run: Run, part: str) -> str:
+    """The kind of a part of the run's configuration; a dash where none is known."""
+    config = run.config.get(part)
+    kind = config.get("kind") if isinstance(config, Mapping) else config
+    return NOTHING if kind is None else str(kind)
 
 
 def _summary_cell(values: Mapping[str, Any], column: Column) -> Cell:
