@@ -24,7 +24,8 @@ EXAMPLES = (
     "      speed=constant_throttle speed.throttle=0.4 duration=60 --json\n"
     "  steersman drive path=monza laps=1 --out runs/monza\n"
     "  steersman drive runs/monza/config.yaml controller.horizon=30\n"
-    "  steersman drive controller=policy controller.file=runs/demo/policy.onnx\n"
+    "  steersman drive controller=policy\n"
+    "  steersman drive controller=policy controller.file=runs/demo/training/policy.onnx\n"
     "\n"
     "What can be set: steersman show drive"
 )
