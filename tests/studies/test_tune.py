@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
 
 import pytest
 
+from steersman.bench.metrics import METRICS
 from steersman.config import build, override, read_yaml
 from steersman.errors import ConfigError
-from steersman.rollout import RunConfig
+from steersman.rollout import RunConfig, run
+from steersman.studies import tune as tuning
+from steersman.studies.objective import RunCost, measure
 from steersman.studies.tune import TuneConfig, cost, tune
 
 RUN = {
@@ -131,3 +135,87 @@ def test_a_study_goes_on_although_its_file_lacks_a_newer_field(tmp_path: FilePat
     assert len(kept) == len(lines) - 1
     file.write_text("\n".join(kept) + "\n")
     assert tune(study(trials=2), tmp_path) == best
+
+
+def trade_of(folder: FilePath) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((folder / "pareto.json").read_text())
+    return found
+
+
+def test_the_objective_is_told_apart_for_each_trial(tmp_path: FilePath) -> None:
+    best = tune(study(trials=3), tmp_path)
+    trade = trade_of(tmp_path)
+    assert len(trade["trials"]) == trade["measured"] == 3
+    for row in trade["trials"]:
+        parts = row["tracking_m"] + row["smoothness_m"] + row["failure_m"]
+        assert parts == pytest.approx(row["cost_m"])
+        assert row["simulated_seconds"] == pytest.approx(3.0) or row["failures"] == 1
+    (chosen,) = (row for row in trade["trials"] if row["chosen"])
+    episode = run(build(RunConfig, RUN | {"controller": best}))
+    assert chosen["rms_error_m"] == pytest.approx(METRICS["rms_lateral_error_m"].function(episode))
+    change = METRICS["steer_change_rms"].function(episode)
+    assert chosen["steer_change_rms"] == pytest.approx(change)
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert result["chosen"]["number"] == chosen["number"]
+    assert result["simulated_seconds"] == sum(r["simulated_seconds"] for r in trade["trials"])
+    stored = (tmp_path / "study.jsonl").read_text()
+    assert all(stored.count(f'"{name}"') == 3 for name in ("rms_error_m", "simulated_seconds"))
+
+
+def test_an_interrupted_study_ends_as_if_it_had_not_been(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config, real = study(trials=13), tuning.measure  # past the ten that are drawn at random
+    whole = tune(config, tmp_path / "whole")
+    for drives in (0, 11):  # stopped within the first trial, then within the twelfth
+        left = iter(range(drives))
+
+        def stop(*args: Any, left: Any = left) -> RunCost:
+            if next(left, None) is None:
+                raise KeyboardInterrupt
+            return real(*args)
+
+        monkeypatch.setattr(tuning, "measure", stop)
+        with pytest.raises(KeyboardInterrupt):
+            tune(config, tmp_path / "cut")
+    monkeypatch.setattr(tuning, "measure", real)
+    assert tune(config, tmp_path / "cut") == whole
+    costs = [[r["cost_m"] for r in trade_of(tmp_path / n)["trials"]] for n in ("whole", "cut")]
+    assert costs[0] == costs[1]
+
+
+def test_a_study_from_before_the_figures_goes_on(tmp_path: FilePath) -> None:
+    config = study(trials=3)
+    tune(config, tmp_path)
+    file = tmp_path / "study.jsonl"
+    lines = file.read_text().splitlines()
+    kept = [line for line in lines if '"user_attr":' not in line]
+    assert len(kept) < len(lines)
+    file.write_text("\n".join(kept) + "\n")
+    tune(study(trials=4), tmp_path)
+    trade = trade_of(tmp_path)
+    assert [row["rms_error_m"] is None for row in trade["trials"]] == [True, True, True, False]
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert trade["measured"] == result["simulated_trials"] == 1
+    assert [row["on_front"] for row in trade["trials"]] == [False, False, False, True]
+
+
+def test_a_controller_that_raises_is_a_failure() -> None:
+    config = build(RunConfig, RUN | {"controller": "pid"})
+
+    class Broken(type(config.controller)):  # type: ignore[misc]
+        def step(self, state: Any, observation: Any) -> Any:
+            raise RuntimeError("broken")
+
+    found = measure(config.model_copy(update={"controller": Broken()}), 0.05)
+    assert found.failed
+    assert (found.seconds, found.failure) == (0.0, 3.0)
+    assert found.total == 3.0
+
+
+def test_an_interrupted_run_is_no_result(monkeypatch: pytest.MonkeyPatch) -> None:
+    config = build(RunConfig, RUN | {"controller": "pid"})
+    episode = replace(run(config), end="interrupted")
+    monkeypatch.setattr("steersman.studies.objective.run", lambda _: episode)
+    with pytest.raises(KeyboardInterrupt):
+        measure(config, 0.05)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path as FilePath
 from typing import Annotated
 
 import typer
@@ -33,7 +35,9 @@ def tune(
 ) -> None:
     """Tune a controller's gains with Optuna on a suite of runs.
 
-    Writes study.jsonl, tuned.yaml (the best controller) and result.json.
+    Writes study.jsonl, tuned.yaml (the best controller), result.json (with the simulated seconds
+    that the tuning cost), and the trials' errors against their steering activity: pareto.json,
+    pareto.svg and report.html.
     """
     tree = settings.read(words or [])
 
@@ -50,3 +54,15 @@ def tune(
         note(f"interrupted; the same command goes on from {folder}")
         raise typer.Exit(INTERRUPTED) from None
     write(to_yaml(best))
+    _tell(folder)
+
+
+def _tell(folder: FilePath) -> None:
+    """Write the drawing and the page, and say what was chosen at what price."""
+    from steersman.report.tuning import chosen_words, spent_words, write_tuning
+
+    trade = json.loads((folder / "pareto.json").read_text(encoding="utf-8"))
+    if not write_tuning(trade, folder):
+        note("no report.html: it needs the extra 'report': pip install 'steersman[report]'")
+    note(chosen_words(trade))
+    note(spent_words(trade))

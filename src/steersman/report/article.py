@@ -25,9 +25,13 @@ _WORDS = {True: "agrees", False: "differs", None: "note"}
 
 
 def write_article(
-    sections: Sequence[Mapping[str, Any]], out: FilePath, title: str, source: str = ""
+    sections: Sequence[Mapping[str, Any]],
+    out: FilePath,
+    title: str,
+    source: str = "",
+    plots: str = "plots",
 ) -> FilePath:
-    """Write the page, self-contained, and its figures as files into ``plots/`` beside it.
+    """Write the page, self-contained, and its figures as files into the folder ``plots`` beside it.
 
     Raises:
         SteersmanError: the extra ``report`` is not installed.
@@ -39,7 +43,7 @@ def write_article(
         raise SteersmanError(
             "a report needs more packages: pip install 'steersman[report]'"
         ) from None
-    folder = make_folder(out.parent / "plots")
+    folder = make_folder(out.parent / plots)
     shown = []
     for section in sections:
         figures = []

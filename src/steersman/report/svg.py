@@ -65,8 +65,8 @@ def line_plot(figure: Mapping[str, Any]) -> str:
     """A figure as SVG.
 
     ``figure`` has ``title``, ``x`` and ``y`` (axis titles), ``lines``: each with ``name``, ``x``,
-    ``y`` and, for a band, ``low`` and ``high``; optional ``log`` (logarithmic y), ``log_x``
-    and ``equal`` (equal scales on both axes).
+    ``y`` and, for a band, ``low`` and ``high``, or, for single points, ``dots``, their radius;
+    optional ``log`` (logarithmic y), ``log_x`` and ``equal`` (equal scales on both axes).
     """
     lines = [line for line in figure["lines"] if _finite(line["y"])]
     rows = math.ceil(len(lines) / 2) if len(lines) > 1 else 0
@@ -87,7 +87,7 @@ def line_plot(figure: Mapping[str, Any]) -> str:
     for k, line in enumerate(lines):
         parts += _line(line, k, x, y)
         if rows:
-            parts += _entry(line["name"], k)
+            parts += _entry(line, k)
     return "\n".join([*parts, "</svg>"]) + "\n"
 
 
@@ -130,6 +130,10 @@ def _points(xs: Sequence[Any], ys: Sequence[Any], x: _Axis, y: _Axis) -> list[st
 
 def _line(line: Mapping[str, Any], k: int, x: _Axis, y: _Axis) -> list[str]:
     style = look(k)
+    if "dots" in line:
+        return [
+            _dot(at, line["dots"], style["color"]) for at in _points(line["x"], line["y"], x, y)
+        ]
     out = []
     if "low" in line:
         there = _points(line["x"], line["low"], x, y)
@@ -147,14 +151,19 @@ def _line(line: Mapping[str, Any], k: int, x: _Axis, y: _Axis) -> list[str]:
     return out
 
 
-def _entry(name: str, k: int) -> list[str]:
+def _dot(at: str, radius: float, color: str) -> str:
+    x, y = at.split()
+    return f'<circle cx="{x}" cy="{y}" r="{radius:g}" fill="{color}"/>'
+
+
+def _entry(line: Mapping[str, Any], k: int) -> list[str]:
     """A line of the legend, below the drawing in two columns."""
     style = look(k)
     left = _LEFT + (k % 2) * (WIDTH - _LEFT) // 2
     top = HEIGHT + _ROW * (k // 2)
     dash = _DASHES[style["dash"]]
-    return [
-        f'<path d="M{left} {top}h24" stroke="{style["color"]}" stroke-width="2.5"'
-        + (f' stroke-dasharray="{dash}"' if dash else "")
-        + f'/><text x="{left + 30}" y="{top}" dy=".35em">{escape(name)}</text>'
-    ]
+    stroke = f'<path d="M{left} {top}h24" stroke="{style["color"]}" stroke-width="2.5"'
+    stroke += f' stroke-dasharray="{dash}"/>' if dash else "/>"
+    if "dots" in line:
+        stroke = _dot(f"{left + 12} {top}", line["dots"], style["color"])
+    return [f'{stroke}<text x="{left + 30}" y="{top}" dy=".35em">{escape(line["name"])}</text>']

@@ -1,8 +1,6 @@
 """Tune a controller's gains on a suite of runs with Optuna; every controller, the same budget.
 
-The objective of a run is its RMS lateral error [m] plus a price on the RMS steering rate; a run
-that leaves the road is charged the corridor's half width for the part it did not drive. The
-objective of a trial is the mean over the suite.
+What a trial costs, and of what parts, :mod:`steersman.studies.objective` defines.
 """
 
 from __future__ import annotations
@@ -15,14 +13,16 @@ from typing import Annotated, Any
 import yaml
 from pydantic import field_validator
 
-from steersman.bench.metrics import summarise
+from steersman.bench.suite import derived_seed
 from steersman.bench.suites import suite
 from steersman.config import Of, Settings, build, dump, override, param, read_yaml, to_yaml
 from steersman.controllers.base import ControllerComponent
 from steersman.errors import ConfigError
 from steersman.files import make_folder, write_text
 from steersman.provenance import provenance
-from steersman.rollout import RunConfig, run
+from steersman.rollout import RunConfig
+from steersman.studies.objective import TrialCost, measure, together
+from steersman.studies.pareto import trade
 
 
 class TuneConfig(Settings):
@@ -62,20 +62,8 @@ class TuneConfig(Settings):
 
 
 def cost(config: RunConfig, smoothness: float) -> float:
-    """Objective of one run [m]; finite whatever the controller does."""
-    episode = run(config)
-    metrics = summarise(episode)
-    rms, rate = float(metrics["rms_lateral_error_m"]), float(metrics["steer_rate_rms_per_s"])
-    value = rms + smoothness * rate
-    if episode.completed:
-        return value
-    goal = (config.laps or 1.0) * config.path.length
-    if config.duration is not None:
-        driven = float(metrics["duration_s"]) / config.duration
-    else:
-        driven = episode.distance / goal
-    left = min(max(1.0 - driven, 0.05), 1.0)
-    return value * (1.0 - left) + config.corridor * (1.0 + left)
+    """Cost of one run [m]; finite whatever the controller does."""
+    return measure(config, smoothness).total
 
 
 def tune(
@@ -83,45 +71,82 @@ def tune(
 ) -> ControllerComponent:
     """Search the controller's declared ranges; returns the best configuration found.
 
-    Writes ``study.jsonl`` (Optuna's journal, from which an interrupted study goes on),
-    ``tuned.yaml`` (the controller, as ``steersman drive`` reads it), ``config.yaml`` and
+    Writes ``study.jsonl`` (Optuna's journal, from which an interrupted study goes on and ends as
+    if it had not been), ``tuned.yaml`` (the controller, as ``steersman drive`` reads it),
+    ``config.yaml``, ``pareto.json`` (of :func:`steersman.studies.pareto.trade`) and
     ``result.json``. The first trial is the controller as it is, so the result is never worse on
     the suite.
+
+    Args:
+        config: what to tune, on what.
+        out: folder of the study.
+        progress: called after each trial with the trials done and the least cost so far [m].
 
     Raises:
         ConfigError: the controller declares nothing to tune, or ``out`` holds another study.
     """
     import optuna
-    from optuna.storages import JournalStorage
-    from optuna.storages.journal import JournalFileBackend
 
     if not config.controller.search:
         raise ConfigError(f"controller {config.controller.kind} declares nothing to tune")
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     make_folder(out)
     _same_study(config, out)
-    study = optuna.create_study(
-        study_name=config.controller.kind,
-        storage=JournalStorage(JournalFileBackend(str(out / "study.jsonl"))),
-        sampler=optuna.samplers.TPESampler(seed=config.seed, multivariate=True),
-        load_if_exists=True,
-    )
-    done = len([t for t in study.trials if t.state.is_finished()])
-    if done == 0:
+    study = _opened(config, out)
+    done = len(_finished(study))
+    if done == 0 and not study.get_trials(deepcopy=False, states=[_states().WAITING]):
         study.enqueue_trial(_present(config.controller))
     for number in range(done, config.trials):
+        # Anew for each trial, so that an interrupted study draws what it would have drawn.
+        study.sampler = _sampler(config.seed, number)
         trial = study.ask()
-        controller = _suggest(config.controller, trial)
-        costs = [
-            cost(r.model_copy(update={"controller": controller}), config.smoothness)
-            for r in config.suite
-        ]
-        study.tell(trial, sum(costs) / len(costs))
+        found = _drive(config, _suggest(config.controller, trial))
+        for name, value in found._asdict().items():
+            trial.set_user_attr(name, value)
+        study.tell(trial, found.cost_m)
         if progress is not None:
             progress(number + 1, study.best_value)
     best = _apply(config.controller, study.best_params)
     _write(config, out, best, study)
     return best
+
+
+def _drive(config: TuneConfig, controller: ControllerComponent) -> TrialCost:
+    runs = [r.model_copy(update={"controller": controller}) for r in config.suite]
+    return together([measure(r, config.smoothness) for r in runs])
+
+
+def _opened(config: TuneConfig, out: FilePath) -> Any:
+    """The folder's study; a trial that an interruption left unfinished is closed."""
+    import optuna
+    from optuna.storages import JournalStorage
+    from optuna.storages.journal import JournalFileBackend
+
+    study = optuna.create_study(
+        study_name=config.controller.kind,
+        storage=JournalStorage(JournalFileBackend(str(out / "study.jsonl"))),
+        load_if_exists=True,
+    )
+    for trial in study.get_trials(deepcopy=False, states=[_states().RUNNING]):
+        study.tell(trial.number, state=_states().FAIL)
+    return study
+
+
+def _states() -> Any:
+    from optuna.trial import TrialState
+
+    return TrialState
+
+
+def _sampler(seed: int, number: int) -> Any:
+    from optuna.samplers import TPESampler
+
+    return TPESampler(seed=derived_seed(seed, "trial", str(number)), multivariate=True)
+
+
+def _finished(study: Any) -> list[Any]:
+    found: list[Any] = study.get_trials(deepcopy=False, states=[_states().COMPLETE])
+    return found
 
 
 def _same_study(config: TuneConfig, out: FilePath) -> None:
@@ -170,12 +195,18 @@ def _write(config: TuneConfig, out: FilePath, best: ControllerComponent, study: 
     # As a run's configuration, so that ``steersman drive tuned.yaml`` drives it.
     text = yaml.safe_dump({"controller": dump(best)}, sort_keys=False)
     write_text(out / "tuned.yaml", text)
+    traded = trade(config.controller.kind, _finished(study))
+    write_text(out / "pareto.json", json.dumps(traded, indent=1) + "\n")
+    chosen = next(row for row in traded["trials"] if row["chosen"])
     result = {
         "controller": dump(best),
         "start": dump(config.controller),
         "cost_m": study.best_value,
-        "cost_of_first_trial_m": study.trials[0].value,
-        "trials": len(study.trials),
+        "cost_of_first_trial_m": traded["trials"][0]["cost_m"],
+        "trials": len(traded["trials"]),
+        "chosen": {name: chosen[name] for name in ("number", *TrialCost._fields, "on_front")},
+        "simulated_seconds": traded["simulated_seconds"],
+        "simulated_trials": traded["measured"],
         "suite": [dump(r) for r in config.suite],
         "smoothness": config.smoothness,
         "seed": config.seed,

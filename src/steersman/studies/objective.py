@@ -1,0 +1,130 @@
+"""What a run costs in a tuning: tracking error, smoothness and failure, told apart.
+
+The cost of a run is its RMS lateral error [m] plus a price on the RMS steering rate; a run that
+ends early is charged the corridor's half width for the part it did not drive. The cost of several
+runs is their mean. Beside the cost stand the two figures that it trades for each other, as the
+benchmark defines them: pooled RMS error with failures charged, and pooled steering activity.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from steersman.bench.charge import charged_rms, driven_share
+from steersman.bench.metrics import rms_lateral_error, steer_change_rms
+from steersman.episode import INTERRUPTED, Episode
+from steersman.rollout import RunConfig, RunError, run
+
+# Share of a failed run that is charged at least, and of one that never got going.
+_LEAST = 0.05
+# The most that a command can change in a step, from one lock to the other.
+_MOST_CHANGE = 2.0
+
+
+class RunCost(NamedTuple):
+    """A run's cost in its three parts, and its figures."""
+
+    tracking: float
+    """RMS lateral error while it drove, weighted with the share driven [m]."""
+    smoothness: float
+    """Price of the RMS steering rate, weighted in the same way [m]."""
+    failure: float
+    """Charge for what was not driven [m]; 0 if the run reached its end."""
+    rms_error: float
+    """RMS lateral error over the plan [m], what was not driven at the corridor's half width."""
+    steer_change: float
+    """RMS change of the command from one control step to the next [-]."""
+    failed: bool
+    """Whether the run ended early."""
+    seconds: float
+    """Simulated time [s]."""
+
+    @property
+    def total(self) -> float:
+        """The run's cost [m]."""
+        return self.tracking + self.smoothness + self.failure
+
+
+class TrialCost(NamedTuple):
+    """Several runs together; names and units are those of the study's journal."""
+
+    cost_m: float
+    """Mean cost of the runs [m], the sum of the next three."""
+    tracking_m: float
+    smoothness_m: float
+    failure_m: float
+    rms_error_m: float
+    """Root of the mean of the runs' squared RMS errors [m]."""
+    steer_change_rms: float
+    """Root of the mean of the runs' squared RMS changes of the command in a step [-]."""
+    failures: int
+    """Runs that ended early."""
+    simulated_seconds: float
+    """Simulated time of all runs [s]; the currency of a training's cost, too."""
+
+
+def measure(config: RunConfig, smoothness: float) -> RunCost:
+    """Drive one run; every figure is finite whatever the controller does.
+
+    Args:
+        config: the run.
+        smoothness: price of the RMS steering rate [m s].
+
+    Raises:
+        KeyboardInterrupt: the run was interrupted, so that its record is not one.
+        ConfigError: the controller does not fit the run.
+    """
+    try:
+        episode = run(config)
+    except RunError as error:  # a controller that fails is a result
+        episode = error.episode
+    if episode.end == INTERRUPTED:
+        raise KeyboardInterrupt
+    return _priced(config, episode, smoothness)
+
+
+def _priced(config: RunConfig, episode: Episode, smoothness: float) -> RunCost:
+    error = _finite(rms_lateral_error(episode), config.corridor)
+    change = _finite(steer_change_rms(episode), _MOST_CHANGE)
+    left = 0.0
+    if not episode.completed:
+        left = min(max(1.0 - driven_share(config, episode), _LEAST), 1.0)
+    return RunCost(
+        tracking=error * (1.0 - left),
+        smoothness=smoothness * change / episode.dt * (1.0 - left),
+        failure=config.corridor * (1.0 + left) if left else 0.0,
+        rms_error=charged_rms(
+            episode["lateral_error"], driven_share(config, episode), config.corridor
+        ),
+        steer_change=change,
+        failed=not episode.completed,
+        seconds=len(episode) * episode.dt,
+    )
+
+
+def together(costs: Sequence[RunCost]) -> TrialCost:
+    """The runs of one trial.
+
+    >>> run = RunCost(0.1, 0.02, 0.0, 0.1, 0.03, False, 60.0)
+    >>> round(together([run, run]).cost_m, 6), together([run, run]).simulated_seconds
+    (0.12, 120.0)
+    """
+    table = np.array(costs, dtype=np.float64)
+    tracking, smoothness, failure = np.mean(table[:, :3], axis=0).tolist()
+    error, change = np.sqrt(np.mean(table[:, 3:5] ** 2, axis=0)).tolist()
+    return TrialCost(
+        tracking + smoothness + failure,
+        *(tracking, smoothness, failure),
+        error,
+        change,
+        sum(c.failed for c in costs),
+        float(np.sum(table[:, 6])),
+    )
+
+
+def _finite(value: float, instead: float) -> float:
+    return value if math.isfinite(value) else instead

@@ -1,0 +1,39 @@
+"""``steersman tune``: its files and its last lines."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path as FilePath
+
+import pytest
+from typer.testing import Result
+
+Steersman = Callable[..., Result]
+RUN = "suite=[{path: {kind: circle, radius: 30}, speed: {kind: constant_speed}, duration: 2}]"
+
+
+def test_the_files_and_the_last_lines(
+    steersman: Steersman, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ("tune", "controller=pid", RUN, "--trials", "3", "--out", "t")
+    result = steersman(*words)
+    assert result.exit_code == 0
+    names = {file.name for file in (tmp_path / "t").iterdir()}
+    outcome = {"tuned.yaml", "result.json", "pareto.json", "pareto.svg", "report.html"}
+    assert names == outcome | {"config.yaml", "study.jsonl"}
+    chosen, spent = result.stderr.splitlines()[-2:]
+    found = json.loads((tmp_path / "t" / "result.json").read_text())["chosen"]
+    assert chosen.startswith(f"Trial {found['number']} of pid was chosen, cost ")
+    assert f"RMS error {1e3 * found['rms_error_m']:.3g} mm, steering " in chosen
+    assert spent == "6 s (0.1 min) were simulated in 3 trials."
+    drawing = (tmp_path / "t" / "pareto.svg").read_text()
+    page = (tmp_path / "t" / "report.html").read_text()
+    assert "chosen</text>" in drawing
+    assert drawing in page
+    assert chosen in page
+    monkeypatch.setattr("steersman.report.tuning.find_spec", lambda _: None)
+    (tmp_path / "t" / "pareto.svg").unlink()
+    again = steersman(*words)
+    assert "no report.html: it needs the extra 'report'" in again.stderr
+    assert (tmp_path / "t" / "pareto.svg").read_text() == drawing
