@@ -71,6 +71,20 @@ def test_demonstrator_switched_off_never_acts() -> None:
     assert not env.driver.demonstrates
 
 
+@pytest.mark.parametrize(("bias", "share"), [(50.0, 1.0), (-50.0, 1.0), (0.0, 0.0)])
+def test_a_policy_at_its_limit_is_seen_through_the_noise(bias: float, share: float) -> None:
+    """As after a collapse: noise takes the executed action off the limit half of the time."""
+    noise = {"kind": "constant", "at": 0.3}
+    config = tiny(agent={"learning_starts": 0, "updates": 0, "noise": noise})
+    agent = make_agent(config, PathFollowingVecEnv(config.problem, config.agent.vehicles))
+    net = agent.actor_net()
+    net.w3[:], net.b3[:] = 0.0, bias
+    agent.learn(400)
+    executed = stored(agent)
+    assert (abs(executed) < 1.0).mean() > 0.2
+    assert agent.saturated_steps / agent.sampled_steps == pytest.approx(share, abs=0.05)
+
+
 def test_executed_rate_is_within_its_limit() -> None:
     _, env = learn(**half())
     assert max(abs(np.array(env.executed)).max(), abs(np.array(env.proposed)).max()) <= 1.0

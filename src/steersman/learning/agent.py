@@ -21,6 +21,8 @@ from steersman.learning.noise import OrnsteinUhlenbeck
 from steersman.learning.snapshot import Tree, fill
 from steersman.learning.vec_env import PathFollowingVecEnv
 
+# A policy's action beyond this is at its limit.
+_AT_LIMIT = 0.99
 # What SB3 and this module count; the rest of an agent's state are arrays and generators.
 _COUNTERS = (
     "num_timesteps",
@@ -67,7 +69,6 @@ class DemonstratedDDPG(DDPG):
         """Executed and stored action, each (n_envs, 1); the demonstrator acts with p_action."""
         own = self._own_action(learning_starts, action_noise, n_envs)
         self.sampled_steps += n_envs
-        self.saturated_steps += int((np.abs(own) >= 1.0 - 1e-6).sum())
         takes = self.demo_rng.random(n_envs) < self.p_action()
         if not takes.any():
             return own, own
@@ -85,8 +86,10 @@ class DemonstratedDDPG(DDPG):
         """
         if self.num_timesteps < learning_starts or action_noise is None:
             return super()._sample_action(learning_starts, action_noise, n_envs)[1]
-        noise = action_noise()
-        return np.clip(self.act(self._last_obs)[:, None] + noise, -1.0, 1.0).astype(np.float32)
+        action = self.act(self._last_obs)[:, None]
+        # Without the noise, which takes every other action off the limit that a policy is stuck at.
+        self.saturated_steps += int((np.abs(action) >= _AT_LIMIT).sum())
+        return np.clip(action + action_noise(), -1.0, 1.0).astype(np.float32)
 
     def _compile(self) -> None:
         """Lay the weights of all four networks flat, so that the compiled update shares them."""
