@@ -15,6 +15,7 @@ import pytest
 from steersman.cli.seeds import train_seeds
 from steersman.config import to_yaml
 from steersman.errors import DataError
+from steersman.learning import parallel
 from steersman.learning.config import TrainConfig
 from steersman.learning.parallel import Event, Job, cores, train_all
 from steersman.learning.train import train
@@ -134,3 +135,19 @@ def test_the_summary_names_the_best(tmp_path: FilePath, capsys: pytest.CaptureFi
     assert best == f"best policy: {tmp_path / f'seed_{marked.split()[0]}' / 'policy.onnx'}"
     train_seeds(tiny(steps=400), [2, 5], tmp_path, 2, overwrite=False, resume=True)
     assert capsys.readouterr().out == out
+
+
+@posix
+def test_a_process_that_hangs_on_its_way_out_is_ended(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code = "import os, time; os.close(1); os.close(2); time.sleep(600)"
+    popen = subprocess.Popen
+    monkeypatch.setattr(
+        parallel.subprocess,
+        "Popen",
+        lambda _, **given: popen([sys.executable, "-c", code], **given),
+    )
+    monkeypatch.setattr(parallel, "_PATIENCE", 0.5)
+    failed = train_all(jobs(tmp_path, tiny()), 1, silent)
+    assert failed == {"run 0": "killed by SIGKILL"}

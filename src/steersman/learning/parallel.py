@@ -32,7 +32,7 @@ _THREADS = (
     "BLIS_NUM_THREADS",
     "VECLIB_MAXIMUM_THREADS",
 )
-_PATIENCE = 10.0  # seconds that a process has to go away
+_PATIENCE = 60.0  # seconds that a process has to go away, also on a machine that is overloaded
 
 
 class Job(NamedTuple):
@@ -143,7 +143,11 @@ def _start(
 
 def _close(worker: _Worker) -> tuple[int, str]:
     """Wait for a process to end; its exit code and what it wrote to its standard error."""
-    code = worker.process.wait(_PATIENCE)
+    try:
+        code = worker.process.wait(_PATIENCE)
+    except subprocess.TimeoutExpired:  # it hangs on its way out
+        worker.process.kill()
+        code = worker.process.wait()
     worker.listener.join(_PATIENCE)
     for stream in (worker.process.stdin, worker.process.stdout):
         if stream is not None:

@@ -14,6 +14,8 @@ _ALONE = "ddpg"
 _CLAIMED = "both"
 # What the paper's figure shows: the adaptive reward is a reward of its own.
 _LOSSES = (("track", "tracking reward alone"), ("fixed", "demonstration reward, fixed"))
+# A seed whose best error is above this has never driven [mm].
+_LOST = 1000.0
 # The largest error on the way to which a saving is asked for [m].
 _ASKED = 0.1
 
@@ -47,6 +49,7 @@ def method_row(method: Mapping[str, Any]) -> dict[str, Any]:
         "method": method["label"],
         "seeds": method["seeds"],
         "diverged": method["diverged"],
+        "never": sum(best is None or best > _LOST for best in method["best_mm"]),
         "best": interval(method["best_iqm"]),
         "spread": f"{number(low)} to {number(high)}",
         "last": interval(method["last_iqm"]),
@@ -60,6 +63,7 @@ COLUMNS = {
     "method": "method",
     "seeds": "seeds",
     "diverged": "diverged",
+    "never": "never drove",
     "best": "best error, IQM [mm]",
     "spread": "its quartiles [mm]",
     "last": "last error, IQM [mm]",
@@ -117,7 +121,12 @@ def learning_section(results: Mapping[str, Any]) -> dict[str, Any]:
             "so a saving holds up to that horizon; how many seeds got there stands beside it. "
             "Where no seed of either got there, nothing is said.",
         ],
-        "findings": [*_saving_findings(learning), *_spread_findings(learning), *_smooth(methods)],
+        "findings": [
+            *_saving_findings(learning),
+            *_spread_findings(learning),
+            *_collapsed(learning["methods"]),
+            *_smooth(methods),
+        ],
         "tables": [
             {
                 "title": "Methods",
@@ -203,6 +212,22 @@ def _spread_findings(learning: Mapping[str, Any]) -> list[dict[str, Any]]:
             )
             out.append(finding(verdict(s["smaller_by"]), text))
     return out
+
+
+def _collapsed(methods: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """What the paper does not tell: seeds that never learn to drive."""
+    counts = {m["label"]: method_row(m)["never"] for m in methods.values()}
+    lost = [f"{n} with '{label}'" for label, n in counts.items() if n]
+    if not lost:
+        return []
+    return [
+        finding(
+            None,
+            f"Seeds that never drove (best error over {_LOST / 1e3:g} m): {', '.join(lost)}. Their "
+            "policy soon sits at one limit of the action, where its gradient vanishes; neither "
+            "demonstration nor time frees it.",
+        )
+    ]
 
 
 def _smooth(methods: Mapping[str, Any]) -> list[dict[str, Any]]:
