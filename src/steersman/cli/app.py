@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from steersman.cli import bench, components, demo, drive, report, reproduce, train, tune
+from steersman.cli import bench, components, demo, drive, falsify, report, reproduce, train, tune
 from steersman.cli.outcome import OneLineGroup
 from steersman.cli.output import write
 
@@ -31,6 +31,7 @@ app.command("drive", epilog=drive.EXAMPLES)(drive.drive)
 app.command("train", epilog=train.EXAMPLES)(train.train)
 app.command("demo", epilog=demo.EXAMPLES)(demo.demo)
 app.command("tune", epilog=tune.EXAMPLES)(tune.tune)
+app.command("falsify", epilog=falsify.EXAMPLES)(falsify.falsify)
 app.command("bench", epilog=bench.EXAMPLES)(bench.bench)
 app.command("reproduce", epilog=reproduce.EXAMPLES)(reproduce.reproduce)
 app.command("report", epilog=report.EXAMPLES)(report.report)

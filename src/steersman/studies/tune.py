@@ -15,12 +15,13 @@ from pydantic import field_validator
 
 from steersman.bench.suite import derived_seed
 from steersman.bench.suites import suite
-from steersman.config import Of, Settings, build, dump, override, param, read_yaml, to_yaml
+from steersman.config import Of, Settings, build, dump, override, param
 from steersman.controllers.base import ControllerComponent
 from steersman.errors import ConfigError
 from steersman.files import make_folder, write_text
 from steersman.provenance import provenance
 from steersman.rollout import RunConfig
+from steersman.studies.folder import same_study
 from steersman.studies.objective import TrialCost, measure, together
 from steersman.studies.pareto import trade
 
@@ -91,7 +92,7 @@ def tune(
         raise ConfigError(f"controller {config.controller.kind} declares nothing to tune")
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     make_folder(out)
-    _same_study(config, out)
+    same_study(config, out, ("trials",))
     study = _opened(config, out)
     done = len(_finished(study))
     if done == 0 and not study.get_trials(deepcopy=False, states=[_states().WAITING]):
@@ -147,23 +148,6 @@ def _sampler(seed: int, number: int) -> Any:
 def _finished(study: Any) -> list[Any]:
     found: list[Any] = study.get_trials(deepcopy=False, states=[_states().COMPLETE])
     return found
-
-
-def _same_study(config: TuneConfig, out: FilePath) -> None:
-    """Keep the study's configuration in ``out``, or compare it; only ``trials`` may differ.
-
-    Raises:
-        ConfigError: the folder holds a study of something else.
-    """
-    file = out / "config.yaml"
-    if file.exists():
-        # Read as a configuration, so that fields that are new since then have their defaults.
-        before = dump(build(TuneConfig, read_yaml(file) | {"trials": config.trials})) or {}
-        now = dump(config) or {}
-        for key in now:
-            if before.get(key) != now[key]:
-                raise ConfigError(f"{out} holds a study with another {key}; give another folder")
-    write_text(file, to_yaml(config))
 
 
 def _suggest(controller: ControllerComponent, trial: Any) -> ControllerComponent:

@@ -1,0 +1,75 @@
+"""``steersman falsify``: the mildest disturbance that takes a controller off the road."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from steersman.cli import settings
+from steersman.cli.outcome import INTERRUPTED
+from steersman.cli.output import note, show, show_json, steps_bar, table
+
+EXAMPLES = (
+    "\b\n"
+    "Examples:\n"
+    "  steersman falsify controller=mpc_pid --out runs/falsify\n"
+    "  steersman falsify controller=lqr path=figure_eight speed.speed=11 duration=30 \\\n"
+    "      --out runs/lqr\n"
+    "  steersman falsify runs/tune/tuned.yaml ranges.mass=0 ranges.delay=0.3 --out runs/two\n"
+    "\n"
+    "The same command goes on where an interrupted search stopped."
+)
+
+
+def falsify(
+    out: Annotated[
+        str, typer.Option("--out", metavar="DIR", help="Folder for the drives and the result.")
+    ],
+    words: Annotated[
+        list[str] | None, typer.Argument(metavar=settings.METAVAR, help=settings.HELP)
+    ] = None,
+    trials: Annotated[
+        int | None,
+        typer.Option("--trials", min=0, help="Drives over everything at once; as trials=N."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print falsify.json.")] = False,
+) -> None:
+    """Search for the mildest disturbance that takes a controller off the road.
+
+    Mass, friction, steering delay, waypoint noise and speed are disturbed, each within its range.
+    Writes config.yaml, drives.jsonl (a line for each drive), falsify.json and report.html.
+    """
+    tree = settings.read(words or [])
+
+    from steersman.config import build, override
+    from steersman.report.falsification import sentences, single_rows, write_falsification
+    from steersman.studies.falsify import FalsifyConfig
+    from steersman.studies.falsify import falsify as run
+    from steersman.studies.hunt import most_drives
+
+    given = [] if trials is None else [f"trials={trials}"]
+    config = build(FalsifyConfig, override(tree, given))
+    folder = settings.out_folder(out)
+    try:
+        with steps_bar(most_drives(config), "falsifying") as update:
+            result = run(config, folder, lambda done, _, found: update(done, found))
+    except KeyboardInterrupt:
+        note(f"interrupted; the same command goes on from {folder}")
+        raise typer.Exit(INTERRUPTED) from None
+    if not write_falsification(result, folder / "report.html"):
+        note("no report.html: it needs the extra 'report': pip install 'steersman[report]'")
+    if as_json:
+        show_json(result)
+        return
+    if result["singles"]:
+        show(_table(single_rows(result)), "")
+    show(*sentences(result), f"written to {folder}")
+
+
+def _table(rows: list[dict[str, str]]) -> Any:
+    columns = ("holds at", "fails at", "share of range")
+    out = table("one disturbance alone", *columns, right=columns)
+    for row in rows:
+        out.add_row(row["name"], row["holds"], row["fails"], row["norm"])
+    return out

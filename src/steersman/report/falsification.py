@@ -1,0 +1,168 @@
+"""The page of a falsification: the mildest failure, each disturbance alone, what was tried."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib.util import find_spec
+from pathlib import Path as FilePath
+from typing import Any
+
+from steersman.report.article import write_article
+from steersman.report.tables import text
+
+_MM = 1e3
+_NAMES = {
+    "mass": "mass and yaw inertia, factor",
+    "friction": "tyre friction",
+    "delay": "steering delay [s]",
+    "waypoint_noise": "waypoint noise [m]",
+    "speed": "speed, factor",
+}
+_PHRASES = {
+    "mass": "mass x {}",
+    "friction": "friction {}",
+    "delay": "delay {} s",
+    "waypoint_noise": "waypoint noise {} m",
+    "speed": "speed x {}",
+}
+
+
+def write_falsification(result: Mapping[str, Any], out: FilePath) -> bool:
+    """Write the page, and its figure as a file into ``plots/`` beside it.
+
+    Args:
+        result: the content of ``falsify.json``.
+        out: file of the page.
+
+    Returns:
+        Whether it was written: it needs the extra ``report``.
+
+    Raises:
+        DataError: the files cannot be written.
+    """
+    if find_spec("jinja2") is None:
+        return False
+    kind = result["config"]["controller"]["kind"]
+    sections: list[dict[str, Any]] = [
+        {
+            "title": "The mildest failure",
+            "text": [*sentences(result), _explained(result)],
+            "tables": [_mildest(result)] if result["mildest"] else [],
+        },
+        {"title": "One disturbance at a time", "text": [], "tables": [_singles(result)]},
+        {"title": "What was tried", "text": [], "figures": [_figure(result)]},
+    ]
+    if not result["singles"]:
+        del sections[1]
+    write_article(sections, out, f"Falsification of {kind}")
+    return True
+
+
+def sentences(result: Mapping[str, Any]) -> list[str]:
+    """What was found, in words."""
+    drives, kind = len(result["drives"]), result["config"]["controller"]["kind"]
+    spent = f"{drives} drives, {result['simulated_seconds']:.0f} simulated seconds."
+    within, radius = result["tried_within"], text(result["safe_radius"], 3)
+    mildest = result["mildest"]
+    if mildest is None:
+        return [
+            f"{kind} did not fail in any of {within} drives, up to a norm of {radius}. That does"
+            " not prove that it never does.",
+            spent,
+        ]
+    end = mildest["end"].replace("_", " ")
+    if result["nominal_failed"]:
+        return [f"{kind} fails without any disturbance: {end}.", spent]
+    values = ", ".join(
+        _PHRASES[name].format(value)
+        for name, value in mildest_values(result).items()
+        if mildest["point"][name]
+    )
+    return [
+        f"{kind} fails at norm {radius} ({end}): {values}.",
+        f"Safe radius {radius}: none of {within} milder drives failed. That does not prove that"
+        " none can.",
+        spent,
+    ]
+
+
+def mildest_values(result: Mapping[str, Any]) -> dict[str, str]:
+    """The values of the mildest failure as text, by quantity."""
+    mildest = result["mildest"]
+    values = mildest["values"].values()  # in the order of the point, with units in their names
+    return {name: text(v, 4) for name, v in zip(mildest["point"], values, strict=True)}
+
+
+def single_rows(result: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Each disturbance alone: ``name``, ``holds`` and ``fails``, values as text, ``norm``."""
+    rows = []
+    for one in result["singles"]:
+        side = "" if one["name"] not in ("mass", "speed") else _side(one["holding_value"], one)
+        failing = one["failing"]
+        rows.append(
+            {
+                "name": _NAMES[one["name"]] + side,
+                "holds": text(one["holding_value"], 4),
+                "fails": "not found" if failing is None else text(one["failing_value"], 4),
+                "norm": "-" if failing is None else text(abs(failing), 3),
+            }
+        )
+    return rows
+
+
+def _side(holding: float, one: Mapping[str, Any]) -> str:
+    value = holding if one["failing_value"] is None else one["failing_value"]
+    return ", more" if value > 1.0 else ", less"
+
+
+def _explained(result: Mapping[str, Any]) -> str:
+    ranges = result["config"]["ranges"]
+    return (
+        "Each quantity is measured in shares of its range, and the norm is the Euclidean norm of"
+        f" the shares: 1 is a mass {text(100 * ranges['mass'], 3)} % off, or a friction"
+        f" coefficient of {text(ranges['friction'], 3)} (on a logarithmic scale), or"
+        f" {text(ranges['delay'], 3)} s of delay, or waypoints shifted by up to"
+        f" {text(ranges['waypoint_noise'], 3)} m, or speeds {text(100 * ranges['speed'], 3)} %"
+        " off, alone; a range of 0 was left out. A search proves failures, never safety."
+    )
+
+
+def _mildest(result: Mapping[str, Any]) -> dict[str, Any]:
+    mildest = result["mildest"]
+    rows = [
+        {"name": _NAMES[name], "value": value, "share": mildest["point"][name]}
+        for name, value in mildest_values(result).items()
+    ]
+    columns = {"name": "quantity", "value": "value", "share": "share of its range"}
+    return {"title": "Its disturbance", "columns": columns, "rows": rows}
+
+
+def _singles(result: Mapping[str, Any]) -> dict[str, Any]:
+    columns = {
+        "name": "disturbance",
+        "holds": "holds at",
+        "fails": "fails at",
+        "norm": "share of its range",
+    }
+    return {"title": "By bisection", "columns": columns, "rows": single_rows(result)}
+
+
+def _figure(result: Mapping[str, Any]) -> dict[str, Any]:
+    drives = result["drives"]
+    lines = [
+        {
+            "name": name,
+            "dots": 3.0,
+            "x": [row["norm"] for row in drives if row["failed"] is failed],
+            "y": [_MM * row["max_error_m"] for row in drives if row["failed"] is failed],
+        }
+        for name, failed in (("stayed on the road", False), ("failed", True))
+    ]
+    return {
+        "file": "tried",
+        "title": "Largest error of every drive",
+        "x": "norm of the disturbance [-]",
+        "y": "largest |lateral error| [mm]",
+        "log": True,
+        "lines": lines,
+    }

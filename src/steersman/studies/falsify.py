@@ -1,0 +1,125 @@
+"""Search for the mildest disturbance that takes a controller off the road.
+
+What is disturbed, and what mild means, :mod:`steersman.studies.perturbation` defines. A search can
+prove that a controller fails; that it never does, it cannot: a point that nobody drove may fail.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path as FilePath
+from typing import Annotated, Any
+
+from pydantic import model_validator
+
+from steersman.config import Of, Settings, build, dump, param
+from steersman.controllers.base import ControllerComponent
+from steersman.controllers.mpc_pid import MpcPid
+from steersman.errors import ConfigError
+from steersman.files import make_folder, write_text
+from steersman.paths.base import PathComponent
+from steersman.rollout import RunConfig
+from steersman.sensing import WaypointSensor
+from steersman.speed import ConstantSpeed, SpeedComponent
+from steersman.studies.findings import findings
+from steersman.studies.folder import same_study
+from steersman.studies.hunt import Progress, Search
+from steersman.studies.perturbation import Ranges, scaled_fields
+from steersman.studies.tried import Kept
+from steersman.vehicles import CarlaModel3, Vehicle
+
+# Fields that may differ when a search goes on: they say how much is driven, not what.
+_BUDGET = ("trials", "checks", "bisections")
+_RUN = ("controller", "path", "speed", "vehicle", "sensor", "duration", "laps", "corridor", "seed")
+
+
+class FalsifyConfig(Settings):
+    """A search for the mildest disturbance under which a controller fails."""
+
+    controller: Annotated[ControllerComponent, Of("controller")] = param(
+        MpcPid(), "-", "Lateral controller."
+    )
+    path: Annotated[PathComponent, Of("path")] = param("circle", "-", "Path to follow.")
+    speed: Annotated[SpeedComponent, Of("speed")] = param(
+        ConstantSpeed(), "-", "Source of throttle and brake, undisturbed."
+    )
+    vehicle: Annotated[Vehicle, Of("vehicle")] = param(
+        CarlaModel3(), "-", "Vehicle, undisturbed; the controller is told of this one."
+    )
+    sensor: Annotated[WaypointSensor, Of("sensor")] = param(WaypointSensor(), "-", "Sensor.")
+    duration: float | None = param(
+        None,
+        "s",
+        "Length of a run; null with laps null: 60 s, or to the end of an open path.",
+        gt=0,
+    )
+    laps: float | None = param(None, "-", "Laps of a closed path, instead of a duration.", gt=0)
+    corridor: float = param(1.5, "m", "Half width of the corridor; leaving it is a failure.", gt=0)
+    ranges: Ranges = param(Ranges(), "-", "How far each quantity is disturbed at most.")
+    trials: int = param(100, "-", "Drives of the search over everything at once.", ge=0)
+    checks: int = param(50, "-", "Drives at random points milder than the mildest failure.", ge=0)
+    bisections: int = param(6, "-", "Halvings of an interval between failing and not.", ge=1, le=30)
+    seed: int = param(0, "-", "Seed of the search and of the sensors' errors.", ge=0)
+
+    @model_validator(mode="after")
+    def _fits(self) -> FalsifyConfig:
+        run, ranges = self.run(), self.ranges
+        if ranges.speed:
+            scaled_fields(self.speed)
+        if ranges.friction >= self.vehicle.friction:
+            raise ConfigError(
+                f"{ranges.friction:g} is not allowed; must be less than the vehicle's friction, "
+                f"{self.vehicle.friction:g}",
+                ("ranges", "friction"),
+            )
+        plant = run.plant.model_copy(update={"steering_delay": ranges.delay})
+        try:
+            plant.delay_substeps()
+        except ConfigError as error:
+            raise ConfigError(str(error), ("ranges", "delay")) from None
+        return self
+
+    def run(self) -> RunConfig:
+        """The undisturbed run."""
+        return build(RunConfig, {name: getattr(self, name) for name in _RUN})
+
+
+def falsify(
+    config: FalsifyConfig, out: FilePath, progress: Progress | None = None
+) -> dict[str, Any]:
+    """Search; returns what is written to ``falsify.json``.
+
+    The undisturbed run comes first; if it fails, that is the result. Then each quantity is
+    disturbed alone and its failing value is found by bisection; a sampler that learns (TPE,
+    Bergstra et al., "Algorithms for Hyper-Parameter Optimization", NeurIPS 2011) searches over all
+    of them at once for something milder; the mildest failure is pulled towards the nominal; and
+    points at random, milder than it, are driven to find a milder one.
+
+    ``config.yaml`` and ``drives.jsonl`` are kept in ``out``: a search that was interrupted goes on
+    there, and ends as if it had not been.
+
+    Args:
+        config: what is driven, and how far it is disturbed.
+        out: folder of the study.
+        progress: told of each drive.
+
+    Returns:
+        The findings, of :func:`steersman.studies.findings.findings`.
+
+    Raises:
+        ConfigError: ``out`` holds another study, or the parts of the run do not fit together.
+        DataError: the folder cannot be written, or holds something else.
+    """
+    make_folder(out)
+    same_study(config, out, _BUDGET)
+    search = Search(config, Kept(out / "drives.jsonl", config.ranges.names()), progress)
+    singles: list[dict[str, Any]] = []
+    if not search.nominal().failed:
+        singles = search.singles()
+        search.explore()
+        search.pull_in()
+        search.check()
+    result = findings(config.ranges, config.vehicle, list(search.tried.values()), singles)
+    result["config"] = dump(config)
+    write_text(out / "falsify.json", json.dumps(result, indent=1, allow_nan=False) + "\n")
+    return result

@@ -1,0 +1,203 @@
+"""The stages of a falsification's search, from the nominal to the checks of what it found."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from steersman.bench.suite import derived_seed
+from steersman.studies.perturbation import AXES, Point, norm
+from steersman.studies.tried import Kept, Key, Tried, attempt
+
+if TYPE_CHECKING:
+    from steersman.studies.falsify import FalsifyConfig
+
+# Told of each drive: drives done, drives planned at most, what was found so far.
+Progress: TypeAlias = Callable[[int, int, str], None]
+
+# Share of a failure's norm at which its ray is tried for a milder one.
+_BELOW = 0.98
+
+
+class Search:
+    """The stages of a search, and every point that it has asked for."""
+
+    def __init__(self, config: FalsifyConfig, kept: Kept, progress: Progress | None) -> None:
+        """Nothing is driven yet; drives that ``kept`` holds are not repeated."""
+        self.config, self.run = config, config.run()
+        self.names = config.ranges.names()
+        self.tried: dict[Key, Tried] = {}
+        self._kept, self._progress = kept, progress
+        self._stage, self._before, self._planned, self._within = "nominal", 0, 1, 0
+
+    def drive(self, point: Point) -> Tried:
+        """Drive a point, or recall it."""
+        key = self._kept.key(point)
+        row = self._kept.found.get(key)
+        if row is None:
+            config = self.config.ranges.disturbed(self.run, point)
+            row = attempt(self._stage, point, config)
+            self._kept.add(row)
+        self.tried.setdefault(key, row)
+        self._tell()
+        return row
+
+    def mildest(self) -> Tried | None:
+        """The failure with the smallest norm."""
+        failed = (row for row in self.tried.values() if row.failed)
+        return min(failed, key=lambda row: row.norm, default=None)
+
+    def nominal(self) -> Tried:
+        """The undisturbed run."""
+        return self.drive(self._point())
+
+    def singles(self) -> list[dict[str, Any]]:
+        """Each quantity disturbed alone, to each of its sides.
+
+        Returns:
+            For each: ``name``, ``failing``, the coordinate with the smallest size that was found
+            to fail (None if the end of the range does not), and ``holding``, the nearest one
+            below it that does not.
+        """
+        sides = [(name, side) for name in self.names for side in AXES[name].sides]
+        self._begin("single", len(sides) * (1 + self.config.bisections))
+        out = []
+        for name, side in sides:
+            low, high = 0.0, None
+            if self.drive(self._point(**{name: side})).failed:
+                low, high = self._bisect(self._point(), self._point(**{name: side}))
+            holding = side if high is None else side * low
+            failing = None if high is None else side * high
+            out.append({"name": name, "failing": failing, "holding": holding})
+        return out
+
+    def explore(self) -> None:
+        """All quantities at once: the sampler learns from what was driven so far.
+
+        What is not milder than the mildest single failure is of no interest: points beyond it are
+        drawn in along their ray.
+        """
+        import optuna
+        from optuna.distributions import FloatDistribution
+
+        optuna.logging.set_verbosity(optuna.logging.WARNING)
+        self._begin("search", self.config.trials)
+        single = self.mildest()
+        end, radius = (1.0, self._reach()) if single is None else (single.norm, single.norm)
+        space = {n: FloatDistribution(end * min(0.0, *AXES[n].sides), end) for n in self.names}
+        seed = derived_seed(self.config.seed, "search")
+        study = optuna.create_study(
+            sampler=optuna.samplers.TPESampler(seed=seed, multivariate=True)
+        )
+        for row in self.tried.values():
+            if all(space[name].low <= u <= end for name, u in row.point.items()):
+                study.add_trial(
+                    optuna.create_trial(
+                        params=dict(row.point),
+                        distributions=dict(space),
+                        value=self._score(row),
+                    )
+                )
+        for _ in range(self.config.trials):
+            trial = study.ask(dict(space))
+            point = {name: float(trial.params[name]) for name in self.names}
+            if norm(point) >= radius:
+                inward = _BELOW * radius / norm(point)
+                point = {name: inward * u for name, u in point.items()}
+            study.tell(trial, self._score(self.drive(point)))
+
+    def pull_in(self) -> None:
+        """Bring the mildest failure nearer: along its ray, each coordinate, along its ray."""
+        steps = 1 + self.config.bisections
+        self._begin("pull in", steps * (2 + len(self.names)))
+        self._along_ray()
+        found = self.mildest()
+        for name in self.names if found is not None else ():
+            assert found is not None
+            point = found.point
+            without = point | {name: 0.0}
+            if point[name] and not self.drive(without).failed:
+                self._bisect(without, point)
+            found = self.mildest()
+        self._along_ray()
+
+    def check(self) -> None:
+        """Points drawn evenly from the ball below the mildest failure, or within the ranges."""
+        self._begin("check", self.config.checks)
+        rng = np.random.default_rng(derived_seed(self.config.seed, "check"))
+        for _ in range(self.config.checks):
+            direction = rng.normal(size=len(self.names))
+            share = rng.uniform() ** (1.0 / len(self.names))
+            found = self.mildest()
+            radius = self._reach() if found is None else found.norm
+            point = self._inside(direction * (share * radius / float(np.linalg.norm(direction))))
+            if self.drive(point).failed:
+                self._along_ray()
+
+    def _inside(self, values: Any) -> Point:
+        """Coordinates brought into the ranges, which makes them milder, if anything."""
+        point = {}
+        for name, u in zip(self.names, values.tolist(), strict=True):
+            low = min(0.0, *AXES[name].sides)
+            point[name] = min(max(u if low else abs(u), low), 1.0)
+        return point
+
+    def _along_ray(self) -> None:
+        """Bisect between the nominal and the mildest failure."""
+        found = self.mildest()
+        if found is not None and found.norm:
+            self._bisect(self._point(), found.point)
+
+    def _bisect(self, near: Point, far: Point) -> tuple[float, float]:
+        """On the way from ``near``, which does not fail, to ``far``, which does.
+
+        Returns:
+            Shares of the way: the last that did not fail, and the first that did.
+        """
+        low, high = 0.0, 1.0
+        for _ in range(self.config.bisections):
+            middle = 0.5 * (low + high)
+            point = {name: u + middle * (far[name] - u) for name, u in near.items()}
+            if self.drive(point).failed:
+                high = middle
+            else:
+                low = middle
+        return low, high
+
+    def _score(self, row: Tried) -> float:
+        """What the sampler makes small: mild failures first, then what nearly fails."""
+        if row.failed:
+            return row.norm
+        return self._reach() + 2.0 - min(row.max_error_m / self.config.corridor, 1.0)
+
+    def _reach(self) -> float:
+        """Norm of the farthest corner of the ranges."""
+        return math.sqrt(len(self.names))
+
+    def _point(self, **changes: float) -> Point:
+        return dict.fromkeys(self.names, 0.0) | changes
+
+    def _begin(self, stage: str, planned: int) -> None:
+        self._stage, self._within = stage, 0
+        self._before += self._planned
+        self._planned = planned
+
+    def _tell(self) -> None:
+        self._within += 1
+        if self._progress is None:
+            return
+        found = self.mildest()
+        words = "no failure yet" if found is None else f"mildest failure at {found.norm:.3f}"
+        done = self._before + min(self._within, self._planned)
+        self._progress(done, most_drives(self.config), f"{self._stage}, {words}")
+
+
+def most_drives(config: FalsifyConfig) -> int:
+    """Drives of a search at most, those after failing checks apart."""
+    names = config.ranges.names()
+    sides = sum(len(AXES[name].sides) for name in names)
+    steps = 1 + config.bisections
+    return 1 + steps * (sides + 2 + len(names)) + config.trials + config.checks

@@ -1,0 +1,185 @@
+"""Falsification: failures are found and pulled in; same seed, same result; never lost."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+import pytest
+
+from steersman.config import build, resolve
+from steersman.errors import ConfigError, DataError
+from steersman.rollout import RunConfig, run
+from steersman.speed import SpeedTracking
+from steersman.studies.falsify import FalsifyConfig, falsify
+from steersman.studies.hunt import most_drives
+from steersman.studies.perturbation import Ranges, scaled
+
+ZERO = {"kind": "pid", "gains": {"k_p": 0.0, "k_i": 0.0, "k_d": 0.0}}
+NONE = dict.fromkeys(("mass", "friction", "delay", "waypoint_noise", "speed"), 0.0)
+BASE = {
+    "controller": "pid",
+    "path": {"kind": "circle", "radius": 30.0},
+    "speed": {"kind": "constant_speed", "speed": 9.0},
+    "duration": 3.0,
+    "ranges": NONE | {"delay": 0.4, "speed": 0.4},
+    "trials": 6,
+    "checks": 4,
+    "bisections": 3,
+}
+
+
+def config(**changes: Any) -> FalsifyConfig:
+    return build(FalsifyConfig, BASE | changes)
+
+
+def without_origin(result: dict[str, Any]) -> dict[str, Any]:
+    return {k: v for k, v in result.items() if k not in ("versions", "commit")}
+
+
+def test_no_gain_is_falsified_by_the_nominal(tmp_path: FilePath) -> None:
+    result = falsify(config(controller=ZERO, ranges={}), tmp_path)
+    assert result["falsified"]
+    assert result["nominal_failed"]
+    assert len(result["drives"]) == 1
+    assert (result["mildest"]["norm"], result["safe_radius"]) == (0.0, 0.0)
+    assert (result["tried_within"], result["singles"]) == (0, [])
+    assert result["ends"] == {"off_track": 1}
+    assert result == json.loads((tmp_path / "falsify.json").read_text())
+
+
+def test_bisection_agrees_with_a_fine_scan(tmp_path: FilePath) -> None:
+    ranges = NONE | {"delay": 0.4}
+    one = config(ranges=ranges, trials=0, checks=0, bisections=4)
+    (single,) = falsify(one, tmp_path)["singles"]
+    grid = [k / 16 for k in range(17)]
+    failed = [not run(one.ranges.disturbed(one.run(), {"delay": u})).completed for u in grid]
+    first = failed.index(True)
+    assert 0 < first < 16
+    assert (single["failing"], single["holding"]) == (grid[first], grid[first - 1])
+    assert single["failing_value"] == pytest.approx(0.4 * grid[first])
+
+
+def test_the_mildest_is_no_worse_than_any_and_all_milder_ones_held(tmp_path: FilePath) -> None:
+    seen: list[tuple[int, int]] = []
+    result = falsify(config(trials=12), tmp_path, lambda done, most, _: seen.append((done, most)))
+    mildest, drives = result["mildest"], result["drives"]
+    assert result["falsified"]
+    assert not result["nominal_failed"]
+    assert mildest["norm"] == min(row["norm"] for row in drives if row["failed"])
+    assert mildest["norm"] == pytest.approx(np.linalg.norm(list(mildest["point"].values())))
+    alone = [abs(one["failing"]) for one in result["singles"] if one["failing"] is not None]
+    assert mildest["norm"] <= min(alone)
+    below = [row for row in drives if row["norm"] < result["safe_radius"]]
+    assert result["tried_within"] == len(below)
+    assert not any(row["failed"] for row in below)
+    one = config()
+    again = run(one.ranges.disturbed(one.run(), mildest["point"]))
+    assert again.end == mildest["end"]
+    assert mildest["values"]["delay_s"] == pytest.approx(0.4 * mildest["point"]["delay"])
+    assert {most for _, most in seen} == {most_drives(config(trials=12))}
+    assert [done for done, _ in seen] == sorted(done for done, _ in seen)
+
+
+def test_where_nothing_fails_it_says_how_far_was_tried(tmp_path: FilePath) -> None:
+    tame = config(controller="mpc_pid", ranges=NONE | {"mass": 0.05, "speed": 0.05})
+    result = falsify(tame, tmp_path)
+    assert not result["falsified"]
+    assert result["mildest"] is None
+    assert result["safe_radius"] == max(row["norm"] for row in result["drives"])
+    assert result["tried_within"] == len(result["drives"])
+    assert [one["failing"] for one in result["singles"]] == [None] * 4
+
+
+def test_same_seed_same_result_also_after_interruptions(tmp_path: FilePath) -> None:
+    whole = without_origin(falsify(config(), tmp_path / "whole"))
+    assert without_origin(falsify(config(), tmp_path / "again")) == whole
+    cut = tmp_path / "cut"
+    for most in (3, 14):
+        count = iter(range(most))
+
+        def stop(*_: Any, count: Any = count) -> None:
+            if next(count, None) is None:
+                raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            falsify(config(), cut, stop)
+        with (cut / "drives.jsonl").open("a") as stream:
+            stream.write('{"stage": "sea')  # torn
+    assert without_origin(falsify(config(), cut)) == whole
+    other = falsify(config(seed=1), tmp_path / "other")
+    assert other["drives"] != whole["drives"]
+
+
+def test_a_finished_search_drives_nothing_again(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = falsify(config(trials=2, checks=1), tmp_path)
+    monkeypatch.setattr("steersman.studies.tried.run", None)
+    assert falsify(config(trials=2, checks=1), tmp_path) == first
+
+
+def test_another_study_in_the_same_folder_is_refused(tmp_path: FilePath) -> None:
+    falsify(config(controller=ZERO), tmp_path)
+    with pytest.raises(ConfigError, match="another ranges"):
+        falsify(config(controller=ZERO, ranges=NONE | {"mass": 0.1}), tmp_path)
+    falsify(config(controller=ZERO, trials=7), tmp_path)  # more of the same
+    (tmp_path / "drives.jsonl").write_text("[]\n")
+    with pytest.raises(DataError, match="line 1: not a drive"):
+        falsify(config(controller=ZERO), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"ranges": NONE}, "ranges: all are 0"),
+        ({"ranges": {"friction": 4.0}}, "ranges.friction: 4 is not allowed; must be less than"),
+        ({"ranges": {"delay": 5.0}}, "ranges.delay: .* too long; at most 0.7 s"),
+        ({"ranges": {"mass": 1.0}}, "ranges.mass: 1.0 is not allowed; must be less than 1"),
+        ({"ranges": {"mas": 0.1}}, "did you mean 'mass'"),
+        ({"speed": "constant_throttle"}, "speed: the speeds of 'constant_throttle' cannot be"),
+        ({"laps": 1}, "laps: give laps or duration, not both"),
+    ],
+)
+def test_what_cannot_be_searched_is_told(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        config(**changes)
+
+
+def test_a_speed_that_cannot_be_scaled_is_left_alone() -> None:
+    one = config(speed="constant_throttle", ranges=NONE | {"mass": 0.2})
+    assert one.ranges.disturbed(one.run(), {"mass": 0.0}) == one.run()
+
+
+@pytest.mark.parametrize("kind", ["constant_speed", "nedc", "random_profile"])
+def test_scaled_speeds_are_those_times_the_factor(kind: str) -> None:
+    speed = resolve("speed", kind)
+    assert isinstance(speed, SpeedTracking)
+    faster = scaled(speed, 1.25)
+    assert isinstance(faster, SpeedTracking)
+    for new, old, factor in zip(faster.breakpoints(), speed.breakpoints(), (1, 1.25), strict=True):
+        assert new == pytest.approx(factor * old)
+
+
+def test_the_nominal_point_is_the_run_itself() -> None:
+    undisturbed = build(RunConfig, {"speed": "constant_speed"})
+    ranges = Ranges()
+    assert ranges.disturbed(undisturbed, dict.fromkeys(ranges.names(), 0.0)) == undisturbed
+
+
+def test_the_ends_of_the_ranges_are_their_values() -> None:
+    undisturbed = build(RunConfig, {"speed": "constant_speed"})
+    ends = dict.fromkeys(Ranges().names(), 1.0)
+    worst = Ranges().disturbed(undisturbed, ends)
+    car = undisturbed.vehicle
+    assert worst.vehicle.mass == pytest.approx(1.5 * car.mass)
+    assert worst.vehicle.yaw_inertia == pytest.approx(1.5 * car.yaw_inertia)
+    assert worst.vehicle.friction == pytest.approx(0.3)
+    assert worst.nominal == car
+    assert worst.plant.steering_delay == 0.5
+    assert worst.sensor.error_range == 0.5
+    assert worst.speed.model_dump()["speed"] == pytest.approx(15.0)
+    half = Ranges().disturbed(undisturbed, {"friction": 0.5})
+    assert half.vehicle.friction == pytest.approx((0.3 * car.friction) ** 0.5)
