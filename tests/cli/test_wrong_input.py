@@ -67,9 +67,9 @@ WRONG = [
     ("drive vehicle=file vehicle.file=no.yaml", "vehicle: no.yaml: cannot be read"),
     ("drive vehicle=file vehicle.file=car.yaml", "car.yaml: mas: unknown field of bmw_320i; did"),
     # policies
-    (f"drive {POLICY}", "controller.file: required, but not given"),
     (f"drive {POLICY} controller.file=no.onnx", "no.onnx: cannot be read (No such file"),
-    (f"drive {POLICY} controller.file=folder", "folder: cannot be read (Is a directory)"),
+    (f"drive {POLICY} controller.file=folder", "'folder' is neither an ONNX file (*.onnx) nor a"),
+    (f"drive {POLICY} controller.file=precison", "did you mean 'precision'?"),
     (f"drive {POLICY} controller.file=alone.onnx", "alone.json: cannot be read (No such file"),
     (f"drive {POLICY} controller.file=broken.onnx", "broken.json: not a policy card: not valid"),
     (f"drive {POLICY} controller.file=array.onnx", "array.json: not a policy card: expected an"),
