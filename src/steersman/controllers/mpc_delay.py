@@ -19,7 +19,7 @@ from steersman.config import param, register
 from steersman.controllers.base import ControllerComponent
 from steersman.controllers.delay_model import SLOWEST, Model, Weights, build_tables
 from steersman.controllers.delay_plan import Problem, pose, solve
-from steersman.controllers.road_filter import RoadState, first_look, fuse
+from steersman.controllers.road_filter import NOTHING_SEEN, RoadState, first_look, fuse
 from steersman.kernels import delay_mpc as kernel
 from steersman.types import FloatArray, Observation, Status
 from steersman.vehicles import Vehicle
@@ -70,7 +70,7 @@ class MpcDelayState(NamedTuple):
     """Side [m/s^2] and yaw acceleration [rad/s^2] that the model lacks."""
     delay: float = 0.0
     """Steering delay that is reckoned with [s]."""
-    road: RoadState | None = None
+    road: RoadState = NOTHING_SEEN
     """What is known of the road, if it is filtered."""
 
 
@@ -182,7 +182,7 @@ class MpcDelay(ControllerComponent):
             lacks = _bounded(before[0] + gain * side), _bounded(before[1] + gain * yaw)
             state = state._replace(disturbance=lacks)
         if self.filter_road:
-            if state.road is None or state.road.points.shape != o.preview.shape:
+            if state.road.points.shape != o.preview.shape:
                 state = state._replace(road=first_look(o))
             else:
                 o, road = fuse(state.road, o, state.dt)
@@ -197,7 +197,7 @@ class MpcDelay(ControllerComponent):
             angle=kernel.wheel_angle(state.vehicle.table, o.steer, max(o.v_x, SLOWEST)),
             kappa=o.curvature,
             seen=seen,
-            road=first_look(o) if self.filter_road else None,
+            road=first_look(o) if self.filter_road else NOTHING_SEEN,
         )
 
 

@@ -35,6 +35,13 @@ class RoadState(NamedTuple):
     """Curvature beside the car then [1/m]."""
 
 
+# Before the first observation; as a named tuple like every later one, so that a checkpoint of a
+# demonstrator can keep it.
+NOTHING_SEEN = RoadState(
+    np.zeros((0, 2)), np.zeros(0), np.zeros(kernel.N_MEMORY), (0.0, 0.0, 0.0), 0.0
+)
+
+
 def first_look(o: Observation) -> RoadState:
     """The state after the first observation, which is taken as it is."""
     memory = np.zeros(kernel.N_MEMORY)
