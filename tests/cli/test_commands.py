@@ -27,7 +27,7 @@ from steersman.types import Decision
 
 Steersman = Callable[..., Result]
 COMMANDS = (
-    *("list", "show", "drive", "train", "demo", "tune", "falsify", "bench", "reproduce"),
+    *("list", "show", "drive", "train", "imitate", "demo", "tune", "falsify", "bench", "reproduce"),
     "report",
 )
 # Figures that differ from run to run.
@@ -132,7 +132,7 @@ class TestShow:
             shown = {field["name"].partition(".")[0] for field in data["fields"]}
             assert shown == set(cls.model_fields)
 
-    @pytest.mark.parametrize("command", ["drive", "train", "tune", "falsify"])
+    @pytest.mark.parametrize("command", ["drive", "train", "imitate", "tune", "falsify"])
     def test_settings_of_a_command(self, steersman: Steersman, command: str) -> None:
         data = json.loads(steersman("show", command, "--json").stdout)
         assert data["name"] is None

@@ -7,7 +7,18 @@ from typing import Annotated
 
 import typer
 
-from steersman.cli import bench, components, demo, drive, falsify, report, reproduce, train, tune
+from steersman.cli import (
+    bench,
+    components,
+    demo,
+    drive,
+    falsify,
+    imitate,
+    report,
+    reproduce,
+    train,
+    tune,
+)
 from steersman.cli.outcome import OneLineGroup
 from steersman.cli.output import write
 
@@ -29,6 +40,7 @@ app.command("list", epilog=components.LIST_EXAMPLES)(components.list_components)
 app.command("show", epilog=components.SHOW_EXAMPLES)(components.show_component)
 app.command("drive", epilog=drive.EXAMPLES)(drive.drive)
 app.command("train", epilog=train.EXAMPLES)(train.train)
+app.command("imitate", epilog=imitate.EXAMPLES)(imitate.imitate)
 app.command("demo", epilog=demo.EXAMPLES)(demo.demo)
 app.command("tune", epilog=tune.EXAMPLES)(tune.tune)
 app.command("falsify", epilog=falsify.EXAMPLES)(falsify.falsify)

@@ -26,7 +26,7 @@ SHOW_EXAMPLES = (
     "  steersman show train"
 )
 # Whole commands whose settings can be shown, beside the components.
-_COMMANDS = ("drive", "train", "tune", "falsify")
+_COMMANDS = ("drive", "train", "imitate", "tune", "falsify")
 
 
 def list_components(
@@ -55,7 +55,7 @@ def list_components(
 
 def show_component(
     kind: Annotated[
-        str, typer.Argument(metavar="KIND", help="E.g. controller; or drive, train, tune, falsify")
+        str, typer.Argument(metavar="KIND", help=f"E.g. controller; or {', '.join(_COMMANDS)}")
     ],
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="E.g. mpc_pid.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
@@ -107,6 +107,10 @@ def _command_settings(command: str) -> type[BaseModel]:
         from steersman.learning.config import TrainConfig
 
         return TrainConfig
+    if command == "imitate":
+        from steersman.learning.imitation.config import ImitationConfig
+
+        return ImitationConfig
     if command == "falsify":
         from steersman.studies.falsify import FalsifyConfig
 

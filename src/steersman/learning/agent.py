@@ -160,10 +160,7 @@ class DemonstratedDDPG(DDPG):
         """The policy's actions (n,) for features (n, k), without noise."""
         if self._nets is None:
             self._compile()
-        net = self._nets[0]
-        h1 = np.maximum(features.astype(np.float32) @ net.w1.T + net.b1, 0.0)
-        h2 = np.maximum(h1 @ net.w2.T + net.b2, 0.0)
-        return np.tanh((h2 @ net.w3.T + net.b3)[:, 0]).astype(np.float64)
+        return updates.act(self._nets[0], features)
 
     def actor_net(self) -> updates.Net:
         """The actor's weights."""

@@ -5,15 +5,15 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from steersman.config import build, dump, read_yaml
+from steersman.config import build, dump, read_yaml, to_yaml
 from steersman.errors import ConfigError, DataError
-from steersman.files import replacing
+from steersman.files import make_folder, replacing, write_text
 from steersman.learning import snapshot
-from steersman.learning.config import TrainConfig
+from steersman.learning.imitation.config import LearningConfig
 from steersman.learning.snapshot import Tree
 
 FOLDER = "resume"
@@ -22,6 +22,37 @@ _KEPT = 2
 _WRITTEN = ("checkpoints", FOLDER, "tensorboard")
 _FILES = ("config.yaml", "progress.csv", "policy.onnx", "policy.json")
 Notify = Callable[[str], None]
+
+
+class Begun(NamedTuple):
+    """A folder in which a training may begin or go on."""
+
+    finished: bool
+    saved: dict[str, Any] | None
+    """The checkpoint to go on from."""
+
+
+def begin(
+    config: LearningConfig, out: FilePath, notify: Notify, *, overwrite: bool, resume: bool
+) -> Begun:
+    """Make the folder ready, with the configuration in it, or find what it holds already.
+
+    Raises:
+        DataError: ``out`` holds a training already, or cannot be written.
+        ConfigError: the training to be resumed has another configuration.
+    """
+    check_folder(config, out, overwrite=overwrite, resume=resume)
+    saved = None
+    if resume and is_finished(config, out):
+        notify(f"{out}: finished already")
+        return Begun(True, None)
+    if resume:
+        saved = load(out, notify)
+    if saved is None:
+        clear(make_folder(out))
+        write_text(out / "config.yaml", to_yaml(config))
+    sweep(out)
+    return Begun(False, saved)
 
 
 def save(out: FilePath, steps: int, tree: Tree) -> None:
@@ -88,7 +119,7 @@ def restore_random(tree: Tree) -> None:
     torch.set_rng_state(torch.from_numpy(tree["random"]["torch"]))
 
 
-def check_folder(config: TrainConfig, out: FilePath, *, overwrite: bool, resume: bool) -> None:
+def check_folder(config: LearningConfig, out: FilePath, *, overwrite: bool, resume: bool) -> None:
     """Whether this training may go to ``out``; nothing is written.
 
     Raises:
@@ -106,9 +137,9 @@ def check_folder(config: TrainConfig, out: FilePath, *, overwrite: bool, resume:
         )
 
 
-def _check_same(config: TrainConfig, file: FilePath) -> None:
+def _check_same(config: LearningConfig, file: FilePath) -> None:
     try:
-        kept = build(TrainConfig, read_yaml(file))
+        kept = build(type(config), read_yaml(file))
     except ConfigError as error:
         raise ConfigError(f"{file}: {error}") from None
     found = first_difference(dump(config), dump(kept))
@@ -137,7 +168,7 @@ def first_difference(
     return next((f for f in found if f is not None), None)
 
 
-def is_finished(config: TrainConfig, out: FilePath) -> bool:
+def is_finished(config: LearningConfig, out: FilePath) -> bool:
     """Whether the training in ``out`` came to its end."""
     last = max((out / "checkpoints").glob("step_*.npz"), default=None)
     if last is None or not (out / "policy.onnx").exists():

@@ -10,7 +10,7 @@ import numpy as np
 from steersman.config import dump
 from steersman.files import replacing, write_text
 from steersman.kernels.encode import FEATURE_LIMIT
-from steersman.learning.config import TrainConfig
+from steersman.learning.imitation.config import LearningConfig
 from steersman.learning.updates import Net
 from steersman.policy_file import PolicyCard, sha256
 from steersman.provenance import provenance
@@ -69,7 +69,7 @@ def network(net: Net, scale: Any) -> bytes:
 
 
 def export_policy(
-    net: Net, config: TrainConfig, folder: FilePath, note: dict[str, Any]
+    net: Net, config: LearningConfig, folder: FilePath, note: dict[str, Any]
 ) -> FilePath:
     """Write ``policy.onnx`` and ``policy.json`` into ``folder``; ``note`` goes into the card."""
     problem = config.problem

@@ -13,7 +13,7 @@ from steersman.kernels import speed as speed_kernel
 from steersman.kernels import step as kernel
 from steersman.kernels import vehicle as car
 from steersman.kernels.step import Fleet
-from steersman.learning.demonstration import Demonstrator
+from steersman.learning.demonstration import Demonstrator, demonstrated_action
 from steersman.learning.problem import Problem
 from steersman.learning.snapshot import Tree, fill
 from steersman.plants.simulator import place
@@ -198,6 +198,12 @@ class FleetDriver:
     def last_commands(self) -> FloatArray:
         """Steering executed in the last step, (n,)."""
         return self.fleet.memory[:, encode.LAST_COMMAND]
+
+    def demonstrated_actions(self) -> FloatArray:
+        """The demonstrator's action for the present observations, (n,) in [-1, 1]."""
+        return demonstrated_action(
+            self.fleet.demo, self.last_commands(), self.world.rate_limit, self.dt
+        )
 
     def _arrays(self) -> dict[str, Any]:
         """Every array that changes while driving."""

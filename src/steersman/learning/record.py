@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -36,12 +36,15 @@ COLUMNS = (
 class Record:
     """A row for each validation, in ``progress.csv`` and in ``tensorboard/``."""
 
-    def __init__(self, out: FilePath, resumed_at: int | None) -> None:
+    def __init__(
+        self, out: FilePath, resumed_at: int | None, columns: Sequence[str] = COLUMNS
+    ) -> None:
         """Begin, or go on after ``resumed_at`` steps: later events of before count no more."""
         from torch.utils.tensorboard import SummaryWriter
 
         self.rows: list[dict[str, float]] = []
         self._file = out / "progress.csv"
+        self._columns = columns
         purge = None if resumed_at is None else resumed_at + 1
         writer: Any = SummaryWriter
         self._writer = writer(str(out / "tensorboard"), purge_step=purge)
@@ -72,7 +75,7 @@ class Record:
 
     def _write(self) -> None:
         text = io.StringIO()
-        table = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+        table = csv.DictWriter(text, self._columns, lineterminator="\n")
         table.writeheader()
         table.writerows({k: f"{v:.8g}" for k, v in row.items()} for row in self.rows)
         write_text(self._file, text.getvalue())

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from steersman.config import build, read_yaml, to_yaml
+from steersman.config import build, read_yaml
 from steersman.errors import ConfigError, suggestion
-from steersman.files import make_folder, replacing, write_text
+from steersman.files import replacing
 from steersman.learning import alarm, checkpoint
 from steersman.learning.arithmetic import arithmetic
 from steersman.learning.config import TrainConfig
@@ -76,17 +76,9 @@ def train(
             sticks to its limit.
     """
     say = notify if notify is not None else _silent
-    checkpoint.check_folder(config, out, overwrite=overwrite, resume=resume)
-    saved = None
-    if resume and checkpoint.is_finished(config, out):
-        say(f"{out}: finished already")
+    finished, saved = checkpoint.begin(config, out, say, overwrite=overwrite, resume=resume)
+    if finished:
         return out / "policy.onnx"
-    if resume:
-        saved = checkpoint.load(out, say)
-    if saved is None:
-        checkpoint.clear(make_folder(out))
-        write_text(out / "config.yaml", to_yaml(config))
-    checkpoint.sweep(out)
     with arithmetic(config.threads):
         done = None if saved is None else int(saved["agent"]["counters"]["num_timesteps"])
         if done is not None:

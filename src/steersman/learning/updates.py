@@ -100,6 +100,13 @@ def view_net(flat: Any, sizes: tuple[int, int, int, int]) -> Net:
     return Net(w1, b1, w2, b2, w3, b3, flat)
 
 
+def act(net: Net, features: Any) -> Any:
+    """A policy's actions tanh(network(features)), (n,) in [-1, 1], for features (n, k)."""
+    h1 = np.maximum(features.astype(np.float32) @ net.w1.T + net.b1, 0.0)
+    h2 = np.maximum(h1 @ net.w2.T + net.b2, 0.0)
+    return np.tanh((h2 @ net.w3.T + net.b3)[:, 0]).astype(np.float64)
+
+
 def make_moments(size: int) -> Moments:
     """Adam's state before the first update."""
     return Moments(np.zeros(size, np.float32), np.zeros(size, np.float32), np.zeros(1, np.int64))
@@ -159,7 +166,7 @@ def forward(net: Net, x: Any, h1: Any, h2: Any, y: Any) -> None:
 
 
 @njit(cache=True, error_model="numpy", fastmath=_FAST)
-def _back_hidden(net: Net, dy: Any, h1: Any, h2: Any, d1: Any, d2: Any) -> None:
+def back_hidden(net: Net, dy: Any, h1: Any, h2: Any, d1: Any, d2: Any) -> None:
     """Gradients at the hidden layers' inputs from the gradient at the output."""
     for i in range(dy.shape[0]):
         for j in range(h2.shape[1]):
@@ -172,7 +179,8 @@ def _back_hidden(net: Net, dy: Any, h1: Any, h2: Any, d1: Any, d2: Any) -> None:
 
 
 @njit(cache=True, error_model="numpy", fastmath=_FAST)
-def _weight_gradients(x: Any, h1: Any, h2: Any, dy: Any, d1: Any, d2: Any, grad: Net) -> None:
+def weight_gradients(x: Any, h1: Any, h2: Any, dy: Any, d1: Any, d2: Any, grad: Net) -> None:
+    """Gradients of all weights from those at the layers' inputs; sums over the batch."""
     np.dot(d1.T, x, grad.w1)
     np.dot(d2.T, h1, grad.w2)
     grad.b1[:] = np.float32(0.0)
@@ -260,8 +268,8 @@ def _improve_critic(
         loss += gap * gap / count
         mean += work.q[i, 0] / count
     d1, d2 = work.d1, work.d2
-    _back_hidden(critic, work.dy, work.c1, work.c2, d1, d2)
-    _weight_gradients(work.z, work.c1, work.c2, work.dy, d1, d2, work.critic_grad)
+    back_hidden(critic, work.dy, work.c1, work.c2, d1, d2)
+    weight_gradients(work.z, work.c1, work.c2, work.dy, d1, d2, work.critic_grad)
     adam(critic.flat, work.critic_grad.flat, moments, rate)
     return loss, mean
 
@@ -277,7 +285,7 @@ def _improve_actor(actor: Net, critic: Net, moments: Moments, rate: float, work:
     forward(critic, work.z, work.c1, work.c2, work.q)
     work.dy[:] = np.float32(-1.0 / count)
     d1, d2 = work.d1, work.d2
-    _back_hidden(critic, work.dy, work.c1, work.c2, d1, d2)
+    back_hidden(critic, work.dy, work.c1, work.c2, d1, d2)
     loss = 0.0
     for i in range(count):
         slope = np.float32(0.0)
@@ -285,8 +293,8 @@ def _improve_actor(actor: Net, critic: Net, moments: Moments, rate: float, work:
             slope += d1[i, j] * critic.w1[j, n]
         loss -= work.q[i, 0] / count
         work.dy[i, 0] = slope * (_ONE - work.y[i, 0] * work.y[i, 0])
-    _back_hidden(actor, work.dy, work.a1, work.a2, d1, d2)
-    _weight_gradients(work.x, work.a1, work.a2, work.dy, d1, d2, work.actor_grad)
+    back_hidden(actor, work.dy, work.a1, work.a2, d1, d2)
+    weight_gradients(work.x, work.a1, work.a2, work.dy, d1, d2, work.actor_grad)
     adam(actor.flat, work.actor_grad.flat, moments, rate)
     return loss
 

@@ -38,13 +38,22 @@ class Score(NamedTuple):
 class Validator:
     """Drives the validation set; every call drives exactly the same."""
 
-    def __init__(self, problem: Problem, config: ValidationConfig) -> None:
-        """Build the drives: the training problem on other roads, without demonstration."""
-        alone = problem.demonstration.model_copy(update={"enabled": False})
+    def __init__(
+        self, problem: Problem, config: ValidationConfig, *, demonstrated: bool = False
+    ) -> None:
+        """Build the drives: the training problem on other roads.
+
+        They are without demonstration, unless it is the demonstrator that is to be judged.
+        """
+        alone = problem.demonstration.model_copy(update={"enabled": demonstrated})
         held_out = problem.model_copy(update={"roads": config.roads, "demonstration": alone})
         self._driver = FleetDriver(held_out, config.vehicles)
         self._config = config
         self._steps = round(problem.episode_time / self._driver.dt)
+
+    def score_demonstrator(self) -> Score:
+        """How the demonstrator drives; only with ``demonstrated``."""
+        return self.score(lambda _: self._driver.demonstrated_actions())
 
     def score(self, act: Callable[[Any], Any]) -> Score:
         """Drive with ``act``, which maps features (n, k) to actions (n,)."""

@@ -12,7 +12,6 @@ from stable_baselines3.common.vec_env import VecEnv
 from steersman.kernels import observe
 from steersman.kernels import step as kernel
 from steersman.kernels.encode import FEATURE_LIMIT
-from steersman.learning.demonstration import demonstrated_action
 from steersman.learning.fleet import FleetDriver
 from steersman.learning.problem import Problem
 from steersman.learning.snapshot import Tree, fill
@@ -108,10 +107,7 @@ class PathFollowingVecEnv(VecEnv):
 
     def demonstrated_actions(self) -> FloatArray:
         """The demonstrator's action for the present observations, (n,) in [-1, 1]."""
-        driver = self.driver
-        return demonstrated_action(
-            driver.fleet.demo, driver.last_commands(), driver.world.rate_limit, driver.dt
-        )
+        return self.driver.demonstrated_actions()
 
     def snapshot(self) -> dict[str, Any]:
         """All that changes from step to step."""

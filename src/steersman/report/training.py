@@ -30,6 +30,8 @@ TITLES = {
     "critic_loss": "critic loss",
     "c_track": "coefficient of tracking",
     "c_diff": "coefficient of demonstration",
+    "loss": "loss",
+    "action_difference": "difference from the demonstrator's action",
     "demo_share": "share of demonstrated actions",
     "learning_rate": "learning rate",
 }

@@ -1,0 +1,123 @@
+"""``steersman imitate``: a network that does what a controller does."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from steersman.cli import settings, train
+from steersman.cli.outcome import INTERRUPTED
+from steersman.cli.output import note, steps_bar, write
+
+if TYPE_CHECKING:
+    from steersman.learning.imitation.config import ImitationConfig
+
+EXAMPLES = (
+    "\b\n"
+    "Examples:\n"
+    "  steersman imitate precision problem.demonstration.controller=mpc_delay --out runs/dagger\n"
+    "  steersman imitate demo method=bc noise.at=0.1 steps=100000 --out runs/bc\n"
+    "  steersman imitate runs/dagger/config.yaml fit.hidden=[256,256] --out runs/wide\n"
+    "  steersman imitate --out runs/dagger --resume\n"
+    "\n"
+    "What can be set: steersman show imitate"
+)
+# What an imitation takes from the configuration of a training.
+_SHARED = ("problem", "validation", "seed", "trim", "threads")
+
+
+def imitate(
+    out: Annotated[
+        str, typer.Option("--out", metavar="DIR", help="Folder for policy, record and logs.")
+    ],
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace an earlier training in DIR.")
+    ] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on from the last round in DIR.")
+    ] = False,
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[PRESET | CONFIG.yaml] [key=value ...]",
+            help="A training's preset or a YAML file, and settings over it.",
+        ),
+    ] = None,
+) -> None:
+    """Fit a network to a controller's actions, by DAgger or behaviour cloning.
+
+    The controller is problem.demonstration.controller. Of a training's preset or configuration,
+    problem, validation, seed, trim and threads are taken. Writes what steersman train writes.
+    """
+    kept = FilePath(out) / "config.yaml"
+    if not words and resume and kept.is_file():
+        words = [str(kept)]
+    tree = read(words or [])
+
+    from steersman.learning.imitation.imitate import imitation_config
+
+    config = imitation_config(tree)
+    folder = settings.out_folder(out)
+    try:
+        policy = imitate_with_bar(config, folder, overwrite=overwrite, resume=resume)
+    except KeyboardInterrupt:
+        note(f"interrupted; --resume goes on from the last round in {folder}")
+        raise typer.Exit(INTERRUPTED) from None
+    write(f"{policy}\n")
+
+
+def read(words: list[str]) -> dict[str, Any]:
+    """The preset or file, with the assignments laid over it.
+
+    Raises:
+        ConfigError: there is no such preset, or the words contradict each other.
+        DataError: the file is missing or no YAML.
+    """
+    from steersman.config import override
+
+    name, assignments = settings.split(words)
+    tree = train.read([] if name is None else [name])
+    if "agent" in tree:
+        tree = {key: tree[key] for key in _SHARED if key in tree}
+    return override(tree, assignments)
+
+
+def imitate_with_bar(
+    config: ImitationConfig, folder: FilePath, *, overwrite: bool, resume: bool
+) -> FilePath:
+    """Imitate, and show tracking error and the time left on stderr."""
+    from steersman.learning.imitation.imitate import imitate as run
+
+    steps = config.round_steps * config.vehicles
+    with steps_bar(steps * config.rounds, "imitation") as update:
+        text = "imitation"
+
+        def tell(row: dict[str, float]) -> None:
+            nonlocal text
+            text = progress_text(row)
+            update(row["steps"], text)
+
+        def tick(rounds: float) -> None:
+            update(rounds * steps, text)
+
+        in_terminal = sys.stderr.isatty()
+        return run(
+            config,
+            folder,
+            tell,
+            tick=tick if in_terminal else None,
+            notify=note,
+            overwrite=overwrite,
+            resume=resume,
+        )
+
+
+def progress_text(row: dict[str, float]) -> str:
+    """A row of ``progress.csv`` in a few words."""
+    return (
+        f"RMS error {row['validation_rms_mm']:.4g} mm, failed {row['validation_failures']:.0f}, "
+        f"steering change {row['steer_activity']:.4f}, loss {row['loss']:.3g}"
+    )
