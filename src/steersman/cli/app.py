@@ -14,6 +14,7 @@ from steersman.cli import (
     drive,
     falsify,
     imitate,
+    path,
     report,
     reproduce,
     train,
@@ -47,6 +48,11 @@ app.command("falsify", epilog=falsify.EXAMPLES)(falsify.falsify)
 app.command("bench", epilog=bench.EXAMPLES)(bench.bench)
 app.command("reproduce", epilog=reproduce.EXAMPLES)(reproduce.reproduce)
 app.command("report", epilog=report.EXAMPLES)(report.report)
+paths = typer.Typer(
+    rich_markup_mode=None, help="Paths as files of other programs.", epilog=path.GROUP_EXAMPLES
+)
+paths.command("export", epilog=path.EXAMPLES)(path.export)
+app.add_typer(paths, name="path")
 
 
 def _version(wanted: bool) -> None:

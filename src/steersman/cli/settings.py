@@ -93,14 +93,16 @@ def out_folder(name: str) -> FilePath:
         raise DataError(f"{folder}: cannot be written ({error.strerror})") from None
 
 
-def out_file(name: str) -> FilePath:
+def out_file(name: str, option: str = "--out") -> FilePath:
     """The file for a result, in a folder that is proved to be writable before anything runs.
+
+    ``option`` is what the user gave the name with.
 
     Raises:
         DataError: it is a folder, or its folder cannot be written.
     """
     file = FilePath(name)
     if not name.strip() or file.is_dir():
-        raise DataError(f"--out: expected the name of a file, given {name!r}")
+        raise DataError(f"{option}: expected the name of a file, given {name!r}")
     out_folder(str(file.parent))
     return file

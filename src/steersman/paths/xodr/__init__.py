@@ -1,0 +1,1 @@
+"""OpenDRIVE: reading the lanes of a road network, and writing a path as a road."""

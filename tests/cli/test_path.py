@@ -1,0 +1,69 @@
+"""``steersman path``: what it writes, and what it refuses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from xml.etree import ElementTree as ET
+
+import pytest
+from typer.testing import Result
+
+from steersman.paths.basic import Circle
+from steersman.paths.xodr.write import opendrive
+
+Steersman = Callable[..., Result]
+
+
+def test_export_writes_the_road(steersman: Steersman, tmp_path: FilePath) -> None:
+    words = ("path", "export", "circle", "radius=30", "--to", "new/ring.xodr")
+    result = steersman(*words, "--lane-width", "3.5", "--shoulder", "0")
+    assert result.exit_code == 0
+    assert result.stdout == ""
+    assert result.stderr == "written: new/ring.xodr (circle, 188.5 m, closed)\n"
+    text = (tmp_path / "new" / "ring.xodr").read_text(encoding="utf-8")
+    assert text == opendrive(Circle(radius=30.0), "circle", lane_width=3.5, shoulder=0.0)
+    assert ET.fromstring(text).tag == "OpenDRIVE"
+
+
+def test_export_of_a_yaml_file(steersman: Steersman, tmp_path: FilePath) -> None:
+    (tmp_path / "road.yaml").write_text("kind: circle\nradius: 20\n", encoding="utf-8")
+    assert steersman("path", "export", "road.yaml", "radius=30", "--to", "a.xodr").exit_code == 0
+    assert steersman("path", "export", "circle", "radius=30", "--to", "b.xodr").exit_code == 0
+    assert (tmp_path / "a.xodr").read_bytes() == (tmp_path / "b.xodr").read_bytes()
+
+
+def test_help_has_examples(steersman: Steersman) -> None:
+    assert "\n    steersman path export monza" in steersman("path", "export", "--help").stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("path", "missing command; see 'steersman path --help'"),
+        ("path exprt", "no such command 'exprt'; did you mean 'export'?"),
+        ("path export circle", "missing option '--to'; see 'steersman path export --help'"),
+        ("path export mona --to a.xodr", "unknown path 'mona'; did you mean 'monza'?"),
+        (
+            "path export radius=5 --to a.xodr",
+            "'radius=5' is a setting; first comes the kind of path, e.g. circle",
+        ),
+        (
+            "path export circle radius=5m --to a.xodr",
+            "radius: '5m' is not a number; the unit is m, write e.g. 5",
+        ),
+        (
+            "path export circle --lane-width 0 --to a.xodr",
+            "invalid value for '--lane-width': Input should be greater than or equal to 0.5;"
+            " see 'steersman path export --help'",
+        ),
+        ("path export none.yaml --to a.xodr", "none.yaml: no such file"),
+        ("path export circle --to .", "--to: expected the name of a file, given '.'"),
+    ],
+)
+def test_wrong_input(steersman: Steersman, tmp_path: FilePath, words: str, message: str) -> None:
+    result = steersman(*words.split())
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert result.stderr == f"error: {message}\n"
+    assert list(tmp_path.iterdir()) == []
