@@ -9,6 +9,7 @@ import typer
 
 from steersman.cli import (
     bench,
+    carla,
     components,
     demo,
     drive,
@@ -53,6 +54,9 @@ paths = typer.Typer(
 )
 paths.command("export", epilog=path.EXAMPLES)(path.export)
 app.add_typer(paths, name="path")
+servers = typer.Typer(rich_markup_mode=None, help="CARLA: a stand-in for its server.")
+servers.command("serve", epilog=carla.SERVE_EXAMPLES)(carla.serve)
+app.add_typer(servers, name="carla")
 
 
 def _version(wanted: bool) -> None:

@@ -19,7 +19,9 @@ PIPE_CLOSED = 141
 _UsageError: type[Any] = typer.BadParameter.__mro__[1]
 # The extra of the package that brings an optional module.
 _EXTRAS = {
+    "carla": "carla",
     "jinja2": "report",
+    "msgpack": "carla",
     "onnx": "train",
     "pyarrow": "bench",
     "ray": "ray",

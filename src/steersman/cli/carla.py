@@ -1,0 +1,88 @@
+"""``steersman carla``: what has to do with CARLA, its server and its stand-in."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from steersman.cli.output import write
+
+if TYPE_CHECKING:
+    from steersman.vehicles import Vehicle
+
+SERVE_EXAMPLES = (
+    "\b\n"
+    "Examples:\n"
+    "  steersman carla serve\n"
+    "  steersman carla serve --port 0 --vehicle my_car.yaml\n"
+    "  steersman carla serve --maps ~/opendrive"
+)
+
+
+def serve(
+    port: Annotated[
+        int,
+        typer.Option(
+            "--port",
+            min=0,
+            max=65534,
+            help="Port of the calls; streams are on the next. 0: the system chooses both.",
+        ),
+    ] = 2000,
+    host: Annotated[str, typer.Option("--host", help="Address to listen on.")] = "127.0.0.1",
+    vehicle: Annotated[
+        str,
+        typer.Option(
+            "--vehicle",
+            metavar="NAME|FILE.yaml",
+            help="What drives as vehicle.tesla.model3: a vehicle by name, or a file.",
+        ),
+    ] = "carla_model3",
+    maps: Annotated[
+        str | None,
+        typer.Option("--maps", metavar="DIR", help="Folder of *.xodr that can be loaded as maps."),
+    ] = None,
+) -> None:
+    """Serve CARLA's protocol from the embedded simulator, until Ctrl-C.
+
+    A stand-in for tests, teaching and CI of control clients: no GPU, no engine, and numbers that
+    are the embedded simulator's, never CARLA's. Only what docs/carla_standin.md lists is answered.
+    """
+    import logging
+
+    from steersman.standin.blueprints import models
+    from steersman.standin.server import Server
+    from steersman.standin.server import serve as run
+
+    logging.basicConfig(format="%(message)s")
+    server = Server(
+        host, port, models(_vehicle(vehicle)), None if maps is None else FilePath(maps).expanduser()
+    )
+
+    def ready(server: Server) -> None:
+        write(
+            f"stand-in for a CARLA server: {server.host}:{server.port}, streams on "
+            f"{server.stream_port}; vehicle.tesla.model3 is {vehicle}; Ctrl-C stops it\n"
+        )
+
+    run(server, ready)
+    write("stand-in: stopped\n")
+
+
+def _vehicle(name: str) -> Vehicle:
+    """A vehicle by name, or from a file.
+
+    Raises:
+        ConfigError: there is none of that name, or the file is wrong.
+    """
+    from steersman.config import build, lookup
+    from steersman.vehicles import Vehicle
+
+    if name.endswith((".yaml", ".yml")):
+        vehicle = build(lookup("vehicle", "file"), {"file": name})
+    else:
+        vehicle = build(lookup("vehicle", name), {})
+    assert isinstance(vehicle, Vehicle)
+    return vehicle

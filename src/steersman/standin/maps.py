@@ -1,0 +1,127 @@
+"""Maps: the OpenDRIVE text that clients are handed, and where cars may be spawned on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+from xml.parsers import expat
+
+from steersman.errors import DataError, suggestion
+from steersman.standin.axes import Transform
+from steersman.standin.wire import Refused
+
+# What CARLA calls a world that a client has generated.
+GENERATED = "OpenDriveMap"
+_DEFAULT = "StandInStraight"
+_FOLDER = "Carla/Maps/"
+
+# A straight road of 1 km, one lane each way, on which an empty server starts.
+_STRAIGHT = """<?xml version="1.0"?>
+<OpenDRIVE>
+  <header revMajor="1" revMinor="4" name="stand-in"/>
+  <road name="straight" length="1000.0" id="1" junction="-1">
+    <planView>
+      <geometry s="0.0" x="0.0" y="0.0" hdg="0.0" length="1000.0"><line/></geometry>
+    </planView>
+    <lanes>
+      <laneSection s="0.0">
+        <left>
+          <lane id="1" type="driving" level="false">
+            <width sOffset="0.0" a="3.5" b="0.0" c="0.0" d="0.0"/>
+          </lane>
+        </left>
+        <center><lane id="0" type="none" level="false"/></center>
+        <right>
+          <lane id="-1" type="driving" level="false">
+            <width sOffset="0.0" a="3.5" b="0.0" c="0.0" d="0.0"/>
+          </lane>
+        </right>
+      </laneSection>
+    </lanes>
+  </road>
+</OpenDRIVE>
+"""
+
+
+@dataclass(frozen=True)
+class WorldMap:
+    """A map by name."""
+
+    name: str
+    opendrive: str
+    spawn_points: tuple[Transform, ...] = field(default=())
+
+    @property
+    def path(self) -> str:
+        """How CARLA names it."""
+        return _FOLDER + self.name
+
+
+def default_map() -> WorldMap:
+    """What an empty server shows."""
+    return WorldMap(_DEFAULT, _STRAIGHT, (Transform(10.0, 1.75), Transform(30.0, 1.75)))
+
+
+def read_map(name: str, text: str) -> WorldMap:
+    """A map from a client's text, which is checked for being OpenDRIVE at all.
+
+    Raises:
+        Refused: it is not.
+    """
+    parser = expat.ParserCreate()
+    seen: list[str] = []
+
+    def start(tag: str, _: object) -> None:
+        if tag == "road" or not seen:
+            seen.append(tag)
+
+    def entity(*_: object) -> None:
+        raise Refused("OpenDRIVE: entities are not allowed")
+
+    parser.StartElementHandler = start
+    parser.EntityDeclHandler = entity
+    try:
+        parser.Parse(text, True)
+    except expat.ExpatError as error:
+        raise Refused(f"OpenDRIVE: {error}") from None
+    if seen[0] != "OpenDRIVE" or "road" not in seen:
+        raise Refused(f"OpenDRIVE: expected <OpenDRIVE> with a <road>, got <{seen[0]}>")
+    return WorldMap(name, text)
+
+
+class Atlas:
+    """The maps that ``load_world`` knows: the default one and those of a folder."""
+
+    def __init__(self, folder: FilePath | None = None) -> None:
+        """Look at the folder's names; a map is read when it is loaded.
+
+        Raises:
+            DataError: the folder cannot be read, or has no map.
+        """
+        self._files: dict[str, FilePath] = {}
+        if folder is not None:
+            if not folder.is_dir():
+                raise DataError(f"{folder}: no such folder")
+            self._files = {file.stem: file for file in sorted(folder.glob("*.xodr"))}
+            if not self._files:
+                raise DataError(f"{folder}: no *.xodr in it")
+
+    def names(self) -> list[str]:
+        """All maps, as CARLA names them."""
+        return [_FOLDER + name for name in (_DEFAULT, *self._files)]
+
+    def load(self, name: str) -> WorldMap:
+        """The map of that name, with or without its folder.
+
+        Raises:
+            Refused: there is none, or its file cannot be read.
+        """
+        stem = name.rpartition("/")[2]
+        if stem == _DEFAULT:
+            return default_map()
+        if stem not in self._files:
+            raise Refused(f"there is no map {name!r}{suggestion(stem, [_DEFAULT, *self._files])}")
+        try:
+            return read_map(stem, self._files[stem].read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError) as error:
+            raise Refused(f"{self._files[stem].name}: {error}") from None

@@ -1,0 +1,218 @@
+"""CARLA's physics control of a vehicle, from our parameters and back into them.
+
+What our model knows is translated; the rest is filled in with the figures of CARLA's Model 3 (or
+the engine's defaults), kept when a client changes it, and without effect.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from steersman.errors import ConfigError
+from steersman.standin.actors import Actor
+from steersman.standin.axes import Transform, placed
+from steersman.standin.blueprints import Model
+from steersman.standin.wire import Refused
+from steersman.vehicles import Vehicle
+
+_KMH = 3.6
+_CM = 100.0
+_FRONTAL_AREA = 2.2
+_WHEELS = 4
+# Model 3: engine torque [Nm] over speed [rpm], and final ratio; lateral stiffness at that load.
+_TORQUE = [[0.0, 743.0], [9000.0, 743.0], [15000.0, 502.0]]
+_MAX_RPM, _FINAL_RATIO = 15000.0, 9.0
+_DAMPING = (0.15, 2.0, 0.35)
+_MAX_LOAD, _SIDE_STIFFNESS, _LONG_STIFFNESS = 3.0, 20.0, 3000.0
+
+
+class Physics(NamedTuple):
+    """The seventeen values, in the order in which they travel."""
+
+    torque_curve: list[list[float]]
+    max_rpm: float
+    moi: float
+    damping_full_throttle: float
+    damping_zero_throttle_engaged: float
+    damping_zero_throttle_disengaged: float
+    use_gear_autobox: bool
+    gear_switch_time: float
+    clutch_strength: float
+    final_ratio: float
+    forward_gears: list[list[float]]
+    mass: float
+    drag_coefficient: float
+    center_of_mass: list[float]
+    steering_curve: list[list[float]]
+    wheels: list[list[Any]]
+    use_sweep_wheel_collision: bool
+
+
+class Wheel(NamedTuple):
+    """The ten values of a wheel, in the order in which they travel; lengths in cm."""
+
+    tire_friction: float
+    damping_rate: float
+    max_steer_angle: float
+    radius: float
+    max_brake_torque: float
+    max_handbrake_torque: float
+    lat_stiff_max_load: float
+    lat_stiff_value: float
+    long_stiff_value: float
+    position: list[float]
+
+
+def read_out(actor: Actor) -> list[Any]:
+    """The physics control of a vehicle; where its wheels are is told in the world's axes."""
+    model = _model(actor)
+    kept = actor.applied_physics
+    physics = Physics(*kept) if kept is not None else describe(model)
+    places = _wheel_places(model, actor.transform)
+    wheels = [[*wheel[:9], place] for wheel, place in zip(physics.wheels, places, strict=True)]
+    return list(physics._replace(wheels=wheels))
+
+
+def describe(model: Model) -> Physics:
+    """The physics control of a vehicle as it is spawned."""
+    car = model.vehicle
+    torque = car.brake_force * model.radius / _WHEELS
+    shares = (car.brake_front, 1.0 - car.brake_front)
+    wheels = [
+        list(
+            Wheel(
+                tire_friction=car.friction,
+                damping_rate=0.25,
+                max_steer_angle=math.degrees(car.max_wheel_angle) if front else 0.0,
+                radius=_CM * model.radius,
+                max_brake_torque=2.0 * torque * shares[0 if front else 1],
+                max_handbrake_torque=0.0 if front else 1400.0,
+                lat_stiff_max_load=_MAX_LOAD,
+                lat_stiff_value=_SIDE_STIFFNESS,
+                long_stiff_value=_LONG_STIFFNESS,
+                position=[0.0, 0.0, 0.0],
+            )
+        )
+        for front in (True, True, False, False)
+    ]
+    return Physics(
+        torque_curve=_TORQUE,
+        max_rpm=_MAX_RPM,
+        moi=1.0,
+        damping_full_throttle=_DAMPING[0],
+        damping_zero_throttle_engaged=_DAMPING[1],
+        damping_zero_throttle_disengaged=_DAMPING[2],
+        use_gear_autobox=True,
+        gear_switch_time=0.0,
+        clutch_strength=10.0,
+        final_ratio=_FINAL_RATIO,
+        forward_gears=[[1.0, 0.5, 0.65]],
+        mass=car.mass,
+        drag_coefficient=car.drag_area / _FRONTAL_AREA,
+        center_of_mass=[model.offset, 0.0, model.below],
+        steering_curve=[
+            [v * _KMH, f]
+            for v, f in zip(car.steer_curve_speed, car.steer_curve_factor, strict=True)
+        ],
+        wheels=wheels,
+        use_sweep_wheel_collision=False,
+    )
+
+
+def apply(actor: Actor, values: Any) -> list[str]:
+    """Take a physics control from the wire; names what was changed without effect.
+
+    Mass, drag, centre of mass along the car, steering curve, lock, friction, brakes and lateral
+    stiffness act. Stiffness goes with the load that stands on the axle and yaw inertia with mass,
+    as they do in the engine; the drive force stays what it was.
+
+    Raises:
+        Refused: it is none, or describes no car.
+    """
+    spawned = _model(actor)
+    if not isinstance(values, list) or len(values) != len(Physics._fields):
+        raise Refused(f"a physics control has {len(Physics._fields)} values")
+    new, old = Physics(*values), describe(spawned)
+    try:
+        vehicle, offset = _vehicle(spawned, new)
+    except ConfigError as error:
+        raise Refused(f"physics control: {error}") from None
+    assert actor.car is not None
+    actor.car.fit(vehicle, offset)
+    actor.applied_physics = values
+    acting = {"mass", "drag_coefficient", "center_of_mass", "steering_curve", "wheels"}
+    return [
+        name
+        for name, was, now in zip(Physics._fields, old, new, strict=True)
+        if name not in acting and not _alike(was, now)
+    ]
+
+
+def _vehicle(spawned: Model, new: Physics) -> tuple[Vehicle, float]:
+    """Our parameters, and the offset of the centre of mass [m], that a physics control asks for."""
+    base = spawned.vehicle
+    if len(new.wheels) != _WHEELS:
+        raise ConfigError(f"{len(new.wheels)} wheels; {_WHEELS} are known here")
+    wheels = [Wheel(*values) for values in new.wheels]
+    if new.mass <= 0.0 or not math.isfinite(new.mass):
+        raise ConfigError(f"mass {new.mass} kg; must be above 0")
+    offset = float(new.center_of_mass[0])
+    l_f = base.l_f - (offset - spawned.offset)
+    l_r = base.wheelbase - l_f
+    if min(l_f, l_r) <= 0.0:
+        raise ConfigError(f"centre of mass at {offset} m; must lie between the axles")
+    heavier = new.mass / base.mass
+    stiffer = [
+        0.5 * (a.lat_stiff_value + b.lat_stiff_value) / _SIDE_STIFFNESS
+        for a, b in (wheels[:2], wheels[2:])
+    ]
+    front, rear = (
+        0.5 * (a.max_brake_torque + b.max_brake_torque) for a, b in (wheels[:2], wheels[2:])
+    )
+    force = 2.0 * (front + rear) / spawned.radius
+    vehicle = base.replace(
+        mass=new.mass,
+        map_mass=base.mass if base.map_mass is None else base.map_mass,
+        yaw_inertia=base.yaw_inertia * heavier,
+        l_f=l_f,
+        l_r=l_r,
+        c_f=base.c_f * heavier * l_r / base.l_r * stiffer[0],
+        c_r=base.c_r * heavier * l_f / base.l_f * stiffer[1],
+        friction=sum(w.tire_friction for w in wheels) / _WHEELS,
+        drag_area=new.drag_coefficient * _FRONTAL_AREA,
+        brake_force=force,
+        brake_front=front / (front + rear) if force > 0.0 else base.brake_front,
+        max_wheel_angle=math.radians(wheels[0].max_steer_angle),
+        steer_curve_speed=tuple(v / _KMH for v, _ in new.steering_curve),
+        steer_curve_factor=tuple(f for _, f in new.steering_curve),
+    )
+    return vehicle, offset
+
+
+def _wheel_places(model: Model, where: Transform) -> list[list[float]]:
+    """Where the wheels are in CARLA's world [cm]; left is negative y."""
+    car, half = model.vehicle, 0.5 * model.vehicle.track_width
+    ahead = (car.l_f + model.offset, model.offset - car.l_r)
+    places = []
+    for along, across in ((0, -half), (0, half), (1, -half), (1, half)):
+        at = placed(where, Transform(ahead[along], across, model.radius))
+        places.append([_CM * at.x, _CM * at.y, _CM * at.z])
+    return places
+
+
+def _model(actor: Actor) -> Model:
+    if actor.model is None:
+        raise Refused(f"actor {actor.number} ({actor.kind}) is no vehicle")
+    return actor.model
+
+
+def _alike(was: Any, now: Any) -> bool:
+    """Whether two values, or lists of them, are the same but for float32 rounding."""
+    if isinstance(was, list):
+        return (
+            isinstance(now, list)
+            and len(was) == len(now)
+            and all(_alike(a, b) for a, b in zip(was, now, strict=True))
+        )
+    return math.isclose(float(was), float(now), rel_tol=1e-6)

@@ -1,0 +1,259 @@
+"""The two ports of the stand-in: calls on one, streams on the other; one event loop, one world."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import signal
+import struct
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import Any
+
+from steersman.errors import SteersmanError
+from steersman.standin import actor_calls, episode_calls  # noqa: F401 - they enter their calls
+from steersman.standin.blueprints import Model, default_models
+from steersman.standin.calls import Desk
+from steersman.standin.car import warm_up
+from steersman.standin.log import log
+from steersman.standin.maps import Atlas
+from steersman.standin.wire import framed, request, response, unpacker
+from steersman.standin.world import Message, World
+
+HOST = "127.0.0.1"
+PORT = 2000
+# Connections at once, of each port.
+MAX_CLIENTS = 64
+# What may wait for a client that does not read [bytes]: beyond, a stream's messages are dropped
+# and no further calls of that client are read.
+MAX_WAITING = 2**20
+
+_STREAM_ID = struct.Struct("<I")
+# Longest pause of the loop that asynchronous mode makes up for [s].
+_CATCH_UP = 0.2
+
+
+class PortTaken(SteersmanError, OSError):
+    """The port cannot be opened."""
+
+
+class Server:
+    """A stand-in on two open ports; ``async with`` opens and closes it."""
+
+    def __init__(
+        self,
+        host: str = HOST,
+        port: int = PORT,
+        vehicles: dict[str, Model] | None = None,
+        maps: FilePath | None = None,
+    ) -> None:
+        """Prepare; ``port`` 0 lets the system choose both ports, else streams are on the next."""
+        self.host = host
+        self.port = port
+        self.stream_port = port + 1 if port else 0
+        self.world = World(vehicles or default_models())
+        self._atlas = Atlas(maps)
+        self._listeners: dict[int, set[StreamSession]] = {}
+        self.sessions: set[Session] = set()
+        self._open: list[asyncio.Server] = []
+        self._clock: asyncio.Task[None] | None = None
+
+    async def __aenter__(self) -> Server:
+        """Open the ports.
+
+        Raises:
+            PortTaken: one is taken, or may not be opened.
+        """
+        self.stream_port = await self._listen(lambda: StreamSession(self), self.stream_port)
+        desk = Desk(self.world, self._atlas, self.stream_port, self.publish)
+        try:
+            self.port = await self._listen(lambda: CallSession(self, desk), self.port)
+        except PortTaken:
+            await self.__aexit__()
+            raise
+        self._clock = asyncio.create_task(self._run(desk))
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        """Close the ports and every connection."""
+        if self._clock is not None:
+            self._clock.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await self._clock
+        for server in self._open:
+            server.close()
+        for session in list(self.sessions):
+            session.connection.abort()
+        for server in self._open:
+            await server.wait_closed()
+
+    async def _listen(self, factory: Callable[[], asyncio.Protocol], port: int) -> int:
+        loop = asyncio.get_running_loop()
+        try:
+            server = await loop.create_server(factory, self.host, port)
+        except (OSError, OverflowError) as error:
+            reason = error.strerror if isinstance(error, OSError) else str(error)
+            taken = isinstance(error, OSError) and error.errno == errno.EADDRINUSE
+            raise PortTaken(
+                f"port {port} on {self.host} "
+                + (
+                    "is taken; is a server running already? Choose another with --port"
+                    if taken
+                    else f"cannot be opened ({reason})"
+                )
+            ) from None
+        self._open.append(server)
+        return int(server.sockets[0].getsockname()[1])
+
+    async def _run(self, desk: Desk) -> None:
+        """In asynchronous mode, tick in real time."""
+        loop = asyncio.get_running_loop()
+        due = loop.time()
+        while True:
+            period = self.world.settings.period
+            due = max(due + period, loop.time() - _CATCH_UP)
+            await asyncio.sleep(max(due - loop.time(), 0.0))
+            if not self.world.settings.synchronous:
+                desk.tick()
+
+    def publish(self, message: Message) -> None:
+        """Send to all who listen to that stream."""
+        listeners = self._listeners.get(message.stream)
+        if listeners:
+            data = framed(message.payload)
+            for session in listeners:
+                session.send(data)
+
+    def listen_to(self, stream: int, session: StreamSession) -> None:
+        """A client wants a stream."""
+        self._listeners.setdefault(stream, set()).add(session)
+
+    def forget(self, stream: int, session: StreamSession) -> None:
+        """A client has gone."""
+        listeners = self._listeners.get(stream, set())
+        listeners.discard(session)
+        if not listeners:
+            self._listeners.pop(stream, None)
+
+    def admit(self, session: Session) -> bool:
+        """Whether there is room for one more connection; counts it if so."""
+        alike = sum(type(other) is type(session) for other in self.sessions)
+        if alike >= MAX_CLIENTS:
+            log.warning("stand-in: more than %d connections; one was refused", MAX_CLIENTS)
+            return False
+        self.sessions.add(session)
+        return True
+
+
+class Session(asyncio.Protocol):
+    """A connection of either kind."""
+
+    connection: asyncio.Transport
+
+    def __init__(self, server: Server) -> None:
+        """Of that server."""
+        self.server = server
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """A client has come."""
+        assert isinstance(transport, asyncio.Transport)
+        self.connection = transport
+        transport.set_write_buffer_limits(high=MAX_WAITING)
+        if not self.server.admit(self):
+            transport.abort()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """A client has gone."""
+        self.server.sessions.discard(self)
+
+    def reject(self, why: str) -> None:
+        """Close the connection of somebody who does not speak the protocol."""
+        log.warning("stand-in: connection closed: %.200s", why)
+        self.connection.abort()
+
+
+class CallSession(Session):
+    """A client's calls."""
+
+    def __init__(self, server: Server, desk: Desk) -> None:
+        """Answered by ``desk``."""
+        super().__init__(server)
+        import msgpack
+
+        self._desk = desk
+        self._unpacker = unpacker()
+        self._pack = msgpack.Packer().pack
+
+    def data_received(self, data: bytes) -> None:
+        """Answer every call that is complete, in the order in which they came."""
+        try:
+            self._unpacker.feed(data)
+            for message in self._unpacker:
+                self._answer(message)
+        except Exception as error:  # noqa: BLE001
+            self.reject(str(error))
+
+    def _answer(self, message: Any) -> None:
+        number, name, arguments = request(message)
+        outcome = self._desk.answer(name, arguments)
+        self.connection.write(self._pack(response(number, outcome)))
+
+    def pause_writing(self) -> None:
+        """The client does not read its replies: read no more of its calls."""
+        self.connection.pause_reading()
+
+    def resume_writing(self) -> None:
+        """It reads again."""
+        self.connection.resume_reading()
+
+
+class StreamSession(Session):
+    """A client's subscription to one stream."""
+
+    def __init__(self, server: Server) -> None:
+        """To a stream that it has yet to name."""
+        super().__init__(server)
+        self._head = b""
+        self._stream: int | None = None
+
+    def data_received(self, data: bytes) -> None:
+        """The number of the stream; nothing may follow."""
+        self._head += data[: _STREAM_ID.size + 1]
+        if len(self._head) > _STREAM_ID.size:
+            self.reject("a stream's client has nothing more to say than the stream's number")
+        elif len(self._head) == _STREAM_ID.size and self._stream is None:
+            (self._stream,) = _STREAM_ID.unpack(self._head)
+            self.server.listen_to(self._stream, self)
+
+    def send(self, data: bytes) -> None:
+        """Send a message, or drop it if the client has not read what was sent before."""
+        if self.connection.get_write_buffer_size() <= MAX_WAITING:
+            self.connection.write(data)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The client has gone, or has stopped listening."""
+        super().connection_lost(exc)
+        if self._stream is not None:
+            self.server.forget(self._stream, self)
+
+
+def serve(server: Server, ready: Callable[[Server], None]) -> None:
+    """Run a server until it is interrupted or told to terminate.
+
+    Raises:
+        PortTaken: see :class:`Server`.
+    """
+    warm_up()
+
+    async def forever() -> None:
+        stop = asyncio.Event()
+        with contextlib.suppress(NotImplementedError):  # Windows has neither
+            for number in (signal.SIGINT, signal.SIGTERM):
+                asyncio.get_running_loop().add_signal_handler(number, stop.set)
+        async with server:
+            ready(server)
+            await stop.wait()
+
+    with contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(forever())

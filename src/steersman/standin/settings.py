@@ -1,0 +1,84 @@
+"""Episode settings: how the world ticks."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+from steersman.standin.wire import Refused, optional
+
+# Period of the asynchronous mode without a fixed one [s].
+_FREE_RUNNING = 0.02
+# Longest period and most substeps that a client may ask for.
+_LONGEST = 10.0
+_MOST_SUBSTEPS = 1000
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What ``world.apply_settings`` sets; the last fields are kept and returned, no more."""
+
+    synchronous: bool = False
+    no_rendering: bool = False
+    fixed_delta: float | None = None
+    substepping: bool = True
+    max_substep_delta: float = 0.01
+    max_substeps: int = 10
+    rest: tuple[Any, ...] = (0.0, True, 3000.0, 2000.0, True)
+    """Culling distance, deterministic ragdolls, tile and actor distances, spectator as ego."""
+
+    @classmethod
+    def read(cls, values: Any) -> Settings:
+        """From the wire, checked.
+
+        Raises:
+            Refused: it does not fit.
+        """
+        match values:
+            case [bool(sync), bool(blind), delta, bool(sub), h, int(most), *rest] if len(
+                rest
+            ) == len(cls.rest):
+                pass
+            case _:
+                raise Refused(
+                    "settings: 11 values are expected, as the client of 0.9.16 sends them"
+                )
+        fixed = delta[1] if isinstance(delta, list) and len(delta) > 1 and delta[0] else None
+        if fixed is not None and not 0.0 < fixed <= _LONGEST:
+            raise Refused(f"fixed_delta_seconds: {fixed} s; above 0 and at most {_LONGEST:g} s")
+        if sub and not (0.0 < h <= _LONGEST and 1 <= most <= _MOST_SUBSTEPS):
+            raise Refused(
+                f"max_substep_delta_time {h} s, max_substeps {most}; "
+                f"above 0 s, and 1 to {_MOST_SUBSTEPS}"
+            )
+        return cls(sync, blind, fixed, sub, h, most, tuple(values[6:]))
+
+    def wire(self) -> list[Any]:
+        """As it travels in calls."""
+        return [
+            self.synchronous,
+            self.no_rendering,
+            optional(self.fixed_delta),
+            self.substepping,
+            self.max_substep_delta,
+            self.max_substeps,
+            *self.rest,
+        ]
+
+    def after_loading(self) -> Settings:
+        """What loading a world with ``reset_settings`` leaves."""
+        return replace(self, synchronous=False, fixed_delta=None)
+
+    @property
+    def period(self) -> float:
+        """Simulated time of a tick [s]."""
+        return _FREE_RUNNING if self.fixed_delta is None else self.fixed_delta
+
+    @property
+    def substeps(self) -> int:
+        """Integration steps that the client asks for in a tick; the simulator may take more."""
+        if not self.substepping:
+            return 1
+        wanted = math.ceil(self.period / self.max_substep_delta - 1e-9)
+        return min(max(wanted, 1), self.max_substeps)

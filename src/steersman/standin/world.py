@@ -1,0 +1,223 @@
+"""The world of the stand-in: settings, actors, and what happens in a tick."""
+
+from __future__ import annotations
+
+import math
+import struct
+from itertools import combinations
+from typing import Any, NamedTuple
+
+from steersman.standin.actors import Actor, overlap, read_transform
+from steersman.standin.axes import Transform
+from steersman.standin.blueprints import SPECTATOR, Model, check
+from steersman.standin.car import Car
+from steersman.standin.control import Control
+from steersman.standin.maps import WorldMap, default_map
+from steersman.standin.sensors import HEADER, Hit, Sensor
+from steersman.standin.settings import Settings
+from steersman.standin.wire import Refused
+
+# Stream of the snapshots; those of sensors follow.
+SNAPSHOTS = 1
+# Actors that a world holds: what a client asks for is bounded.
+MAX_ACTORS = 1000
+
+# Episode, wall clock [s], period [s], map origin, state of the simulation.
+_EPISODE = struct.Struct("<Qdf3iI")
+_WORLD_OBSERVER = 17
+_NO_CHANGE = 0
+# Of a clear day, which is what the stand-in returns for the weather until told another.
+_WEATHER = [10.0, 0.0, 0.0, 10.0, 0.0, 45.0, 2.0, 0.75, 0.1, 0.0, 1.0, 0.03, 0.0331, 0.0]
+
+
+class Message(NamedTuple):
+    """Something to send to whoever listens to a stream."""
+
+    stream: int
+    payload: bytes
+
+
+class World:
+    """All that clients share. Times in seconds, CARLA's axes outside, ours inside the cars."""
+
+    def __init__(self, vehicles: dict[str, Model]) -> None:
+        """An empty default map in asynchronous mode."""
+        self.vehicles = vehicles
+        self.settings = Settings()
+        self.map: WorldMap = default_map()
+        self.opendrive: WorldMap | None = None
+        """What a client has sent and not yet loaded."""
+        self.weather: list[Any] = list(_WEATHER)
+        self.frame = 1
+        self.elapsed = 0.0
+        self.episode = 0
+        self.actors: dict[int, Actor] = {}
+        self._next_actor = 1
+        self._next_stream = SNAPSHOTS + 1
+        self._begin()
+
+    def _begin(self) -> None:
+        """A new episode with nothing in it but the spectator."""
+        self.episode += 1
+        self.actors = {}
+        self.spectator = self._add([0, SPECTATOR, []], Transform(), None)
+
+    def load(self, world_map: WorldMap, reset_settings: bool) -> None:
+        """Replace the map, and everything that stood on it."""
+        self.map = world_map
+        if reset_settings:
+            self.settings = self.settings.after_loading()
+        self._begin()
+
+    # ------------------------------------------------------------------------------ actors
+
+    def actor(self, number: Any) -> Actor:
+        """The actor of that number.
+
+        Raises:
+            Refused: there is none.
+        """
+        found = self.actors.get(number) if isinstance(number, int) else None
+        if found is None:
+            raise Refused(f"there is no actor {number!r:.20}; it may have been destroyed")
+        return found
+
+    def car(self, number: Any) -> tuple[Actor, Car]:
+        """The vehicle of that number.
+
+        Raises:
+            Refused: there is none, or it is no vehicle.
+        """
+        actor = self.actor(number)
+        if actor.car is None:
+            raise Refused(f"actor {actor.number} ({actor.kind}) is no vehicle")
+        return actor, actor.car
+
+    def spawn(self, description: Any, transform: Any, parent: Any = None) -> Actor:
+        """A new vehicle or sensor.
+
+        Raises:
+            Refused: unknown blueprint, wrong parent, too many actors, or the place is taken.
+        """
+        match description:
+            case [int(uid), str(name), [*given]] if all(_is_attribute(a) for a in given):
+                attributes = {a[0]: a[2] for a in given}
+            case _:
+                raise Refused(f"not a description of an actor: {description!r:.80}")
+        check(name, self.vehicles)
+        where = read_transform(transform)
+        if len(self.actors) >= MAX_ACTORS:
+            raise Refused(f"{MAX_ACTORS} actors are enough; destroy some first")
+        owner = None if parent in {None, 0} else self.actor(parent)
+        shown = [uid, name, given]
+        if name in self.vehicles:
+            if owner is not None:
+                raise Refused("a vehicle cannot be attached to another actor")
+            return self._add_vehicle(shown, where)
+        if owner is None or owner.car is None:
+            raise Refused(f"{name} has to be attached to a vehicle")
+        sensor = Sensor.read(name, self._next_stream, attributes)
+        self._next_stream += 1
+        actor = self._add(shown, where, owner)
+        actor.sensor = sensor
+        return actor
+
+    def _add(self, description: list[Any], pose: Transform, parent: Actor | None) -> Actor:
+        actor = Actor(self._next_actor, description, pose, parent)
+        self.actors[actor.number] = actor
+        self._next_actor += 1
+        return actor
+
+    def _add_vehicle(self, description: list[Any], where: Transform) -> Actor:
+        model = self.vehicles[description[1]]
+        car = Car(model.vehicle, model.offset)
+        car.transform = where
+        half = (0.5 * model.vehicle.body_length, 0.5 * model.vehicle.width, 0.5 * model.height)
+        new = Actor(0, description, where, extent=half, car=car, model=model, control=Control())
+        for other in self.actors.values():
+            if other.car is not None and overlap(new, other):
+                raise Refused(
+                    f"spawn failed because of a collision with actor {other.number} "
+                    "at the spawn position"
+                )
+        new.number = self._next_actor
+        self._next_actor += 1
+        self.actors[new.number] = new
+        return new
+
+    def destroy(self, number: Any) -> bool:
+        """Remove an actor; what was attached to it stays where it was. Whether there was one.
+
+        Raises:
+            Refused: it is the spectator.
+        """
+        if not isinstance(number, int) or number not in self.actors:
+            return False
+        actor = self.actors[number]
+        if actor is self.spectator:
+            raise Refused("the spectator cannot be destroyed")
+        for other in self.actors.values():
+            if other.parent is actor:
+                other.pose, other.parent = other.transform, None
+        del self.actors[number]
+        return True
+
+    # ------------------------------------------------------------------------------- time
+
+    def tick(self, clock: float) -> list[Message]:
+        """Advance by the period of the settings; what to send, the snapshot first."""
+        dt, substeps = self.settings.period, self.settings.substeps
+        for actor in self.actors.values():
+            if actor.car is not None and actor.control is not None:
+                actor.car.command = actor.control.command(actor.car, dt) or actor.car.command
+                actor.car.advance(dt, substeps)
+        self.frame += 1
+        self.elapsed += dt
+        sent = [Message(SNAPSHOTS, self.snapshot(clock))]
+        sensors = [actor for actor in self.actors.values() if actor.sensor is not None]
+        hits = self._hits() if sensors else []
+        for actor in sensors:
+            assert actor.sensor is not None
+            for payload in actor.sensor.measure(actor, hits, self.frame, self.elapsed):
+                sent.append(Message(actor.sensor.stream, payload))
+        return sent
+
+    def snapshot(self, clock: float) -> bytes:
+        """The state of everything, as the snapshot's stream carries it."""
+        return b"".join(
+            (
+                HEADER.pack(_WORLD_OBSERVER, self.frame, self.elapsed, *[0.0] * 6),
+                _EPISODE.pack(self.episode, clock, self.settings.period, 0, 0, 0, _NO_CHANGE),
+                *(actor.snapshot() for actor in self.actors.values()),
+            )
+        )
+
+    def _hits(self) -> list[Hit]:
+        """Vehicles that overlap. Nothing is done about it: they pass through each other."""
+        cars = [actor for actor in self.actors.values() if actor.car is not None]
+        return [
+            Hit(one, other, _impulse(one, other))
+            for one, other in combinations(cars, 2)
+            if overlap(one, other)
+        ]
+
+
+def _impulse(one: Actor, other: Actor) -> tuple[float, float]:
+    """Impulse on ``one`` that stops two cars from coming closer, along their centres [N s]."""
+    assert one.car is not None
+    assert other.car is not None
+    a, b = one.transform, other.transform
+    x, y = a.x - b.x, a.y - b.y
+    length = math.hypot(x, y) or 1.0
+    (v_x, v_y), (w_x, w_y) = one.car.velocity, other.car.velocity
+    closing = max(-((v_x - w_x) * x + (v_y - w_y) * y) / length, 0.0)
+    m, n = one.car.vehicle.mass, other.car.vehicle.mass
+    size = closing * m * n / (m + n) / length
+    return size * x, size * y
+
+
+def _is_attribute(value: Any) -> bool:
+    match value:
+        case [str(), int(), str()]:
+            return True
+    return False
