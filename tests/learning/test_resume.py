@@ -27,7 +27,7 @@ from .problems import tiny
 
 # All that can carry state from step to step: noise on waypoints and cars, a schedule in the
 # middle of its fall, an MPC with a rate limit (so that it asks for its last angle), a small
-# buffer that overflows.
+# buffer that overflows, a mean of the weights.
 CHANGES: dict[str, Any] = {
     "problem": {
         "sensor": {"error_range": 0.05},
@@ -36,6 +36,7 @@ CHANGES: dict[str, Any] = {
     },
     "agent": {"buffer": 1200, "noise": {"kind": "linear", "start": 0.3, "end": 0.0}},
     "steps": 3000,
+    "average": 0.3,
     "checkpoint_interval": 100,
 }
 

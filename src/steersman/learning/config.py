@@ -72,6 +72,14 @@ class TrainConfig(Settings):
     steps: int = param(200_000, "steps", "Environment steps of all vehicles together.", gt=0)
     seed: int = param(0, "-", "Seed of everything random.", ge=0)
     checkpoint_interval: int = param(50_000, "steps", "Steps between checkpoints.", gt=0)
+    average: float | None = param(
+        None,
+        "-",
+        "Share of the steps after which the policy's weights are averaged; their mean is validated "
+        "and exported. null: no averaging.",
+        ge=0,
+        lt=1,
+    )
     trim: float = param(
         0.0,
         "1/s",

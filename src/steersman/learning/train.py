@@ -16,6 +16,7 @@ from steersman.errors import ConfigError, suggestion
 from steersman.files import replacing
 from steersman.learning import alarm, checkpoint
 from steersman.learning.arithmetic import arithmetic
+from steersman.learning.average import WeightAverage
 from steersman.learning.config import TrainConfig
 from steersman.learning.record import COLUMNS, Record
 from steersman.learning.snapshot import Tree
@@ -121,6 +122,7 @@ class _Training:
         self._sums = np.zeros(3)
         self._count = 0
         self.agent.weights()  # laid flat now, so that every run computes on the same memory
+        self.average = WeightAverage(self.agent.actor_net().flat.size)
 
     def run(self, saved: Tree | None = None) -> FilePath:
         """Train to the end, from the beginning or from a checkpoint."""
@@ -165,6 +167,7 @@ class _Training:
             "env": self.env.snapshot(),
             "rows": self.rows,
             "sums": self._sums,
+            "average": self.average.arrays(),
             "counters": {name: getattr(self, name) for name in _COUNTERS},
             "seconds": time.process_time() - self.begun,
         }
@@ -175,6 +178,7 @@ class _Training:
         self.env.restore(saved["env"])
         self.record.restore(saved["rows"])
         self._sums[:] = saved["sums"]
+        self.average.restore(saved["average"])
         for name in _COUNTERS:
             setattr(self, name, saved["counters"][name])
         self.begun = time.process_time() - saved["seconds"]
@@ -197,11 +201,18 @@ class _Training:
         if self.tick is not None and time.perf_counter() >= self.next_tick:
             self.next_tick = time.perf_counter() + 0.5
             self.tick(steps)
+        share = self.config.average
+        if share is not None and steps > share * self.config.steps:
+            self.average.add(self.agent.actor_net().flat)
         if steps >= self.next_validation:
             self.next_validation += self.config.validation.interval
             self._validate()
 
     def _validate(self) -> None:
+        with self.average.within(self.agent.actor_net().flat):
+            self._judge()
+
+    def _judge(self) -> None:
         score = self.validator.score(self.agent.act)
         row = self._row(score)
         self.record.add(row)
