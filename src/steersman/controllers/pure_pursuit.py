@@ -37,7 +37,7 @@ class PurePursuit(ControllerComponent):
 
     search: ClassVar[Mapping[str, tuple[float, float, bool]]] = {
         "look_ahead_time": (0.05, 1.5, True),
-        "look_ahead_offset": (1.0, 10.0, True),
+        "look_ahead_offset": (0.1, 10.0, True),
     }
 
     look_ahead_time: float = param(

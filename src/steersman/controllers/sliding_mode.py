@@ -41,7 +41,7 @@ class SlidingMode(ControllerComponent):
     """
 
     search: ClassVar[Mapping[str, tuple[float, float, bool]]] = {
-        "slope": (0.2, 5.0, True),
+        "slope": (0.2, 20.0, True),
         "proportional": (0.1, 10.0, True),
         "reaching": (0.05, 10.0, True),
         "layer": (0.05, 3.0, True),

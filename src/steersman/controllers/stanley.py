@@ -36,8 +36,8 @@ class Stanley(ControllerComponent):
     """
 
     search: ClassVar[Mapping[str, tuple[float, float, bool]]] = {
-        "gain": (0.1, 10.0, True),
-        "softening": (0.05, 10.0, True),
+        "gain": (0.1, 50.0, True),
+        "softening": (0.05, 50.0, True),
         "yaw_damping": (0.0, 1.0, False),
         "steer_damping": (0.0, 0.9, False),
     }
