@@ -21,7 +21,7 @@ from steersman.plants.simulator import SimulatorConfig
 from steersman.rollout import rollout
 from steersman.sensing import WaypointSensor, track
 from steersman.speed import ConstantSpeed, SpeedComponent
-from steersman.types import Decision, Observation, Pose, VehicleState
+from steersman.types import Decision, FloatArray, Observation, Pose, VehicleState
 from steersman.vehicles import CarlaModel3, Vehicle
 
 DT = 0.05
@@ -142,9 +142,30 @@ def random_net(features: int, hidden: int = 8, seed: int = 0) -> Net:
     return view_net(flat, sizes)
 
 
-def random_policy(folder: FilePath, config: TrainConfig | None = None) -> FilePath:
+def odd_net(mirror: FloatArray, hidden: int = 8) -> Net:
+    """An actor with random weights that answers a mirrored scene with the negated action.
+
+    g(x) - g(mirror x), with the units of a random network g twice.
+    """
+    g = random_net(len(mirror), hidden)
+    none = np.zeros_like(g.w2)
+    return Net(
+        w1=np.vstack([g.w1, g.w1 * mirror.astype(np.float32)]),
+        b1=np.tile(g.b1, 2),
+        w2=np.block([[g.w2, none], [none, g.w2]]),
+        b2=np.tile(g.b2, 2),
+        w3=np.hstack([g.w3, -g.w3]),
+        b3=np.zeros(1, np.float32),
+        flat=None,
+    )
+
+
+def random_policy(
+    folder: FilePath, config: TrainConfig | None = None, *, odd: bool = False
+) -> FilePath:
     """A policy file with random weights, for the problem of ``config``."""
     config = config or TrainConfig()
-    problem = config.problem
-    table = problem.encoding.table(problem.sensor.spacing, problem.plant.dt, problem.indirect)
-    return export_policy(random_net(len(problem.encoding.scale(table))), config, folder, {})
+    encoding, layout = config.problem.encoding, config.problem.layout
+    if odd:
+        return export_policy(odd_net(encoding.mirror(layout)), config, folder, {})
+    return export_policy(random_net(len(encoding.scale(layout))), config, folder, {})

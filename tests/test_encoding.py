@@ -21,17 +21,27 @@ ENCODINGS = [
 ]
 
 
-@pytest.mark.parametrize("rate", [False, True])
+@pytest.mark.parametrize("action", ["rate", "direct", "residual"])
 @pytest.mark.parametrize("encoding", ENCODINGS, ids=str)
 def test_every_feature_has_a_name_with_unit_and_a_scale(
-    encoding: EncodingComponent, rate: bool
+    encoding: EncodingComponent, action: str
 ) -> None:
-    table = encoding.table(2.0, 0.05, rate)
+    table = encoding.layout(2.0, 0.05, action)
     names, scale = encoding.names(table), encoding.scale(table)
     assert len(names) == len(scale) == kernel.feature_count(table)
     assert len(set(names)) == len(names)
     assert all(name.endswith("]") and " [" in name for name in names)
     assert (scale > 0.0).all()
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS, ids=str)
+def test_what_is_corrected_is_seen_beside_the_last_command(encoding: EncodingComponent) -> None:
+    plain, table = (encoding.layout(2.0, 0.05, action) for action in ("direct", "residual"))
+    assert plain == encoding.table(2.0, 0.05, False)
+    added = set(encoding.names(table)) - set(encoding.names(plain))
+    assert added | {"last_command [-]"} == {"last_command [-]", "base_command_less_last [-]"}
+    assert "last_command [-]" in encoding.names(table)
+    assert encoding.mirror(table)[-1] == -1.0
 
 
 def test_steering_is_seen_when_its_rate_is_the_action() -> None:

@@ -38,6 +38,13 @@ def edit(file: FilePath, **fields: Any) -> None:
     file.with_suffix(".json").write_text(json.dumps(card), encoding="utf-8")
 
 
+def correct(file: FilePath, base: dict[str, Any]) -> None:
+    """Say that the policy corrects another controller."""
+    edit(file, rate_limit=None, action="residual", base=base, authority=0.2)
+    card = json.loads(file.with_suffix(".json").read_text(encoding="utf-8")) | {"rate_limit": None}
+    file.with_suffix(".json").write_text(json.dumps(card), encoding="utf-8")
+
+
 def replace(file: FilePath, data: bytes) -> None:
     """Another network, with the card made to match."""
     file.write_bytes(data)
@@ -71,6 +78,16 @@ FAULTS: dict[str, tuple[Callable[[FilePath], object], str]] = {
     "negative period": (lambda f: edit(f, dt=-0.05), "dt"),
     "later format": (lambda f: edit(f, format=2), "format 2 is not known; this version reads 1"),
     "contradiction": (lambda f: edit(f, scale=[1.0]), "1 scales for"),
+    "base without authority": (lambda f: edit(f, base={"kind": "pid"}), "base and authority go"),
+    "authority without base": (lambda f: edit(f, authority=0.2), "base and authority go together"),
+    "authority of nothing": (lambda f: edit(f, base={"kind": "pid"}, authority=0.0), "authority"),
+    "base with a rate": (
+        lambda f: edit(f, base={"kind": "pid"}, authority=0.2), "a correction of the base has none",
+    ),
+    "unknown base": (lambda f: correct(f, {"kind": "telepathy"}), "telepathy"),
+    "base of wrong values": (lambda f: correct(f, {"kind": "pid", "k_heading": -1}), "k_heading"),
+    "policy as base": (lambda f: correct(f, {"kind": "policy"}), "a policy cannot be the base"),
+    "other layout": (lambda f: correct(f, {"kind": "pid"}), "scales for"),
     "unknown encoding": (lambda f: edit(f, encoding={"kind": "telepathy"}), "telepathy"),
 }  # fmt: skip
 
@@ -83,6 +100,16 @@ def test_faults_get_one_clear_line(file: FilePath, name: str) -> None:
         load(file)
     assert "\n" not in str(caught.value)
     assert str(file.with_suffix("")) in str(caught.value)
+
+
+def test_a_card_from_before_there_were_bases_loads(file: FilePath) -> None:
+    before = load(file)
+    edit(file, base=None, authority=None)
+    card = json.loads(file.with_suffix(".json").read_text(encoding="utf-8"))
+    assert not {"base", "authority"} & set(card)
+    after = load(file)
+    assert after.base is None
+    assert (after.rate_step, after.features) == (before.rate_step, before.features)
 
 
 def test_other_control_period_is_refused(file: FilePath) -> None:

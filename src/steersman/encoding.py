@@ -8,6 +8,7 @@ card of an exported policy.
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import final
 
 import numpy as np
 
@@ -24,6 +25,12 @@ class EncodingComponent(Component):
     def table(self, spacing: float, dt: float, rate_action: bool) -> EncodingTable:
         """The layout as the kernels read it."""
 
+    @final
+    def layout(self, spacing: float, dt: float, action: str) -> EncodingTable:
+        """The layout for an action: ``residual`` adds the last command and the base's."""
+        table = self.table(spacing, dt, action == "rate")
+        return table._replace(command=1, base=1) if action == "residual" else table
+
     def names(self, table: EncodingTable) -> list[str]:
         """Name of each feature, with its unit in brackets."""
         names = []
@@ -39,6 +46,7 @@ class EncodingComponent(Component):
         names += ["last_command [-]"] * table.command
         names += [f"lateral_error_{i + 1}_ago [m]" for i in range(table.history)]
         names += [f"command_{i + 2}_ago [-]" for i in range(table.history)]
+        names += ["base_command_less_last [-]"] * table.base
         return names
 
     def mirror(self, table: EncodingTable) -> FloatArray:
@@ -65,6 +73,7 @@ class EncodingComponent(Component):
         factors += [1.0 / table.integral_limit] * table.integral
         factors += [5.0] * table.command
         factors += [1.0] * table.history + [5.0] * table.history
+        factors += [20.0] * table.base  # a car at speed is steered by a twentieth in a step
         return np.array(factors)
 
 

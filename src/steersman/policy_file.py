@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path as FilePath
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from steersman.errors import DataError, suggestion
 from steersman.messages import config_error
@@ -26,6 +26,10 @@ class PolicyCard(BaseModel):
     action: str
     rate_limit: float | None
     """Largest rate of normalised steering [1/s] if the action is ``rate``, else null."""
+    base: dict[str, Any] | None = None
+    """Controller whose steering the action corrects if it is ``residual``, else null."""
+    authority: float | None = Field(default=None, gt=0)
+    """Largest correction of normalised steering, else null."""
     dt: float = Field(gt=0)
     waypoints: int = Field(ge=0)
     spacing: float = Field(gt=0)
@@ -40,6 +44,14 @@ class PolicyCard(BaseModel):
     training: dict[str, Any]
     versions: dict[str, str]
     commit: str | None
+
+    @model_validator(mode="after")
+    def _whole(self) -> PolicyCard:
+        if (self.base is None) != (self.authority is None):
+            raise ValueError("base and authority go together")
+        if self.base is not None and self.rate_limit is not None:
+            raise ValueError("rate_limit: a correction of the base has none")
+        return self
 
 
 def sha256(data: bytes) -> str:

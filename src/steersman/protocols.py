@@ -75,6 +75,10 @@ class Controller(Protocol):
         """Decide the steering for the next control period [normalised]."""
         ...
 
+    def executed(self, state: Any, steer: float) -> Any:
+        """The state after the last step, told what was executed instead of its decision."""
+        ...
+
 
 class SpeedSource(Protocol):
     """The longitudinal side of a run: throttle and brake."""

@@ -17,7 +17,7 @@ from steersman.learning.updates import Net
 from steersman.paths.basic import Straight
 from steersman.rollout import RunConfig, run
 
-from ..loops import CAR, DT, beside, observe
+from ..loops import CAR, DT, beside, observe, random_net
 
 OFFSET = 0.05
 DIRECT = {"action": "direct", "encoding": {"kind": "extended"}}
@@ -81,6 +81,18 @@ def test_it_settles_with_the_time_constant_of_its_rate(content_beside: str) -> N
 def test_it_moves_no_faster_than_its_speed(content_beside: str) -> None:
     error = driven(content_beside, trim=10.0, trim_speed=1e-3)["lateral_error"]
     assert error[700] - error[600] == pytest.approx(-1e-3 * 5.0, rel=0.02)
+
+
+def test_a_base_is_told_of_the_shifted_path(tmp_path: FilePath) -> None:
+    """A PD controller that is misaligned settles beside the path; without correction, too."""
+    base = {"kind": "pid", "gains": {"k_p": 0.1, "k_i": 0.0, "k_d": 0.05}}
+    config = build(TrainConfig, {"problem": {"action": "residual", "base": base, "authority": 0.1}})
+    net = random_net(len(config.problem.encoding.scale(config.problem.layout)))
+    net.w3[:], net.b3[:] = 0.0, 0.01
+    file = str(export_policy(net, config, tmp_path, {}))
+    beside_path = 0.1 * math.tanh(0.01) / 0.1
+    assert settled(file, trim=0.0) == pytest.approx(beside_path, rel=0.05)
+    assert settled(file, trim=1.0) == pytest.approx(0.0, abs=1e-4)
 
 
 def test_waypoints_and_error_are_shifted_together(content_beside: str) -> None:

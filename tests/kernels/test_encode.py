@@ -61,6 +61,21 @@ def test_compiled_equals_python(table: EncodingTable, steps: list[tuple[float, f
         assert np.abs(outs).max() <= kernel.FEATURE_LIMIT
 
 
+@given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+def test_the_bases_command_is_told_relative_to_the_last(base: float, last: float) -> None:
+    table = HISTORY._replace(base=1)
+    memory = np.zeros(kernel.memory_size(table))
+    plain = features(HISTORY, row(0.2), memory)
+    kernel.remember(table, row(0.2), memory, last)
+    out, again = features(table, row(0.2), memory), features(table, row(0.2), memory)
+    assert len(out) == len(plain) + 1
+    assert out[-1] == 0.0
+    kernel.tell_base(memory, base, out)
+    kernel.tell_base.py_func(memory, base, again)
+    assert out[-1] == again[-1] == base - last
+    assert out[-2] == features(HISTORY, row(0.2), memory)[-1]
+
+
 def test_waypoints_and_state_come_first() -> None:
     table = WaypointEncoding(waypoints=4).table(2.0, 0.05, True)
     seen = row(0.3, steer=0.2)

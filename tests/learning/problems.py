@@ -14,6 +14,8 @@ SMALL: dict[str, Any] = {
     "episode_time": 4.0,
     "spread": {"offset": 0.3, "heading": 0.05, "mass": 0.1, "delay": 0.05},
 }
+# What makes a problem residual; most tests take a base that is quickly asked.
+RESIDUAL: dict[str, Any] = {"action": "residual", "base": {"kind": "mpc_delay"}, "authority": 0.1}
 TINY: dict[str, Any] = {
     "problem": SMALL,
     "agent": {

@@ -17,7 +17,7 @@ from steersman.learning.env import PathFollowingEnv
 from steersman.types import Command
 
 from ..loops import DT
-from .problems import SMALL, problem
+from .problems import RESIDUAL, SMALL, problem
 
 SETTINGS: dict[str, dict[str, Any]] = {
     "rate": {},
@@ -25,6 +25,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "paper": {"encoding": {"kind": "waypoints"}, "task": {"kind": "paper"}},
     "alone": {"demonstration": {"enabled": False}},
     "errors": {"sensor": {"kind": "waypoints", "error_range": 0.1}},
+    "residual": RESIDUAL,
     "fixed errors": {"sensor": {"kind": "waypoints", "error_range": 0.1, "redraw": False}},
 }
 

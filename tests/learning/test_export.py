@@ -39,12 +39,13 @@ def test_network_is_the_agents(size: float) -> None:
     assert size == 0.0 or np.std(expected) > 1e-4
 
 
-@pytest.mark.parametrize("action", ["rate", "direct"])
+@pytest.mark.parametrize("action", ["rate", "direct", "residual"])
 def test_controller_drives_as_the_environment_does(action: str, tmp_path: FilePath) -> None:
     """The exported policy in a rollout, and the agent's network in the environment, agree."""
     road = {"kind": "random_road", "seed": 3}
     task = problem(
-        action=action, roads=[road], start="start_area",
+        action=action, base="mpc_delay" if action == "residual" else None, roads=[road],
+        start="start_area",
         speeds=[{"kind": "constant_speed", "speed": 8.0}],
         spread={"offset": 0.0, "heading": 0.0, "mass": 0.0, "delay": 0.0}, corridor=50.0,
     )  # fmt: skip

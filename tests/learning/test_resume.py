@@ -23,7 +23,7 @@ from steersman.learning.snapshot import changed, rebuilt
 from steersman.learning.train import _Training, train
 from steersman.vehicles import CarlaModel3
 
-from .problems import tiny
+from .problems import RESIDUAL, tiny
 
 # All that can carry state from step to step: noise on waypoints and cars, a schedule in the
 # middle of its fall, an MPC with a rate limit (so that it asks for its last angle), a small
@@ -45,11 +45,23 @@ def config(**changes: Any) -> TrainConfig:
     return tiny(**{**CHANGES, **changes})
 
 
+# The same with a base, which carries state for each vehicle, too.
+CORRECTED: dict[str, Any] = {"problem": {**CHANGES["problem"], **RESIDUAL}}
+
+
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
     """A training that nothing stopped."""
     folder = tmp_path_factory.mktemp("whole")
     train(config(), folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def corrected(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+    """The same of a residual policy."""
+    folder = tmp_path_factory.mktemp("corrected")
+    train(config(**CORRECTED), folder)
     return folder
 
 
@@ -92,9 +104,12 @@ def newest(out: FilePath) -> FilePath:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs SIGKILL")
-def test_killed_at_any_moment(whole: FilePath, tmp_path: FilePath) -> None:
-    out = tmp_path / "out"
-    (tmp_path / "c.yaml").write_text(to_yaml(config()), encoding="utf-8")
+@pytest.mark.parametrize(("name", "changes"), [("whole", {}), ("corrected", CORRECTED)])
+def test_killed_at_any_moment(
+    name: str, changes: dict[str, Any], request: pytest.FixtureRequest, tmp_path: FilePath
+) -> None:
+    whole, out = request.getfixturevalue(name), tmp_path / "out"
+    (tmp_path / "c.yaml").write_text(to_yaml(config(**changes)), encoding="utf-8")
     moment = random.Random(time.time_ns())
     command = [sys.executable, "-c", "from steersman.cli import main; main()", "train"]
     command += [str(tmp_path / "c.yaml"), "--out", str(out), "--resume"]
@@ -127,14 +142,19 @@ def test_stopped_in_the_middle_of_a_step(whole: FilePath, tmp_path: FilePath, st
     assert_same(tmp_path, whole)
 
 
-@pytest.mark.parametrize("action", ["direct", "rate"])
-@pytest.mark.parametrize("demonstrator", ["pid", "mpc_pid", "none"])
+@pytest.mark.parametrize("action", ["direct", "rate", "residual"])
+@pytest.mark.parametrize("demonstrator", ["pid", "mpc_pid", "mpc_delay", "none"])
 def test_every_kind_of_training(tmp_path: FilePath, action: str, demonstrator: str) -> None:
     demonstration: dict[str, Any] = {"enabled": False}
     if demonstrator != "none":
         demonstration = {"controller": {"kind": demonstrator}, "store": "agent"}
     changes: dict[str, Any] = {
-        "problem": {**CHANGES["problem"], "action": action, "demonstration": demonstration},
+        "problem": {
+            **CHANGES["problem"],
+            **(RESIDUAL if action == "residual" else {}),
+            "action": action,
+            "demonstration": demonstration,
+        },
         "steps": 900,
     }
     train(config(**changes), tmp_path / "whole")

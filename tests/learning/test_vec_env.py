@@ -14,13 +14,14 @@ from steersman.kernels import vehicle as car
 from steersman.learning.env import PathFollowingEnv
 from steersman.learning.vec_env import PathFollowingVecEnv
 
-from .problems import problem
+from .problems import RESIDUAL, problem
 
 STEPS = 130  # past the first time limit, at 80
 SETTINGS: dict[str, dict[str, Any]] = {
     "rate": {},
     "direct": {"action": "direct", "demonstration": {"enabled": False}},
     "errors": {"sensor": {"kind": "waypoints", "error_range": 0.1}},
+    "residual": {**RESIDUAL, "sensor": {"kind": "waypoints", "error_range": 0.1}},
 }
 
 

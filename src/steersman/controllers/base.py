@@ -34,6 +34,15 @@ class ControllerComponent(Component):
     def decide(self, state: Any, observation: Observation) -> tuple[float, Status, Any]:
         """Normalised steering (may exceed the limits), how it came about, and the new state."""
 
+    def executed(self, state: Any, steer: float) -> Any:
+        """The state after the last step, told which steering was executed [normalised].
+
+        To be called where somebody else's command may have been executed: beside an agent, under a
+        correction. Controllers that remember what they commanded override this; the last that is
+        told counts, a controller's own command changes nothing, and ``state`` is left alone.
+        """
+        return state
+
     @final
     def step(self, state: Any, observation: Observation) -> tuple[Decision, Any]:
         """Decide the steering for the next control period, in [-1, 1].
@@ -48,7 +57,7 @@ class ControllerComponent(Component):
         if not math.isfinite(steer):
             return _hold(observation), state
         if not -1.0 <= steer <= 1.0:
-            steer = min(max(steer, -1.0), 1.0)
+            steer = within_limits(steer)
             status = Status.SATURATED if status == Status.SOLVED else status
         return Decision(steer, status), after
 
@@ -56,7 +65,12 @@ class ControllerComponent(Component):
 def _hold(observation: Observation) -> Decision:
     """The present steering, marked as a fallback."""
     held = observation.steer if math.isfinite(observation.steer) else 0.0
-    return Decision(min(max(held, -1.0), 1.0), Status.FALLBACK)
+    return Decision(within_limits(held), Status.FALLBACK)
+
+
+def within_limits(steer: float) -> float:
+    """Steering clipped to [-1, 1]."""
+    return min(max(steer, -1.0), 1.0)
 
 
 def is_finite(observation: Observation) -> bool:

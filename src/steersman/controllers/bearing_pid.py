@@ -77,3 +77,7 @@ class BearingPid(ControllerComponent):
         steer = min(max(steer, -self.max_steer), self.max_steer)
         status = Status.SOLVED if steer == wanted else Status.SATURATED
         return steer, status, BearingPidState(dt, bearings, steer)
+
+    def executed(self, state: BearingPidState, steer: float) -> BearingPidState:
+        """``max_change`` counts from what was executed."""
+        return state if state.steer is None else state._replace(steer=steer)

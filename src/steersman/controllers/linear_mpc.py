@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from steersman.config import Settings, param, register
-from steersman.controllers.base import ControllerComponent
+from steersman.controllers.base import ControllerComponent, within_limits
 from steersman.controllers.mpc import MpcProblem, build_problem
+from steersman.kernels.delay_mpc import wheel_angle
 from steersman.types import FloatArray, Observation, Status
 from steersman.vehicles import Vehicle
 
@@ -45,6 +46,10 @@ class MpcState(NamedTuple):
     age: int
     angle: float
     """Wheel angle the MPC asked for last [rad]."""
+    steer: float = 0.0
+    """Normalised steering that came of it."""
+    v_x: float = 0.0
+    """Speed at which it was asked for [m/s]."""
 
 
 class LinearMpc(ControllerComponent):
@@ -88,7 +93,7 @@ class LinearMpc(ControllerComponent):
 
     def next_plan(self, state: MpcState, observation: Observation) -> tuple[Status, MpcState]:
         """Plan anew, or shift the last plan; the new state's ``angle`` is what is asked for."""
-        vehicle, problems, plan, age, angle = state
+        vehicle, problems, plan, age, angle = state[:5]
         problem = problems[0]
         if self.scheduled:
             near = round(observation.v_x / _GRID_STEP) - 1
@@ -101,6 +106,20 @@ class LinearMpc(ControllerComponent):
         usable = plan is not None and age < problem.horizon
         angle = float(plan[age]) if plan is not None and usable else 0.0
         return status, MpcState(vehicle, problems, plan, age, angle)
+
+    def executed(self, state: Any, steer: float) -> Any:
+        """The rate limit counts from what was executed; see :meth:`share`."""
+        share = self.share()
+        if not self.rate_limit or share == 0.0 or steer == state.steer:
+            return state
+        planned = state.vehicle.steer_for_wheel_angle(state.angle, state.v_x)
+        planned = within_limits(planned + (steer - state.steer) / share)
+        angle = wheel_angle(state.vehicle.table, planned, state.v_x)
+        return state._replace(angle=angle, steer=steer)
+
+    def share(self) -> float:
+        """Factor on the MPC's steering in the command."""
+        return 1.0
 
 
 @register("controller", "mpc")
@@ -120,4 +139,4 @@ class Mpc(LinearMpc):
         """Normalised steering, unclipped."""
         status, state = self.next_plan(state, observation)
         steer = state.vehicle.steer_for_wheel_angle(state.angle, observation.v_x)
-        return steer, status, state
+        return steer, status, state._replace(steer=within_limits(steer), v_x=observation.v_x)

@@ -165,6 +165,16 @@ class MpcDelay(ControllerComponent):
             state._replace(commands=commands, angle=angle, kappa=float(road[0])),
         )
 
+    def executed(self, state: MpcDelayState, steer: float) -> MpcDelayState:
+        """What is on its way is what was executed, and the next change counts from there."""
+        if not state.begun or steer == state.commands[0]:
+            return state
+        commands = state.commands.copy()
+        commands[0] = steer
+        v = max(state.seen.v_x + state.acceleration * state.delay, SLOWEST)  # as in decide
+        angle = kernel.wheel_angle(state.vehicle.table, steer, v)
+        return state._replace(commands=commands, angle=angle)
+
     def _observe(self, state: MpcDelayState, o: Observation) -> tuple[Observation, MpcDelayState]:
         """The observation, filtered, and the state with its estimates brought up to date."""
         seen = Seen(o.v_x, o.v_y, o.yaw_rate, o.steer)

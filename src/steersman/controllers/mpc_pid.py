@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import ClassVar, NamedTuple
 
 from steersman.config import param, register
+from steersman.controllers.base import within_limits
 from steersman.controllers.linear_mpc import LinearMpc, ModelError, MpcState
 from steersman.controllers.mpc import MpcProblem
 from steersman.controllers.pid import PidGains, PidState
@@ -24,6 +25,8 @@ class MpcPidState(NamedTuple):
     plan: FloatArray | None
     age: int
     angle: float
+    steer: float = 0.0
+    v_x: float = 0.0
 
 
 @register("controller", "mpc_pid")
@@ -63,7 +66,7 @@ class MpcPid(LinearMpc):
         self, state: MpcPidState, observation: Observation
     ) -> tuple[float, Status, MpcPidState]:
         """Normalised steering, unclipped."""
-        vehicle, problems, pid, plan, age, angle = state
+        vehicle, problems, pid, plan, age, angle = state[:6]
         v, c_pid = observation.v_x, self.c_pid
         if self.scheduled:
             c_pid *= min(1.0, self.v0 / max(v, 1.0)) ** 2
@@ -71,8 +74,14 @@ class MpcPid(LinearMpc):
         mpc = MpcState(vehicle, problems, plan, age, angle)
         status, mpc = self.next_plan(mpc, observation)
         planned = vehicle.steer_for_wheel_angle(mpc.angle, v)
-        return self.c_mpc * planned + c_pid * feedback, status, _joined(mpc, pid)
+        steer = self.c_mpc * planned + c_pid * feedback
+        return steer, status, _joined(mpc._replace(steer=within_limits(steer), v_x=v), pid)
+
+    def share(self) -> float:
+        """Factor on the MPC's steering in the command."""
+        return self.c_mpc
 
 
 def _joined(mpc: MpcState, pid: PidState) -> MpcPidState:
-    return MpcPidState(mpc.vehicle, mpc.problems, pid, mpc.plan, mpc.age, mpc.angle)
+    vehicle, problems, plan, age, angle, steer, v_x = mpc
+    return MpcPidState(vehicle, problems, pid, plan, age, angle, steer, v_x)

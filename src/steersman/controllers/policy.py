@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from steersman.config import param, register, resolve
-from steersman.controllers.base import ControllerComponent
+from steersman.config import dump, param, register, resolve
+from steersman.controllers.base import ControllerComponent, within_limits
 from steersman.encoding import EncodingComponent
 from steersman.errors import ConfigError, DataError, one_line
 from steersman.kernels import encode as kernel
 from steersman.kernels import observe
 from steersman.kernels.encode import EncodingTable
 from steersman.policy_file import PolicyCard, locate, read_policy
+from steersman.sensing import to_observation
 from steersman.types import FloatArray, Observation, Status
 from steersman.vehicles import Vehicle
 
@@ -37,15 +39,22 @@ class PolicyState(NamedTuple):
     """Rate of the integral loop around the network [1/s]."""
     shift: float
     """How far the path that the network is told lies to the right of the true one [m]."""
+    base: ControllerComponent | None = None
+    """Whose steering the action corrects."""
+    authority: float = 0.0
+    """Largest correction of normalised steering."""
+    base_state: Any = None
 
 
 @register("controller", "policy")
 class Policy(ControllerComponent):
     """A trained policy: one of the package, or a file of ``steersman train`` with its card.
 
+    If the card names a base controller, the network corrects that one's steering.
+
     Around the network an integral loop may be closed: it is told of a path that moves away from
-    the car at ``trim`` times the lateral error. Wherever the network lets the car settle beside
-    the path that it is told, the shift grows until the car itself is on the path.
+    the car at ``trim`` times the lateral error, and so is its base. Wherever they let the car
+    settle beside the path that they are told, the shift grows until the car itself is on the path.
     """
 
     file: str = param("precision", "-", "A policy of the package, or an ONNX file.")
@@ -56,7 +65,7 @@ class Policy(ControllerComponent):
     trim_limit: float = param(0.3, "m", "Longest shift of the path.", ge=0)
 
     def init(self, vehicle: Vehicle, dt: float) -> PolicyState:
-        """Load the network and check that it belongs into this loop.
+        """Load the network and its base, and check that they belong into this loop.
 
         Raises:
             DataError: the files are missing or corrupt.
@@ -68,7 +77,7 @@ class Policy(ControllerComponent):
                 f"{self.file}: trained for a control period of {card.dt} s, but plant.dt is {dt} s"
             )
         try:
-            table = card_table(card)
+            base, table = card_base(card), card_table(card)
         except (ConfigError, DataError) as error:
             raise DataError(f"{self.file}: card: {error}") from None
         memory = np.zeros(kernel.memory_size(table))
@@ -82,13 +91,16 @@ class Policy(ControllerComponent):
             card.waypoints,
             card.trim if self.trim is None else self.trim,
             0.0,
+            base,
+            card.authority or 0.0,
+            None if base is None else base.init(vehicle, dt),
         )
 
     def decide(
         self, state: PolicyState, observation: Observation
     ) -> tuple[float, Status, PolicyState]:
-        """Normalised steering, unclipped."""
-        table = state.table
+        """Normalised steering, unclipped; a fallback if the base's is one."""
+        table, base_state, status = state.table, state.base_state, Status.SOLVED
         row = to_row(observation, state.waypoints, table.spacing)
         shift = self._shift(state, observation.lateral_error)
         row[observe.O_D] += shift
@@ -96,14 +108,34 @@ class Policy(ControllerComponent):
         memory = state.memory.copy()
         features = np.zeros(state.features)
         kernel.encode(table, row, memory, features)
+        start = 0.0
+        if state.base is not None:
+            told = to_observation(row, observation.time, table.spacing)
+            (start, how), base_state = state.base.step(base_state, told)
+            status = how if how is Status.FALLBACK else status
+            kernel.tell_base(memory, start, features)
         with np.errstate(over="ignore"):  # the network clips: infinity is as good as 1e300
             single = features.astype(np.float32)
         action = float(state.run(single[None, :]))
         steer = action
         if state.rate_step > 0.0:
             steer = memory[kernel.LAST_COMMAND] + action * state.rate_step
-        kernel.remember(table, row, memory, min(max(steer, -1.0), 1.0))
-        return float(steer), Status.SOLVED, state._replace(memory=memory, shift=shift)
+        elif state.base is not None:
+            steer = start + state.authority * action
+        kernel.remember(table, row, memory, within_limits(steer))
+        after = state._replace(memory=memory, shift=shift, base_state=base_state)
+        return float(steer), status, self.executed(after, float(within_limits(steer)))
+
+    def executed(self, state: PolicyState, steer: float) -> PolicyState:
+        """The network's last command is what was executed; the base is told, too."""
+        if state.base is not None:
+            told = state.base.executed(state.base_state, steer)
+            state = state._replace(base_state=told)
+        if steer == state.memory[kernel.LAST_COMMAND]:
+            return state
+        memory = state.memory.copy()
+        memory[kernel.LAST_COMMAND] = steer
+        return state._replace(memory=memory)
 
     def _shift(self, state: PolicyState, error: float) -> float:
         """The shift of this step; an error that is not finite leaves it as it is."""
@@ -142,10 +174,47 @@ def card_table(card: PolicyCard) -> EncodingTable:
     """
     encoding = resolve("encoding", card.encoding)
     assert isinstance(encoding, EncodingComponent)
-    table = encoding.table(card.spacing, card.dt, card.rate_limit is not None)
+    action = "direct" if card.rate_limit is None else "rate"
+    if card.base is not None:
+        action = "residual"
+    table = encoding.layout(card.spacing, card.dt, action)
     if kernel.feature_count(table) != len(card.scale):
         raise DataError(f"{len(card.scale)} scales for {kernel.feature_count(table)} features")
     return table
+
+
+def card_base(card: PolicyCard) -> ControllerComponent | None:
+    """The controller that a card's policy corrects.
+
+    Raises:
+        ConfigError: it is unknown or holds values that are not allowed.
+        DataError: it cannot be a base.
+    """
+    if card.base is None:
+        return None
+    base = resolve("controller", card.base)
+    assert isinstance(base, ControllerComponent)
+    try:
+        check_base(base)
+    except ValueError as error:
+        raise DataError(str(error)) from None
+    return base
+
+
+def check_base(base: ControllerComponent) -> None:
+    """Refuse what no card can describe.
+
+    Raises:
+        ValueError: the base holds a policy, whose file would have to travel with the card.
+    """
+    if _holds_policy(dump(base)):
+        raise ValueError("a policy cannot be the base, as its file is no part of the card")
+
+
+def _holds_policy(data: Any) -> bool:
+    if not isinstance(data, Mapping):
+        return False
+    return data.get("kind") == Policy.kind or any(map(_holds_policy, data.values()))
 
 
 def load_network(data: bytes, name: str, features: int) -> Any:

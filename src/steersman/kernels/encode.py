@@ -42,6 +42,8 @@ class EncodingTable(NamedTuple):
     """Bound of the integral [m s]."""
     dt: float
     """Control period [s]."""
+    base: int = 0
+    """1: the base controller's command, less the last command, is the last feature."""
 
 
 def memory_size(table: EncodingTable) -> int:
@@ -60,6 +62,7 @@ def feature_count(table: EncodingTable) -> int:
         + table.integral
         + table.command
         + 2 * table.history
+        + table.base
     )
 
 
@@ -94,7 +97,10 @@ def remember(table: EncodingTable, row: FloatArray, memory: FloatArray, command:
 
 @kernel
 def encode(table: EncodingTable, row: FloatArray, memory: FloatArray, out: FloatArray) -> None:
-    """Write the features of an observation row in SI units; updates the integral."""
+    """Write the features of an observation row in SI units; updates the integral.
+
+    The base's feature stays zero: :func:`tell_base`.
+    """
     _remember_error(table, row, memory)
     i = 0
     for j in range(2 * table.waypoints):
@@ -122,6 +128,14 @@ def encode(table: EncodingTable, row: FloatArray, memory: FloatArray, out: Float
     for j in range(2 * table.history):
         out[i] = memory[HISTORY + j]
         i += 1
+    if table.base:
+        out[i] = 0.0
+
+
+@kernel
+def tell_base(memory: FloatArray, base: float, out: FloatArray) -> None:
+    """Fill the last feature in: the base's command relative to the last one."""
+    out[-1] = base - memory[LAST_COMMAND]
 
 
 @kernel

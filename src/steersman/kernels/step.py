@@ -39,6 +39,8 @@ class World(NamedTuple):
     corridor: float
     rate_limit: float
     """Largest steering rate of the indirect action [1/s]; 0: the action is the steering."""
+    authority: float = 0.0
+    """Largest correction of the base's command [-]; 0: there is no base."""
 
 
 class Fleet(NamedTuple):
@@ -59,6 +61,8 @@ class Fleet(NamedTuple):
     """(N, 3): control steps driven, speed controller's integral, time limit [s]."""
     demo: FloatArray
     """(N,) steering that the demonstrator proposes now."""
+    base: FloatArray
+    """(N,) steering of the base controller now, which the actions correct."""
     executed: FloatArray
     """(N,) steering command of this step."""
     reward: FloatArray
@@ -88,6 +92,7 @@ def empty_fleet(n: int, encoding: EncodingTable, waypoints: int) -> Fleet:
         path=np.zeros(n, dtype=np.int64),
         clock=np.zeros((n, 3)),
         demo=np.zeros(n),
+        base=np.zeros(n),
         executed=np.zeros(n),
         reward=np.zeros((n, 4)),
         ended=np.zeros(n, dtype=np.int64),
@@ -171,8 +176,9 @@ def look(world: World, fleet: Fleet, n: int, shift: FloatArray) -> None:
 def step(world: World, fleet: Fleet, actions: FloatArray, shifts: FloatArray) -> None:
     """Move every vehicle by one control period under ``actions`` (N,) in [-1, 1].
 
-    ``shifts`` (N, waypoints or 0, 2) are this step's waypoint errors. ``fleet.demo`` must hold
-    the demonstrator's steering for the state before the step.
+    ``shifts`` (N, waypoints or 0, 2) are this step's waypoint errors. ``fleet.demo`` and
+    ``fleet.base`` must hold the demonstrator's and the base's steering for the state before the
+    step.
     """
     work, command, dt = fleet.work, fleet.command, world.dt
     for n in range(actions.shape[0]):
@@ -182,6 +188,8 @@ def step(world: World, fleet: Fleet, actions: FloatArray, shifts: FloatArray) ->
         steer = actions[n]
         if world.rate_limit > 0.0:
             steer = previous + actions[n] * world.rate_limit * dt
+        elif world.authority > 0.0:
+            steer = fleet.base[n] + world.authority * actions[n]
         steer = min(max(steer, -1.0), 1.0)
         p, s = fleet.path[n], tracking[obs.S]
         speed = np.hypot(state[car.VX], state[car.VY])

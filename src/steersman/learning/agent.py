@@ -18,6 +18,7 @@ from steersman.errors import DataError
 from steersman.learning import updates
 from steersman.learning.config import TrainConfig
 from steersman.learning.noise import OrnsteinUhlenbeck
+from steersman.learning.residual import start_at_zero
 from steersman.learning.snapshot import Tree, fill
 from steersman.learning.vec_env import PathFollowingVecEnv
 
@@ -257,6 +258,8 @@ def make_agent(config: TrainConfig, env: PathFollowingVecEnv) -> DemonstratedDDP
         seed=int(seeds[1] % 2**31),
         device="cpu",
     )
+    if config.problem.base is not None:
+        start_at_zero(agent.policy)
     agent.mirror = settings.mirror
     agent.rate = lambda step: settings.learning_rate.value(step, total)
     agent.prepare_demonstration(p_action, store_agent=demo.store == "agent", seed=int(seeds[2]))

@@ -17,7 +17,7 @@ from steersman.learning.imitation.config import LearningConfig
 from steersman.learning.snapshot import Tree
 
 FOLDER = "resume"
-_FORMAT = 1
+_FORMAT = 2
 _KEPT = 2
 _WRITTEN = ("checkpoints", FOLDER, "tensorboard")
 _FILES = ("config.yaml", "progress.csv", "policy.onnx", "policy.json")

@@ -1,4 +1,4 @@
-"""The demonstrator: any controller, proposing a steering beside the agent at every step."""
+"""Any controller, proposing a steering at every step: to show it, or as what is corrected."""
 
 from __future__ import annotations
 
@@ -44,6 +44,10 @@ class Demonstrator:
         """Vehicle ``n`` begins a new episode."""
         self._states[n] = self._fresh
 
+    def executed(self, n: int, steer: float) -> None:
+        """Tell what steering vehicle ``n`` executed since the last proposal."""
+        self._states[n] = self._controller.executed(self._states[n], steer)
+
     def propose(self, n: int, row: FloatArray, time: float, spacing: float) -> float:
         """Normalised steering for vehicle ``n`` from its observation row."""
         decision, self._states[n] = self._controller.step(
@@ -71,3 +75,8 @@ def demonstrated_action(
     if rate_limit == 0.0:
         return demo.copy()
     return np.clip((demo - last_command) / (dt * rate_limit), -1.0, 1.0)
+
+
+def demonstrated_correction(demo: FloatArray, base: FloatArray, authority: float) -> FloatArray:
+    """The residual action in [-1, 1] that leads from the base's to the demonstrated steering."""
+    return np.clip((demo - base) / authority, -1.0, 1.0)

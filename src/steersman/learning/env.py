@@ -15,7 +15,6 @@ from steersman.kernels import observe
 from steersman.kernels import step as kernel
 from steersman.kernels.encode import FEATURE_LIMIT
 from steersman.kernels.vehicle import VX, VY
-from steersman.learning.demonstration import demonstrated_action
 from steersman.learning.fleet import FleetDriver
 from steersman.learning.problem import Problem
 
@@ -24,13 +23,14 @@ _FAILED = (kernel.LEFT_CORRIDOR, kernel.ROLLED)
 
 
 class PathFollowingEnv(gymnasium.Env[Features, Features]):
-    """Follow a path; the action is the steering or its rate.
+    """Follow a path; the action is the steering, its rate, or a correction of it.
 
     Observation: (features,) float32, about unit size; ``observation_names`` tells each.
     Action: (1,) in [-1, 1], left positive. Leaving the corridor or rolling over terminates;
     time and the end of a road truncate. ``info`` holds the true lateral error [m], heading error
-    [rad], speed [m/s], arc length [m], and the demonstrator's steering and action for the
-    returned observation (if there is one, and the episode goes on).
+    [rad], speed [m/s], arc length [m], and for the returned observation the base's steering (if
+    there is a base) and the demonstrator's steering and action (if there is one, and the episode
+    goes on).
     """
 
     metadata: dict[str, Any] = {"render_modes": [], "render_fps": 20}  # noqa: RUF012 - Gymnasium's
@@ -82,7 +82,7 @@ class PathFollowingEnv(gymnasium.Env[Features, Features]):
         }
         if driver.demonstrates and fleet.ended[0] == kernel.RUNNING:
             info["demo_steer"] = float(fleet.demo[0])
-            limit = driver.world.rate_limit
-            action = demonstrated_action(fleet.demo, driver.last_commands(), limit, driver.dt)
-            info["demo_action"] = float(action[0])
+            info["demo_action"] = float(driver.demonstrated_actions()[0])
+        if self.problem.base is not None:
+            info["base_steer"] = float(fleet.base[0])
         return info

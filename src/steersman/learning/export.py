@@ -20,7 +20,7 @@ _UNITS = {
     "length": "m",
     "angle": "rad",
     "steer": "1 = full lock, left positive",
-    "action": "[-1, 1]: steering, or steering rate over rate_limit",
+    "action": "[-1, 1]: steering, steering rate over rate_limit, or correction over authority",
 }
 
 
@@ -73,7 +73,7 @@ def export_policy(
 ) -> FilePath:
     """Write ``policy.onnx`` and ``policy.json`` into ``folder``; ``note`` goes into the card."""
     problem = config.problem
-    table = problem.encoding.table(problem.sensor.spacing, problem.plant.dt, problem.indirect)
+    table = problem.layout
     scale = problem.encoding.scale(table)
     data = network(net, scale)
     origin = provenance()
@@ -81,6 +81,8 @@ def export_policy(
         sha256=sha256(data),
         action=problem.action,
         rate_limit=problem.rate_limit if problem.indirect else None,
+        base=dump(problem.base),
+        authority=None if problem.base is None else problem.authority,
         dt=problem.plant.dt,
         waypoints=problem.sensor.count,
         spacing=problem.sensor.spacing,

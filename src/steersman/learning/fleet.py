@@ -7,13 +7,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from steersman.controllers.base import ControllerComponent
 from steersman.kernels import encode, observe
 from steersman.kernels import path as paths
 from steersman.kernels import speed as speed_kernel
 from steersman.kernels import step as kernel
 from steersman.kernels import vehicle as car
 from steersman.kernels.step import Fleet
-from steersman.learning.demonstration import Demonstrator, demonstrated_action
+from steersman.learning.demonstration import (
+    Demonstrator,
+    demonstrated_action,
+    demonstrated_correction,
+)
 from steersman.learning.problem import Problem
 from steersman.learning.snapshot import Tree, fill
 from steersman.plants.simulator import place
@@ -56,16 +61,18 @@ class FleetDriver:
         self._levels = np.ones(n)
         self._rngs = [np.random.default_rng(0) for _ in range(n)]
         demonstration = problem.demonstration
-        self._demonstrator = (
-            Demonstrator(demonstration.controller, problem.vehicle, self.dt)
-            if demonstration.enabled
-            else None
-        )
-
-    @property
-    def demonstrates(self) -> bool:
+        self.demonstrates = demonstration.enabled
         """Whether a demonstrator proposes a steering at every step."""
-        return self._demonstrator is not None
+        self._corrected = self._proposer(problem.base)
+        # A base that demonstrates itself is asked once.
+        itself = demonstration.enabled and demonstration.controller == problem.base
+        other = demonstration.controller if demonstration.enabled and not itself else None
+        self._demonstrator = self._corrected if itself else self._proposer(other)
+
+    def _proposer(self, controller: ControllerComponent | None) -> Demonstrator | None:
+        if controller is None:
+            return None
+        return Demonstrator(controller, self.problem.vehicle, self.dt)
 
     def _capped(self) -> list[Profile]:
         rng = np.random.default_rng(0)
@@ -89,7 +96,7 @@ class FleetDriver:
         if not problem.sensor.redraw and self._shifts.shape[1]:
             self._shifts[i] = self._levels[i] * problem.sensor.draw(rng)
         self._look(i)
-        self._demonstrate(i, restart=True)
+        self._propose(i, restart=True)
 
     def _draw_start(self, rng: np.random.Generator) -> Start:
         problem, spread = self.problem, self.problem.spread
@@ -177,23 +184,32 @@ class FleetDriver:
         if self._shifts.shape[1] and self.problem.sensor.redraw:
             self._shifts[i] = self._levels[i] * self.problem.sensor.draw(self._rngs[i])
 
-    def _demonstrate(self, i: int, *, restart: bool = False) -> None:
-        if self._demonstrator is None:
-            return
+    def _propose(self, i: int, *, restart: bool = False) -> None:
+        """Ask base and demonstrator what they would do now with vehicle ``i``."""
+        fleet, base, demonstrator = self.fleet, self._corrected, self._demonstrator
+        if base is not None:  # the last state of an episode has its feature, too
+            fleet.base[i] = self._ask(base, i, restart=restart)
+            encode.tell_base(fleet.memory[i], fleet.base[i], fleet.inputs[i])
+            encode.normalise(fleet.inputs[i, -1:], self.world.scale[-1:])
+        if demonstrator is not None and fleet.ended[i] == kernel.RUNNING:
+            same = demonstrator is base
+            fleet.demo[i] = fleet.base[i] if same else self._ask(demonstrator, i, restart=restart)
+
+    def _ask(self, proposer: Demonstrator, i: int, *, restart: bool) -> float:
         if restart:
-            self._demonstrator.restart(i)
+            proposer.restart(i)
+        else:
+            proposer.executed(i, float(self.fleet.memory[i, encode.LAST_COMMAND]))
         time = self.fleet.clock[i, kernel.CLOCK_STEPS] * self.dt
-        self.fleet.demo[i] = self._demonstrator.propose(
-            i, self.fleet.rows[i], time, self.problem.sensor.spacing
-        )
+        return proposer.propose(i, self.fleet.rows[i], time, self.problem.sensor.spacing)
 
     def step(self, actions: FloatArray) -> None:
         """One control step of all vehicles; the caller resets those whose episode ended."""
         for i in range(self.n):
             self._draw_shift(i)
         kernel.step(self.world, self.fleet, actions, self._shifts)
-        for i in np.flatnonzero(self.fleet.ended == kernel.RUNNING).tolist():
-            self._demonstrate(i)
+        for i in range(self.n):
+            self._propose(i)
 
     def last_commands(self) -> FloatArray:
         """Steering executed in the last step, (n,)."""
@@ -201,9 +217,10 @@ class FleetDriver:
 
     def demonstrated_actions(self) -> FloatArray:
         """The demonstrator's action for the present observations, (n,) in [-1, 1]."""
-        return demonstrated_action(
-            self.fleet.demo, self.last_commands(), self.world.rate_limit, self.dt
-        )
+        fleet, world = self.fleet, self.world
+        if world.authority > 0.0:
+            return demonstrated_correction(fleet.demo, fleet.base, world.authority)
+        return demonstrated_action(fleet.demo, self.last_commands(), world.rate_limit, self.dt)
 
     def _arrays(self) -> dict[str, Any]:
         """Every array that changes while driving."""
@@ -220,11 +237,11 @@ class FleetDriver:
 
     def snapshot(self) -> dict[str, Any]:
         """All that changes while driving."""
-        demonstrator = self._demonstrator
+        proposers = {"base": self._corrected, "demonstrator": self._demonstrator}
         return {
             "arrays": self._arrays(),
             "generators": [rng.bit_generator.state for rng in self._rngs],
-            "demonstrator": demonstrator.snapshot() if demonstrator is not None else {},
+            **{name: {} if p is None else p.snapshot() for name, p in proposers.items()},
         }
 
     def restore(self, saved: Tree) -> None:
@@ -232,5 +249,7 @@ class FleetDriver:
         fill(self._arrays(), saved["arrays"])
         for rng, state in zip(self._rngs, saved["generators"], strict=True):
             rng.bit_generator.state = state
+        if self._corrected is not None:
+            self._corrected.restore(saved["base"])
         if self._demonstrator is not None:
             self._demonstrator.restore(saved["demonstrator"])

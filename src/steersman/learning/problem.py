@@ -8,7 +8,9 @@ import numpy as np
 from pydantic import field_validator, model_validator
 
 from steersman.config import Of, Settings, dump, param
-from steersman.encoding import EncodingComponent, ExtendedEncoding
+from steersman.controllers.base import ControllerComponent
+from steersman.controllers.policy import check_base
+from steersman.encoding import EncodingComponent, EncodingTable, ExtendedEncoding
 from steersman.kernels.path import PathTable
 from steersman.kernels.step import World
 from steersman.learning.demonstration import Demonstration
@@ -57,10 +59,17 @@ class Problem(Settings):
     )
     task: Annotated[TaskComponent, Of("task")] = param(PreciseTask(), "-", "Reward.")
     demonstration: Demonstration = param(Demonstration(), "-", "Demonstration.")
-    action: Literal["rate", "direct"] = param(
-        "rate", "-", "The action is the steering rate (indirect) or the steering (direct)."
+    action: Literal["rate", "direct", "residual"] = param(
+        "rate",
+        "-",
+        "The action is the steering rate (indirect), the steering (direct), or what is added to "
+        "the base's steering (residual).",
     )
     rate_limit: float = param(PAPER_RATE, "1/s", "Steering rate of action 1.", gt=0)
+    base: Annotated[ControllerComponent | None, Of("controller", optional=True)] = param(
+        None, "-", "Controller whose steering a residual action corrects."
+    )
+    authority: float = param(0.2, "-", "Correction of residual action 1.", gt=0, le=2)
     roads: tuple[Annotated[PathComponent, Of("path")], ...] = param(
         ("training_circuit",), "-", "Roads to train on; each episode draws one."
     )
@@ -87,8 +96,21 @@ class Problem(Settings):
         return value
 
     @model_validator(mode="after")
+    def _corrected(self) -> Problem:
+        if self.action == "residual" and self.base is None:
+            raise ValueError("action residual corrects a controller; name it as base")
+        if self.action != "residual" and self.base is not None:
+            raise ValueError(
+                f"base {self.base.kind!r} is given, but action {self.action!r} corrects nobody; "
+                "set action=residual"
+            )
+        if self.base is not None:
+            check_base(self.base)
+        return self
+
+    @model_validator(mode="after")
     def _preview(self) -> Problem:
-        table = self.encoding.table(self.sensor.spacing, self.plant.dt, self.indirect)
+        table = self.layout
         needed = max(table.waypoints, 2 * (table.roads - 1) + 1)
         if needed > self.sensor.count:
             raise ValueError(
@@ -120,9 +142,14 @@ class Problem(Settings):
         """Whether the action is the steering rate."""
         return self.action == "rate"
 
+    @property
+    def layout(self) -> EncodingTable:
+        """Layout of the network's input."""
+        return self.encoding.layout(self.sensor.spacing, self.plant.dt, self.action)
+
     def world(self, n: int) -> World:
         """Everything constant for ``n`` vehicles; rows of vehicles and speeds are per vehicle."""
-        encoding = self.encoding.table(self.sensor.spacing, self.plant.dt, self.indirect)
+        encoding = self.layout
         vehicle = self.vehicle.table
         rng = np.random.default_rng(0)
         profiles = [s.draw(rng, self.episode_time) for s in self.speeds]
@@ -144,6 +171,7 @@ class Problem(Settings):
             dt=self.plant.dt,
             corridor=self.corridor,
             rate_limit=self.rate_limit if self.indirect else 0.0,
+            authority=self.authority if self.base is not None else 0.0,
         )
 
     def bank(self) -> PathTable:

@@ -134,6 +134,8 @@ class _Training:
             def _on_training_start(self) -> None:
                 if saved is not None:  # now, as SB3 has just reset noise and environments
                     training.restore(saved)
+                elif training.config.problem.base is not None:
+                    training._validate()  # before any update: the base alone
 
             def _on_rollout_start(self) -> None:
                 training._between_steps()
