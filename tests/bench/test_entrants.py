@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path as FilePath
 
 import pytest
 import yaml
 
-from steersman.bench.entrants import classical, entrant, entrants
-from steersman.config import components
+from steersman import tuned
+from steersman.bench.entrants import entrant, entrants, policies
+from steersman.config import components, dump
 from steersman.controllers.pid import Pid
 from steersman.errors import ConfigError, DataError
+from steersman.policy_file import shipped
 
 from ..loops import random_policy
 
@@ -26,12 +29,28 @@ def written(file: FilePath, data: object) -> str:
     return str(file)
 
 
-def test_without_words_every_classical_kind_takes_part() -> None:
-    names = [e.name for e in entrants([])]
-    assert names == classical()
-    assert {"pid", "mpc_pid"} <= set(names) <= set(components("controller"))
-    assert "policy" not in names
-    assert not any(e.learned for e in entrants([]))
+def test_without_words_the_controllers_of_the_package_take_part() -> None:
+    found = entrants([])
+    assert [e.name for e in found] == [FilePath(n).name for n in tuned.names()] + shipped()
+    assert {"lqr", "pid", "mpc_delay", "mpc_pid_scheduled"} <= {e.name for e in found}
+    assert [e.name for e in found if e.learned] == shipped()
+
+
+@pytest.mark.parametrize("name", tuned.names())
+def test_a_tuned_controller_differs_from_the_default(name: str) -> None:
+    one = entrant(name)
+    assert one.name == name.removeprefix("tuned/")
+    assert one.controller != entrant(str(one.shown["kind"])).controller
+
+
+def test_every_classical_kind_has_been_tuned() -> None:
+    free = {
+        kind
+        for kind, cls in components("controller").items()
+        if not any(field.is_required() for field in cls.model_fields.values())
+        and not list(policies(dump(cls())))
+    }
+    assert free == {entrant(name).shown["kind"] for name in tuned.names()}
 
 
 def test_a_kind_a_file_and_a_policy(tmp_path: FilePath, policy: FilePath) -> None:
@@ -88,3 +107,11 @@ def test_two_of_a_name_are_refused() -> None:
     with pytest.raises(ConfigError, match="both called 'pid'; write name=pid"):
         entrants(["pid", "pid"])
     assert [e.name for e in entrants(["pid", "again=pid"])] == ["pid", "again"]
+
+
+@pytest.mark.parametrize("name", tuned.names())
+def test_a_tuned_controller_is_what_its_record_says(name: str) -> None:
+    record = FilePath(__file__).parents[2] / "results" / "tune" / entrant(name).name / "result.json"
+    found = json.loads(record.read_text(encoding="utf-8"))
+    assert dump(entrant(name).controller) == found["controller"]
+    assert found["trials"] == 200  # the same budget for everybody

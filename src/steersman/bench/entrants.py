@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
+from steersman import tuned
 from steersman.config import components, dump, lookup, read_yaml, resolve
 from steersman.controllers.base import ControllerComponent
 from steersman.errors import ConfigError, DataError, suggestion
@@ -38,34 +39,26 @@ class Entrant(NamedTuple):
 
 
 def entrants(words: Sequence[str]) -> list[Entrant]:
-    """Controllers from their specifications ``[name=]spec``; of none given, every classical kind.
+    """Controllers from their specifications ``[name=]spec``; of none given, those of the package.
 
     A ``spec`` is a registered kind, a YAML file with a controller (as ``steersman tune`` writes
-    it), the ONNX file of a policy, or the name of a policy of the package.
+    it), ``tuned/NAME`` for one of the package, the ONNX file of a policy, or the name of a policy
+    of the package.
 
     Raises:
         ConfigError: a kind is unknown, or two have the same name.
         DataError: a file is missing or malformed.
     """
-    found = [entrant(word) for word in words or classical()]
+    words = words or [*tuned.names(), *shipped()]
+    found = [entrant(word) for word in words]
     seen: dict[str, str] = {}
-    for one, word in zip(found, words or classical(), strict=True):
+    for one, word in zip(found, words, strict=True):
         if one.name in seen:
             raise ConfigError(
                 f"{seen[one.name]!r} and {word!r} are both called {one.name!r}; write name={word}"
             )
         seen[one.name] = word
     return found
-
-
-def classical() -> list[str]:
-    """Every registered kind that needs nothing given and holds no policy."""
-    return [
-        kind
-        for kind, cls in components("controller").items()
-        if not any(field.is_required() for field in cls.model_fields.values())
-        and not list(policies(dump(cls())))
-    ]
 
 
 def entrant(word: str) -> Entrant:
@@ -113,6 +106,8 @@ def _controller(spec: str) -> ControllerComponent:
         data: Any = {"kind": _POLICY, "file": spec}
     elif file.suffix in _YAML:
         data = _from_yaml(file)
+    elif spec in tuned.names() and not file.exists():
+        data = _from_yaml(tuned.locate(spec) or file)
     elif spec in shipped():
         data = {"kind": _POLICY, "file": spec}
     elif file.exists() and spec not in components("controller"):
@@ -136,7 +131,9 @@ def _known(kind: str) -> None:
     """Refuse a kind that is unknown, or that needs more than its name."""
     known = components("controller")
     if kind not in known:
-        raise ConfigError(f"unknown controller {kind!r}{suggestion(kind, [*known, *shipped()])}")
+        raise ConfigError(
+            f"unknown controller {kind!r}{suggestion(kind, [*known, *tuned.names(), *shipped()])}"
+        )
     cls = lookup("controller", kind)
     needed = [name for name, field in cls.model_fields.items() if field.is_required()]
     if needed:
@@ -160,7 +157,7 @@ def _short(spec: str) -> str:
     """The name of a specification without one."""
     file = FilePath(spec)
     if file.suffix not in (*_YAML, _ONNX):
-        return spec
+        return file.name
     folder = file.resolve().parent.name
     return folder if file.stem in _COMMON and folder else file.stem
 

@@ -24,7 +24,7 @@ EXAMPLES = (
     "Examples:\n"
     "  steersman bench --out runs/bench\n"
     "  steersman bench quick --controllers pid,mpc_pid --out runs/quick\n"
-    "  steersman bench --controllers mpc_pid,ff=runs/tune_pid/tuned.yaml,runs/demo/policy.onnx \\\n"
+    "  steersman bench --controllers tuned/lqr,ff=runs/pid/tuned.yaml,runs/demo/policy.onnx \\\n"
     "      --seeds 7 --out runs/bench\n"
     "\n"
     "The same command goes on where an interrupted one stopped; in the same folder, further\n"
@@ -45,8 +45,8 @@ def bench(
         typer.Option(
             "--controllers",
             metavar="LIST",
-            help="Kinds, YAML files or policies' ONNX files, each also as name=...; separated by"
-            " commas. Without it: every classical kind.",
+            help="Kinds, tuned/NAME, YAML files or policies' ONNX files, each also as name=...;"
+            " separated by commas. Without it: all tuned ones and the policies of the package.",
         ),
     ] = None,
     seeds: Annotated[
@@ -164,9 +164,11 @@ def _show(outcome: dict[str, Any], folder: FilePath) -> None:
         f"{summary['scenarios']} scenarios on {summary['paths']} paths; 95 % intervals of a"
         " bootstrap over paths. clean, disturbed: RMS lateral error [mm]; p95 [mm]; failed: runs"
         " that ended early, charged in all errors; steering: RMS change in a step [1/1000];"
-        f" step: median computing time [us]; ratio: RMS error over that of {best}, the best"
-        " classical controller."
+        " step: median computing time [us]"
     )
+    if best is not None:
+        notes += f"; ratio: RMS error over that of {best}, the best classical controller"
+    notes += "."
     show(out, "", notes, f"written to {folder}")
 
 

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
-from steersman.errors import ConfigError, DataError
+from steersman import tuned
+from steersman.errors import ConfigError, DataError, suggestion
 
 HELP = "A YAML file, and settings over it; a setting of a part is written part.key=value."
 METAVAR = "[CONFIG.yaml] [key=value ...]"
@@ -59,16 +60,20 @@ def read(words: Sequence[str]) -> dict[str, Any]:
 
 
 def existing(name: str, hint: str = "") -> FilePath:
-    """A file that is there; ``hint`` ends the message if it is not.
+    """A file that is there, or ``tuned/NAME`` of the package; ``hint`` ends the message if not.
 
     Raises:
         DataError: it is not.
     """
     file = FilePath(name)
+    shipped = tuned.locate(name)
+    if shipped is not None and not file.exists():
+        return shipped
     if file.is_dir():
         raise DataError(f"{name}: is a folder, expected a file")
     if not file.exists():
-        raise DataError(f"{name}: no such file{hint}")
+        near = suggestion(name, tuned.names()) if name.startswith("tuned/") else ""
+        raise DataError(f"{name}: no such file{near}{hint}")
     return file
 
 

@@ -39,7 +39,7 @@ class MpcPid(LinearMpc):
     """
 
     # Defaults are those that `steersman tune controller=mpc_pid` found on the training circuit
-    # at 30 km/h (results/tune/mpc_pid), rounded. q stays: only ratios of weights matter.
+    # at 30 km/h (results/tune/mpc_pid_home), rounded. q stays: only ratios of weights matter.
     search: ClassVar[Mapping[str, tuple[float, float, bool]]] = {
         "p": (1e-2, 100.0, True),
         "r": (1e-2, 1e3, True),

@@ -78,8 +78,7 @@ def _ranking(results: Mapping[str, Any]) -> dict[str, Any]:
         "failed": "failed",
         "steer": "RMS steering change per step",
         "reversals": "reversals per minute",
-        "ratio": f"RMS over {best}'s",
-        "typical": "typical ratio",
+        **({"ratio": f"RMS over {best}'s", "typical": "typical ratio"} if best else {}),
         "step": "step time p50 / p99 [us]",
     }
     return {
@@ -90,8 +89,13 @@ def _ranking(results: Mapping[str, Any]) -> dict[str, Any]:
             "of the same weight. A run that ends early is charged the corridor's half width for "
             "all that it did not drive.",
             "In brackets: 95 % intervals of a bootstrap in which whole paths are drawn, the same "
-            "for every controller. The typical ratio is the geometric mean over the scenarios, "
-            "which hard ones do not dominate.",
+            "for every controller."
+            + (
+                " The typical ratio is the geometric mean over the scenarios, which hard ones do "
+                "not dominate."
+                if best
+                else ""
+            ),
         ],
         "tables": [{"title": "Controllers, best first", "columns": columns, "rows": rows}],
         "figures": figures,
