@@ -77,7 +77,7 @@ def drives(pupil: Any = None, beta: float = 1.0, sigma: float = 0.0, **changes: 
 
 def columns(data: Dataset, *names: str) -> list[Any]:
     problem = config().problem
-    table = problem.encoding.table(problem.sensor.spacing, problem.plant.dt, problem.indirect)
+    table = problem.layout
     where = [problem.encoding.names(table).index(name) for name in names]
     return [data.features[:, i] / problem.encoding.scale(table)[i] for i in where]
 
@@ -122,6 +122,25 @@ def test_a_rate_that_was_not_executed_is_labelled_from_what_was() -> None:
     wanted = -K_P * d - K_HEADING * heading
     step = problem.rate_limit * problem.plant.dt
     np.testing.assert_allclose(data.actions, np.clip((wanted - last) / step, -1, 1), atol=2e-4)
+
+
+def test_a_correction_is_labelled_with_what_the_demonstrator_adds() -> None:
+    base = {"kind": "pid", "gains": {"k_p": 0.05, "k_i": 0.0, "k_d": 0.0}}
+    data = drives(to_the_left, 0.0, action="residual", base=base, authority=0.5).data
+    d, heading = columns(data, "lateral_error [m]", "heading_error [rad]")
+    expected = (-(K_P - 0.05) * d - K_HEADING * heading) / 0.5
+    np.testing.assert_allclose(data.actions, np.clip(expected, -1.0, 1.0), atol=5e-6)
+
+
+def test_a_demonstrator_that_remembers_is_told_what_was_executed() -> None:
+    # It changes its command by at most max_change; left alone it would be far from the pupil's.
+    remembers = {"controller": {"kind": "bearing_pid", "max_change": 0.02}}
+    data = drives(to_the_left, 0.0, demonstration=remembers).data
+    (last,) = columns(data, "last_command [-]")
+    following = np.isclose(last, 0.2)
+    change = np.abs(data.actions - last)[following]
+    assert change.max() < 0.02 + 1e-6
+    assert change.min() > 0.0
 
 
 def test_noise_moves_the_car_and_not_the_labels() -> None:
@@ -274,9 +293,8 @@ def test_the_policy_drives(done: FilePath) -> None:
 
 def test_the_demonstrators_own_score_is_that_of_its_drives(done: FilePath) -> None:
     validator = Validator(config().problem, config().validation)
-    table = config().problem.encoding
-    layout = table.table(2.0, 0.05, False)
-    names, scale = table.names(layout), table.scale(layout)
+    encoding, layout = config().problem.encoding, config().problem.layout
+    names, scale = encoding.names(layout), encoding.scale(layout)
     i, k = names.index("lateral_error [m]"), names.index("heading_error [rad]")
 
     def linear(features: Any) -> Any:
