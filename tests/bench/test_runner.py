@@ -31,7 +31,7 @@ PAIR = entrants(["pid", "mpc_pid"])
 
 def untimed(rows: list[Row]) -> list[Row]:
     """Without what tells of the machine: computing times, and the commit of a busy work tree."""
-    other = ("control_time", "deadline_misses", "commit")
+    other = ("control_time", "computing_time", "deadline_misses", "commit")
     return [{k: v for k, v in r.items() if not k.startswith(other)} for r in rows]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import time
 from typing import Any, TypeAlias
 
 from steersman.bench.charge import charged_mean, charged_quantile, charged_rms, driven_share
@@ -21,7 +22,7 @@ Row: TypeAlias = dict[str, Any]
 # For estimates only [m/s].
 _USUAL_SPEED = 12.0
 # Of a row's columns: with others, what was driven before is driven again.
-VERSION = 3
+VERSION = 4
 FACTORS = ("path", "speed", "disturbance", "vehicle", "seed")
 
 
@@ -79,8 +80,9 @@ def drive(scenario: Scenario, entrant: Entrant) -> Episode:
 
 def measure(scenario: Scenario, entrant: Entrant) -> Row:
     """Everything that is kept of a drive; numbers are finite or None."""
+    begun = time.process_time()
     episode = drive(scenario, entrant)
-    return {
+    row = {
         "controller": entrant.name,
         "kind": entrant.controller.kind,
         "learned": entrant.learned,
@@ -94,6 +96,7 @@ def measure(scenario: Scenario, entrant: Entrant) -> Row:
         **evaluate(episode, BENCH_METRICS),
         "commit": provenance()["commit"],
     }
+    return {**row, "computing_time_s": time.process_time() - begun}
 
 
 def charged(config: RunConfig, episode: Episode) -> dict[str, float]:

@@ -80,7 +80,8 @@ def _figures(rows: Sequence[Row]) -> dict[str, Any]:
         "weighted_acceleration_m_s2": _mean(_column(rows, "weighted_acceleration_m_s2")),
         "deadline_misses_50ms": sum(row["deadline_misses_50ms"] for row in rows),
         "deadline_misses_10ms": sum(row["deadline_misses_10ms"] for row in rows),
-        "control_steps": sum(round(row["duration_s"] / row["dt_s"]) for row in rows),
+        "control_steps": (steps := sum(round(row["duration_s"] / row["dt_s"]) for row in rows)),
+        "computing_us_per_step": 1e6 * sum(r["computing_time_s"] for r in rows) / max(steps, 1),
     }
 
 
