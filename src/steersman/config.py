@@ -69,6 +69,7 @@ FAMILIES: dict[str, str] = {
     "sensor": "steersman.sensing",
     "encoding": "steersman.encoding",
     "task": "steersman.learning.task",
+    "agent": "steersman.learning.algorithms",
     "schedule": "steersman.learning.schedules",
 }
 _REGISTRY: dict[str, dict[str, type[Component]]] = {family: {} for family in FAMILIES}

@@ -20,7 +20,7 @@ def check(config: TrainConfig, rows: Sequence[Mapping[str, float]], largest_rewa
             up to, or the action sticks to a limit.
     """
     row = rows[-1]
-    if row["updates"] <= 0:
+    if row["updates"] < config.agent.first_actor_update:
         return
     if not all(math.isfinite(row[name]) for name in ("actor_loss", "critic_loss", "q_mean")):
         raise TrainingDiverged(

@@ -24,18 +24,22 @@ _UNITS = {
 }
 
 
-def network(net: Net, scale: Any) -> bytes:
-    """ONNX bytes of clip(features x scale) -> ReLU layers -> tanh.
+def network(net: Net, scale: Any, operators: tuple[str, str] = ("Relu", "Tanh")) -> bytes:
+    """ONNX bytes of clip(features x scale) -> hidden layers -> action in [-1, 1].
 
     Features (batch, n) are raw, as ``encoding`` makes them; the fixed scale is part of the
-    network. Opset 17.
+    network. ``operators`` stand after the hidden layers and after the output (Tanh, or Clip to
+    +-1). Opset 17.
     """
     from onnx import TensorProto, checker, helper, numpy_helper
 
     def constant(name: str, value: Any) -> Any:
         return numpy_helper.from_array(np.asarray(value, np.float32, order="C"), name)
 
+    hidden, output = operators
+    bounds = {"least": -1.0, "most": 1.0} if output == "Clip" else {}
     weights = [
+        *(constant(name, value) for name, value in bounds.items()),
         constant("scale", scale),
         constant("low", -FEATURE_LIMIT),
         constant("high", FEATURE_LIMIT),
@@ -46,11 +50,11 @@ def network(net: Net, scale: Any) -> bytes:
         helper.make_node("Mul", ["features", "scale"], ["scaled"]),
         helper.make_node("Clip", ["scaled", "low", "high"], ["x"]),
         helper.make_node("Gemm", ["x", "w1", "b1"], ["z1"], transB=1),
-        helper.make_node("Relu", ["z1"], ["h1"]),
+        helper.make_node(hidden, ["z1"], ["h1"]),
         helper.make_node("Gemm", ["h1", "w2", "b2"], ["z2"], transB=1),
-        helper.make_node("Relu", ["z2"], ["h2"]),
+        helper.make_node(hidden, ["z2"], ["h2"]),
         helper.make_node("Gemm", ["h2", "w3", "b3"], ["z3"], transB=1),
-        helper.make_node("Tanh", ["z3"], ["action"]),
+        helper.make_node(output, ["z3", *bounds], ["action"]),
     ]
     count = len(scale)
     graph = helper.make_graph(
@@ -69,13 +73,17 @@ def network(net: Net, scale: Any) -> bytes:
 
 
 def export_policy(
-    net: Net, config: LearningConfig, folder: FilePath, note: dict[str, Any]
+    net: Net,
+    config: LearningConfig,
+    folder: FilePath,
+    note: dict[str, Any],
+    operators: tuple[str, str] = ("Relu", "Tanh"),
 ) -> FilePath:
     """Write ``policy.onnx`` and ``policy.json`` into ``folder``; ``note`` goes into the card."""
     problem = config.problem
     table = problem.layout
     scale = problem.encoding.scale(table)
-    data = network(net, scale)
+    data = network(net, scale, operators)
     origin = provenance()
     card = PolicyCard(
         sha256=sha256(data),

@@ -227,7 +227,9 @@ class _Training:
 
     def _row(self, score: Any) -> dict[str, float]:
         agent, env, marks = self.agent, self.env, self._marks
-        sampled = max(agent.sampled_steps - marks["sampled"], 1)
+        # NaN where there is nothing to tell: PPO's demonstrator never acts, say.
+        sampled = agent.sampled_steps - marks["sampled"] or math.nan
+        demonstrated = agent.demonstrated_steps if agent.demonstrable else math.nan
         steps = max(env.steps - marks["steps"], 1)
         actor_loss, critic_loss, q_mean = agent.last_losses
         reward, c_track, c_diff = self._sums / max(self._count, 1)
@@ -247,7 +249,7 @@ class _Training:
             "q_mean": q_mean,
             "c_track": c_track,
             "c_diff": c_diff,
-            "demo_share": (agent.demonstrated_steps - marks["demo"]) / sampled,
+            "demo_share": (demonstrated - marks["demo"]) / sampled,
             "saturated_share": (agent.saturated_steps - marks["saturated"]) / sampled,
             "learning_rate": agent.current_rate(),
         }
@@ -276,7 +278,8 @@ class _Training:
             "simulated_seconds": self.agent.num_timesteps * self.env.driver.dt,
             "validation": {k: round(float(v), 6) for k, v in score._asdict().items()},
         }
-        export_policy(self.agent.actor_net(), self.config, self.out, note)
+        net, operators = self.agent.actor_net(), self.config.agent.operators
+        export_policy(net, self.config, self.out, note, operators)
 
     def _save_weights(self) -> None:
         file = self.out / "checkpoints" / f"step_{self.agent.num_timesteps:09d}.npz"

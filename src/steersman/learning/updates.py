@@ -20,7 +20,7 @@ from numba import njit
 _BETA1, _BETA2, _EPS = np.float32(0.9), np.float32(0.999), np.float32(1e-8)
 _ONE = np.float32(1.0)
 # Sums may be reordered (so that they vectorise); NaN and infinity keep their meaning.
-_FAST = {"reassoc", "contract", "nsz", "arcp"}
+FAST = {"reassoc", "contract", "nsz", "arcp"}
 
 
 class Net(NamedTuple):
@@ -143,7 +143,7 @@ def make_work(batch: int, actor: Net, critic: Net) -> Work:
     )
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def _bias_relu(h: Any, b: Any) -> None:
     for i in range(h.shape[0]):
         for j in range(h.shape[1]):
@@ -151,7 +151,7 @@ def _bias_relu(h: Any, b: Any) -> None:
             h[i, j] = value if value > 0.0 else np.float32(0.0)
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def forward(net: Net, x: Any, h1: Any, h2: Any, y: Any) -> None:
     """Fill y (B, 1) with network(x), keeping the hidden layers for the way back."""
     np.dot(x, net.w1.T, h1)
@@ -165,7 +165,7 @@ def forward(net: Net, x: Any, h1: Any, h2: Any, y: Any) -> None:
         y[i, 0] = total
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def back_hidden(net: Net, dy: Any, h1: Any, h2: Any, d1: Any, d2: Any) -> None:
     """Gradients at the hidden layers' inputs from the gradient at the output."""
     for i in range(dy.shape[0]):
@@ -178,7 +178,7 @@ def back_hidden(net: Net, dy: Any, h1: Any, h2: Any, d1: Any, d2: Any) -> None:
                 d1[i, j] = np.float32(0.0)
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def weight_gradients(x: Any, h1: Any, h2: Any, dy: Any, d1: Any, d2: Any, grad: Net) -> None:
     """Gradients of all weights from those at the layers' inputs; sums over the batch."""
     np.dot(d1.T, x, grad.w1)
@@ -197,7 +197,7 @@ def weight_gradients(x: Any, h1: Any, h2: Any, dy: Any, d1: Any, d2: Any, grad: 
     grad.b3[0] = total
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def adam(weights: Any, gradient: Any, moments: Moments, rate: float) -> None:
     """One step of Adam in torch's arrangement (bias corrections in double precision)."""
     moments.count[0] += 1
@@ -212,15 +212,16 @@ def adam(weights: Any, gradient: Any, moments: Moments, rate: float) -> None:
         weights[i] -= step * first[i] / (np.sqrt(second[i]) * root + _EPS)
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FAST)
-def _follow(slow: Any, own: Any, tau: float) -> None:
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def follow(slow: Any, own: Any, tau: float) -> None:
+    """Move a target's weights by the share ``tau`` towards a network's own."""
     share = np.float32(tau)
     for i in range(slow.shape[0]):
         slow[i] += share * (own[i] - slow[i])
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FAST)
-def _gather(source: Any, draw: Draw, k: int, out: Any) -> None:
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def gather(source: Any, draw: Draw, k: int, out: Any) -> None:
     """Observations of update ``k``; those whose side is -1 mirrored."""
     for i in range(out.shape[0]):
         row, env, mirrored = draw.rows[k, i], draw.envs[k, i], draw.sides[k, i] < 0.0
@@ -229,13 +230,13 @@ def _gather(source: Any, draw: Draw, k: int, out: Any) -> None:
             out[i, j] = value * draw.mirror[j] if mirrored else value
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def _targets(
     batch: Batch, draw: Draw, k: int, actor: Net, critic: Net, gamma: float, work: Work
 ) -> None:
     """Bootstrapped values r + gamma (1 - done) Q'(s', mu'(s')) into ``work.target``."""
     n = work.x.shape[1]
-    _gather(batch.next_observations, draw, k, work.x)
+    gather(batch.next_observations, draw, k, work.x)
     forward(actor, work.x, work.a1, work.a2, work.y)
     work.z[:, :n] = work.x
     for i in range(work.x.shape[0]):
@@ -249,13 +250,13 @@ def _targets(
         )
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def _improve_critic(
     batch: Batch, draw: Draw, k: int, critic: Net, moments: Moments, rate: float, work: Work
 ) -> tuple[float, float]:
     """Descend the squared Bellman error; returns the loss and the mean value."""
     n, count = work.x.shape[1], work.x.shape[0]
-    _gather(batch.observations, draw, k, work.x)
+    gather(batch.observations, draw, k, work.x)
     work.z[:, :n] = work.x
     for i in range(count):
         action = batch.actions[draw.rows[k, i], draw.envs[k, i], 0]
@@ -274,8 +275,8 @@ def _improve_critic(
     return loss, mean
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FAST)
-def _improve_actor(actor: Net, critic: Net, moments: Moments, rate: float, work: Work) -> float:
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def improve_actor(actor: Net, critic: Net, moments: Moments, rate: float, work: Work) -> float:
     """Ascend Q(s, mu(s)) for the observations in ``work.x``; returns the loss, -mean Q."""
     n, count = work.x.shape[1], work.x.shape[0]
     forward(actor, work.x, work.a1, work.a2, work.y)
@@ -299,7 +300,7 @@ def _improve_actor(actor: Net, critic: Net, moments: Moments, rate: float, work:
     return loss
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def update(
     batch: Batch,
     draw: Draw,
@@ -321,9 +322,9 @@ def update(
     for k in range(steps):
         _targets(batch, draw, k, actor_target, critic_target, gamma, work)
         loss, mean = _improve_critic(batch, draw, k, critic, moments[1], rates[k], work)
-        actor_loss += _improve_actor(actor, critic, moments[0], rates[k], work) / steps
+        actor_loss += improve_actor(actor, critic, moments[0], rates[k], work) / steps
         critic_loss += loss / steps
         value += mean / steps
-        _follow(critic_target.flat, critic.flat, tau)
-        _follow(actor_target.flat, actor.flat, tau)
+        follow(critic_target.flat, critic.flat, tau)
+        follow(actor_target.flat, actor.flat, tau)
     return actor_loss, critic_loss, value

@@ -6,9 +6,10 @@ import json
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path as FilePath
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 from steersman.files import write_text
+from steersman.learning.algorithms import Ddpg
 from steersman.provenance import provenance
 from steersman.studies.reproduce.away import WRONG, away
 from steersman.studies.reproduce.circle import circle
@@ -49,10 +50,9 @@ class Estimate(NamedTuple):
 def estimate(plan: Plan) -> Estimate:
     """How long the plan takes on two cores, roughly."""
     configs = [t.config for t in plan.trainings()]
-    updates = [c.steps // c.agent.vehicles * c.agent.updates for c in configs]
-    size = [
-        c.agent.hidden[0] * c.agent.hidden[1] * c.agent.batch / (400 * 300 * 256) for c in configs
-    ]
+    agents = [cast(Ddpg, c.agent) for c in configs]
+    updates = [c.steps // a.vehicles * a.updates for c, a in zip(configs, agents, strict=True)]
+    size = [a.hidden[0] * a.hidden[1] * a.batch / (400 * 300 * 256) for a in agents]
     training = sum(n * max(s, 0.02) * _UPDATE for n, s in zip(updates, size, strict=True))
     around = len(configs) * _AROUND
     drives = _DRIVES if plan.monza_seconds is None else 0.2

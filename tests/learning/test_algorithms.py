@@ -1,0 +1,449 @@
+"""Every learning algorithm: the demonstrator's part, the training, the exported policy."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import subprocess
+import sys
+import time
+from pathlib import Path as FilePath
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from steersman.config import build, components, dump, read_yaml, to_yaml
+from steersman.controllers.policy import Policy, load_network
+from steersman.errors import ConfigError, TrainingDiverged
+from steersman.kernels.encode import FEATURE_LIMIT
+from steersman.learning.agent import make_agent
+from steersman.learning.algorithms import Ddpg, Ppo, Sac, Td3
+from steersman.learning.arithmetic import arithmetic
+from steersman.learning.config import TrainConfig
+from steersman.learning.export import network
+from steersman.learning.mirror import MirrorBuffer
+from steersman.learning.parallel import Job, train_all
+from steersman.learning.record import COLUMNS
+from steersman.learning.train import train, train_config
+from steersman.learning.validate import Validator
+from steersman.learning.vec_env import PathFollowingVecEnv
+
+from ..loops import Posed, drive
+from .problems import SMALL, TINY
+from .test_agent import Recording, half
+
+KINDS = sorted(components("agent"))
+OFF_POLICY = ["ddpg", "sac", "td3"]
+NEVER = {"p_action": {"kind": "constant", "at": 0.0}}
+
+
+def settings(kind: str, **changes: Any) -> dict[str, Any]:
+    """A small agent of a kind."""
+    known = components("agent")[kind].model_fields
+    own = {name: value for name, value in TINY["agent"].items() if name in known}
+    if kind == "ppo":
+        own["n_steps"] = 64
+    return {"kind": kind, **own, **changes}
+
+
+def config(kind: str, problem: Any = None, agent: Any = None, **changes: Any) -> TrainConfig:
+    """A small training of a kind, with a demonstrator that acts where it may."""
+    demonstration = {"demonstration": half(0.2) if kind in OFF_POLICY else NEVER}
+    tree = {"problem": {**SMALL, **demonstration, **(problem or {})}}
+    return build(TrainConfig, {**TINY, **tree, "agent": settings(kind, **(agent or {})), **changes})
+
+
+def learn(kind: str, steps: int = 400, **changes: Any) -> tuple[Any, Recording]:
+    made = config(kind, **changes)
+    env = Recording(made.problem, made.agent.vehicles)
+    agent = make_agent(made, env)
+    agent.learn(steps)
+    return agent, env
+
+
+def rows(folder: FilePath) -> list[dict[str, str]]:
+    with (folder / "progress.csv").open(encoding="utf-8") as stream:
+        return [{k: v for k, v in row.items() if k != "seconds"} for row in csv.DictReader(stream)]
+
+
+# ------------------------------------------------------------------------------------- the seam
+
+
+@pytest.mark.parametrize("kind", OFF_POLICY)
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_stored_action_is_the_executed_one(kind: str, share: float) -> None:
+    agent, env = learn(kind, problem={"demonstration": half(share)})
+    executed = np.array(env.executed)[:, :, 0].astype(np.float32)
+    buffer = agent.replay_buffer
+    assert np.array_equal(buffer.actions[: buffer.pos, :, 0], executed)
+    demonstrated = executed == np.array(env.proposed).astype(np.float32)
+    assert demonstrated.mean() == pytest.approx(share, abs=0.1)
+    assert agent.demonstrated_steps / agent.sampled_steps == pytest.approx(share, abs=0.1)
+
+
+@pytest.mark.parametrize("kind", OFF_POLICY)
+def test_storing_the_agents_own_action_is_an_option(kind: str) -> None:
+    agent, env = learn(kind, problem={"demonstration": {**half(), "store": "agent"}})
+    executed = np.array(env.executed)[:, :, 0].astype(np.float32)
+    buffer = agent.replay_buffer
+    differs = abs(buffer.actions[: buffer.pos, :, 0] - executed) > 1e-6
+    demonstrated = executed == np.array(env.proposed).astype(np.float32)
+    assert differs.mean() == pytest.approx(0.5, abs=0.1)
+    assert demonstrated[differs].all()
+
+
+def test_ppo_executes_what_its_policy_drew_and_keeps_it_for_one_training() -> None:
+    agent, env = learn("ppo", 256)
+    executed = np.array(env.executed)[:, :, 0]
+    kept = agent.rollout_buffer.actions.reshape(4, 64)  # flattened vehicle by vehicle
+    assert np.array_equal(np.clip(kept, -1.0, 1.0), executed.T)
+    assert agent.demonstrated_steps == 0
+    assert agent.sampled_steps == 256
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_demonstration_pays_in_every_algorithm(kind: str) -> None:
+    _, env = learn(kind, 200)
+    assert env.driver.demonstrates
+    assert (env.driver.fleet.reward[:, 3] > 0.0).all()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_learning_rate_follows_the_steps_at_every_update(kind: str) -> None:
+    line = {"kind": "linear", "start": 1e-3, "end": 0.0}
+    made = config(kind, agent={"learning_rate": line}, steps=512)
+    agent = make_agent(made, PathFollowingVecEnv(made.problem, 4))
+    asked: list[float] = []
+    agent.rate = lambda step: asked.append(step) or made.agent.learning_rate.value(step, 512)
+    agent.learn(512)
+    collected = 256 if kind == "ppo" else 4
+    assert asked == sorted(asked)
+    assert asked[-1] == 512
+    assert np.diff(asked).max() < collected + 1
+    assert agent.current_rate() == pytest.approx(0.0)
+    if kind in {"sac", "ppo"}:
+        optimiser = (agent.actor if kind == "sac" else agent.policy).optimizer
+        assert optimiser.param_groups[0]["lr"] == pytest.approx(0.0)
+    if kind == "ppo":
+        passes, batches = made.agent.n_epochs, 256 // made.agent.batch
+        assert asked[: passes * batches] == pytest.approx(
+            256.0 * np.arange(1, passes * batches + 1) / (passes * batches)
+        )
+
+
+# ------------------------------------------------------------------------------- mirror images
+
+
+def test_sac_learns_from_mirror_images_in_half_of_each_batch() -> None:
+    made = config("sac", agent={"mirror": True})
+    env = PathFollowingVecEnv(made.problem, 4)
+    agent = make_agent(made, env)
+    agent.learn(300)
+    buffer = agent.replay_buffer
+    assert isinstance(buffer, MirrorBuffer)
+    plain = {
+        tuple(o): (a, n)
+        for o, a, n in zip(
+            buffer.observations[: buffer.pos].reshape(-1, env.mirror.size),
+            buffer.actions[: buffer.pos].ravel(),
+            buffer.next_observations[: buffer.pos].reshape(-1, env.mirror.size),
+            strict=True,
+        )
+    }
+    got = buffer.sample(400)
+    factors, mirrored = env.mirror.astype(np.float32), 0
+    for o, a, n in zip(got.observations, got.actions, got.next_observations, strict=True):
+        side = 1.0 if tuple(o.numpy()) in plain else -1.0
+        mirrored += side < 0.0
+        both = factors if side < 0.0 else np.ones_like(factors)
+        action, after = plain[tuple(o.numpy() * both)]
+        assert float(a) == side * action
+        assert np.array_equal(n.numpy(), after * both)
+    assert mirrored / 400 == pytest.approx(0.5, abs=0.1)
+
+
+# -------------------------------------------------------------------------------- configuration
+
+
+def test_a_configuration_that_names_no_algorithm_means_ddpg() -> None:
+    assert train_config({}).agent == Ddpg()
+    kept = train_config({"agent": {"gamma": 0.9}}).agent
+    assert kept == Ddpg(gamma=0.9)
+    assert dump(kept) == {"kind": "ddpg", **kept.model_dump(mode="json")}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_configurations_read_back(kind: str, tmp_path: FilePath) -> None:
+    (tmp_path / "c.yaml").write_text(to_yaml(config(kind)), encoding="utf-8")
+    assert train_config(read_yaml(tmp_path / "c.yaml")) == config(kind)
+
+
+@pytest.mark.parametrize(
+    ("agent", "message"),
+    [
+        ({"kind": "ddpg", "policy_delay": 2}, "policy_delay: is an option of td3, not of ddpg"),
+        ({"kind": "td3", "ent_coef": 0.1}, "agent.ent_coef: is an option of ppo, sac, not of td3"),
+        ({"kind": "sac", "noise_dt": 0.1}, "agent.noise_dt: is an option of ddpg, td3, not of sac"),
+        ({"kind": "ppo", "mirror": True}, "mirror: is an option of ddpg, sac, td3, not of ppo"),
+        ({"kind": "ppo", "updates": 1}, "agent.updates: is an option of .*, not of ppo"),
+        ({"policy_delay": 2}, "policy_delay: is an option of td3, not of ddpg"),
+        ({"kind": "td3", "polcy_delay": 2}, "agent.polcy_delay: unknown .* mean 'policy_delay'"),
+        ({"kind": "dpg"}, "agent: unknown agent 'dpg'; did you mean 'ddpg'"),
+        ({"kind": "ppo", "batch": 100}, "agent.batch: 100 does not divide .* = 2048"),
+        ({"kind": "sac", "ent_coef": 0.1, "target_entropy": -2.0}, "belongs to ent_coef: auto"),
+        ({"kind": "sac", "ent_coef": 0.0}, "agent.ent_coef: 0.0 is not allowed; must be greater"),
+    ],
+)  # fmt: skip
+def test_what_an_algorithm_does_not_know_is_refused(agent: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        train_config({"agent": agent, "problem": {"demonstration": NEVER}})
+
+
+@pytest.mark.parametrize(
+    "p_action",
+    [{"kind": "constant", "at": 0.01}, {"kind": "linear", "start": 0.5, "end": 0.0, "until": 0.01}],
+)
+def test_ppo_refuses_the_extra_action(p_action: dict[str, Any]) -> None:
+    given = {"agent": "ppo", "problem": {"demonstration": {"p_action": p_action}}}
+    with pytest.raises(ConfigError, match=r"^problem\.demonstration\.p_action: ppo .* at: 0}$"):
+        train_config(given)
+    for off in (NEVER, {"enabled": False}):
+        assert train_config({**given, "problem": {"demonstration": off}}).agent == Ppo()
+
+
+def test_sacs_coefficient_of_the_entropy() -> None:
+    """Learned from a given start towards a given entropy, or fixed."""
+    agent, _ = learn("sac", 100, agent={"ent_coef_start": 0.5, "target_entropy": -2.0})
+    assert float(agent.log_ent_coef.exp().detach()) == pytest.approx(0.5)
+    assert agent.target_entropy == -2.0
+    agent, _ = learn("sac", 400, agent={"ent_coef": 0.25})
+    assert float(agent.ent_coef_tensor) == 0.25
+    assert "log_ent_coef" not in agent.weights()
+    assert Sac().target_entropy is None
+
+
+# ----------------------------------------------------------------------------- the whole training
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> dict[str, FilePath]:
+    """A small training of each kind."""
+    out = {}
+    for kind in KINDS:
+        out[kind] = tmp_path_factory.mktemp(kind)
+        train(config(kind, checkpoint_interval=256), out[kind])
+    return out
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_writes_its_record(kind: str, trained: dict[str, FilePath]) -> None:
+    table = rows(trained[kind])
+    assert list(table[0]) == [name for name in COLUMNS if name != "seconds"]
+    assert [float(row["steps"]) for row in table[:3]] == [500.0, 1000.0, 1500.0]
+    for row in table:
+        empty = {name for name, value in row.items() if math.isnan(float(value))}
+        assert empty == ({"demo_share"} if kind == "ppo" else set())
+    if kind != "ppo":
+        assert float(table[1]["demo_share"]) == pytest.approx(0.2, abs=0.08)
+    assert list((trained[kind] / "tensorboard").glob("events.*"))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_card_and_policy(kind: str, trained: dict[str, FilePath]) -> None:
+    card = json.loads((trained[kind] / "policy.json").read_text(encoding="utf-8"))
+    assert train_config(card["training"]["config"]) == config(kind, checkpoint_interval=256)
+    policy = Policy(file=str(trained[kind] / "policy.onnx"))
+    assert len(drive(policy, Posed(), duration=1.0)) > 10
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("activation", ["tanh", "relu"])
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3, 1e12])
+def test_exported_network_is_sb3s_deterministic_action(
+    kind: str, activation: str, size: float
+) -> None:
+    own = {"activation": activation} if kind == "ppo" else {}
+    made = config(kind, agent=own)
+    agent = make_agent(made, PathFollowingVecEnv(made.problem, 4))
+    agent.actor_net().flat[:] *= 2.5  # so that the answer is no plain zero, and meets its limits
+    agent.actor_net().b3[:] = 0.3
+    scale = made.problem.encoding.scale(made.problem.encoding.table(2.0, 0.05, True))
+    run = load_network(
+        network(agent.actor_net(), scale, made.agent.operators), "policy.onnx", len(scale)
+    )
+    raw = size * np.random.default_rng(0).normal(size=(40, len(scale)))
+    inputs = np.clip(raw * scale, -FEATURE_LIMIT, FEATURE_LIMIT).astype(np.float32)
+    expected = agent.predict(inputs, deterministic=True)[0][:, 0]
+    answers = [run(row[None, :].astype(np.float32)) for row in raw]
+    assert answers == pytest.approx(expected, abs=3e-5)
+    assert agent.act(inputs) == pytest.approx(expected, abs=3e-5)
+    assert np.std(expected) > 1e-5
+    assert abs(expected).max() <= 1.0
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_same_seed_same_policy(kind: str, trained: dict[str, FilePath], tmp_path: FilePath) -> None:
+    for name, seed in (("again", 0), ("other", 1)):
+        train(config(kind, checkpoint_interval=256, seed=seed), tmp_path / name)
+    again, other = ((tmp_path / name / "policy.onnx").read_bytes() for name in ("again", "other"))
+    assert again == (trained[kind] / "policy.onnx").read_bytes() != other
+    assert rows(tmp_path / "again") == rows(trained[kind])
+
+
+def test_several_at_a_time_are_as_if_alone(
+    trained: dict[str, FilePath], tmp_path: FilePath
+) -> None:
+    jobs = [Job(kind, config(kind, checkpoint_interval=256), tmp_path / kind) for kind in KINDS]
+    assert train_all(jobs, 2, lambda _: None) == {}
+    for job in jobs:
+        assert rows(job.out) == rows(trained[job.name])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_corrects_a_controller_and_averages_its_weights(kind: str, tmp_path: FilePath) -> None:
+    """What surrounds training asks for nothing that only DDPG has."""
+    residual = {"action": "residual", "base": {"kind": "pid"}}
+    given = config(kind, problem=residual, steps=512, average=0.25)
+    agent = make_agent(given, PathFollowingVecEnv(given.problem, 4))
+    seen = np.random.default_rng(0).normal(size=(9, *agent.observation_space.shape))
+    assert not agent.act(seen).any()
+    train(given, tmp_path)
+    assert [float(row["steps"]) for row in rows(tmp_path)][:2] == [0.0, 500.0]
+    assert len(drive(Policy(file=str(tmp_path / "policy.onnx")), Posed(), duration=1.0)) > 10
+
+
+LEARNING: dict[str, dict[str, Any]] = {
+    "ddpg": {},
+    "td3": {},
+    "sac": {"learning_rate": {"kind": "constant", "at": 1e-3}},
+    "ppo": {"learning_rate": {"kind": "constant", "at": 1e-3}, "n_steps": 64, "batch": 64},
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_learns_to_follow_a_circle(kind: str, tmp_path: FilePath) -> None:
+    """Beside the untrained network, the best one stays nearer to the road."""
+    easy = {
+        "roads": [{"kind": "circle", "radius": 60.0}],
+        "speeds": [{"kind": "constant_speed", "speed": 6.0}],
+        "action": "direct",
+    }
+    agent = {"hidden": [32, 32], "gamma": 0.9, **LEARNING[kind]}
+    given = config(kind, problem=easy, agent=agent, steps=4096)
+    env = PathFollowingVecEnv(given.problem, 4)
+    validator = Validator(given.problem, given.validation)
+    with arithmetic(1):
+        before = validator.score(make_agent(given, env).act).mean_error
+    train(given, tmp_path)
+    card = json.loads((tmp_path / "policy.json").read_text(encoding="utf-8"))
+    assert card["training"]["validation"]["mean_error"] < 0.7 * before
+
+
+# ------------------------------------------------------------------------------- exact resume
+
+# What can carry state: noise on waypoints and cars, an MPC with a rate limit, schedules in the
+# middle of their fall, a small buffer that overflows.
+CARRIES: dict[str, Any] = {
+    "sensor": {"error_range": 0.05},
+    "episode_time": 2.0,
+}
+CHANGES: dict[str, Any] = {"steps": 1200, "checkpoint_interval": 100}
+
+
+def carrying(kind: str) -> TrainConfig:
+    mpc = {"kind": "mpc_pid", "rate_limit": True, "horizon": 8}
+    acts = NEVER if kind == "ppo" else {"p_action": {"kind": "linear", "start": 0.5, "end": 0.0}}
+    agent: dict[str, Any] = {} if kind == "ppo" else {"buffer": 600, "mirror": True}
+    return config(
+        kind,
+        problem={**CARRIES, "demonstration": {"controller": mpc, **acts}},
+        agent=agent | ({"n_steps": 16} if kind == "ppo" else {}),
+        **CHANGES,
+    )
+
+
+class Stopped(Exception):
+    """Stands for whatever ends a process."""
+
+
+def assert_same(folder: FilePath, whole: FilePath) -> None:
+    assert (folder / "policy.onnx").read_bytes() == (whole / "policy.onnx").read_bytes()
+    assert rows(folder) == rows(whole)
+    (last,) = {max(f.glob("checkpoints/*.npz")).name for f in (folder, whole)}
+    ours, theirs = (dict(np.load(f / "checkpoints" / last)) for f in (folder, whole))
+    assert set(ours) == set(theirs)
+    assert all(np.array_equal(ours[name], theirs[name]) for name in ours)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, FilePath]:
+    """Trainings that nothing stopped."""
+    out = {kind: tmp_path_factory.mktemp(kind) for kind in KINDS}
+    for kind, folder in out.items():
+        train(carrying(kind), folder)
+    return out
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_stopped_and_resumed_is_uninterrupted(
+    kind: str, whole: dict[str, FilePath], tmp_path: FilePath
+) -> None:
+    for at in (500, 1000):
+
+        def stop(row: dict[str, float], at: int = at) -> None:
+            if row["steps"] >= at:
+                raise Stopped
+
+        with pytest.raises(Stopped):
+            train(carrying(kind), tmp_path, stop, resume=True)
+    told: list[str] = []
+    train(carrying(kind), tmp_path, resume=True, notify=told.append)
+    assert "going on after" in told[0]
+    assert_same(tmp_path, whole[kind])
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs SIGKILL")
+@pytest.mark.parametrize("kind", ["td3", "sac", "ppo"])
+def test_killed(kind: str, whole: dict[str, FilePath], tmp_path: FilePath) -> None:
+    out = tmp_path / "out"
+    (tmp_path / "c.yaml").write_text(to_yaml(carrying(kind)), encoding="utf-8")
+    command = [sys.executable, "-c", "from steersman.cli import main; main()", "train"]
+    command += [str(tmp_path / "c.yaml"), "--out", str(out), "--resume"]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    while process.poll() is None and not list(out.glob("resume/step_*")):
+        time.sleep(0.002)
+    process.kill()
+    process.wait()
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert "going on after" in done.stderr or "finished" in done.stderr
+    assert_same(out, whole[kind])
+
+
+# --------------------------------------------------------------------------------------- alarms
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_training_that_diverges_says_so(kind: str, tmp_path: FilePath) -> None:
+    wild = {"learning_rate": {"kind": "constant", "at": 1e12}}
+    if kind != "ppo":
+        wild["updates"] = 4
+    with pytest.raises(TrainingDiverged) as caught:
+        train(config(kind, agent=wild, steps=4000), tmp_path)
+    assert "\n" not in str(caught.value)
+    assert rows(tmp_path)
+    assert torch.distributions.Distribution._validate_args  # as it was before
+
+
+def test_td3s_actor_has_no_loss_before_its_turn() -> None:
+    from steersman.learning import alarm
+
+    row = {"updates": 2.0, "actor_loss": math.nan, "critic_loss": 0.1, "q_mean": 0.0}
+    row["saturated_share"] = 0.0
+    given: Any = SimpleNamespace(agent=Td3(policy_delay=3), validation=None)
+    alarm.check(given, [row], 1.0)
+    with pytest.raises(TrainingDiverged, match="not finite"):
+        alarm.check(given, [{**row, "updates": 3.0}], 1.0)
