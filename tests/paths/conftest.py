@@ -9,6 +9,10 @@ import pytest
 
 from steersman.config import resolve
 from steersman.paths.base import PathComponent
+from steersman.paths.eights import FigureEight
+from steersman.paths.xodr.write import opendrive
+
+from . import xodr_maps
 
 SHAPES: dict[str, dict[str, object]] = {
     "straight": {"kind": "straight"},
@@ -32,8 +36,16 @@ SHAPES: dict[str, dict[str, object]] = {
     "csv-closed": {"kind": "csv", "file": "ellipse.csv"},
     "csv-open": {"kind": "csv", "file": "wave.csv"},
     "csv-smooth": {"kind": "csv", "file": "ellipse.csv", "smoothing": 0.05},
+    "opendrive-road": {"kind": "opendrive", "file": "wavy.xodr", "road": "1"},
+    "opendrive-lap": {"kind": "opendrive", "file": "ring.xodr", "route": ["1", "2", "1"]},
+    "opendrive-random": {
+        "kind": "opendrive",
+        "file": "wavy.xodr",
+        "random": 3,
+        "distance": 100.0,
+    },
 }
-CROSSING = ("lemniscate", "figure_eight")
+CROSSING = ("lemniscate", "figure_eight", "opendrive-lap")
 
 
 def write_csv(file: FilePath, points: list[tuple[float, float]], header: str = "x,y") -> FilePath:
@@ -54,6 +66,8 @@ def paths(tmp_path_factory: pytest.TempPathFactory) -> dict[str, PathComponent]:
     """All shapes, built once."""
     folder = tmp_path_factory.mktemp("paths")
     write_csv(folder / "ellipse.csv", ellipse())
+    xodr_maps.write(folder / "wavy.xodr", xodr_maps.wavy())
+    xodr_maps.write(folder / "ring.xodr", opendrive(FigureEight()))
     write_csv(folder / "wave.csv", [(5.0 * i, 10.0 * math.sin(0.25 * i)) for i in range(50)])
     out = {}
     for name, fields in SHAPES.items():

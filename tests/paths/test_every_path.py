@@ -33,9 +33,7 @@ def offset(path: PathComponent, s: float, rng: np.random.Generator) -> float:
 
 
 def test_all_kinds_are_tried() -> None:
-    assert {str(fields["kind"]) for fields in SHAPES.values()} >= set(components("path")) - {
-        "opendrive"
-    }
+    assert {str(fields["kind"]) for fields in SHAPES.values()} >= set(components("path"))
 
 
 def test_load_undoes_dump(path: PathComponent) -> None:

@@ -13,7 +13,15 @@ from typing import NamedTuple
 import numpy as np
 
 from steersman.errors import DataError
-from steersman.kernels.path import FIRST_CELL, FIRST_PIECE, PathTable
+from steersman.kernels.path import (
+    FIRST_CELL,
+    FIRST_PIECE,
+    LENGTH,
+    S0,
+    SHARPNESS,
+    X0,
+    PathTable,
+)
 from steersman.types import FloatArray, Pose
 
 MAX_PIECE = 2.0
@@ -108,6 +116,15 @@ def from_samples(x: FloatArray, y: FloatArray, psi: FloatArray, *, closed: bool)
     s0 = np.concatenate(([0.0], np.cumsum(sizes)))
     kappa, sharpness = (turn - quad) / sizes, 2.0 * quad / sizes**2
     return _table(s0, x[:-1], y[:-1], psi[:-1], kappa, sharpness, closed)
+
+
+def shortened(table: PathTable, length: float) -> PathTable:
+    """The beginning of an open path, ``length`` metres of it; the whole if it is no longer."""
+    length = min(length, float(table.meta[0, LENGTH]))
+    pieces = table.pieces[table.pieces[:, S0] < length]
+    s0 = np.append(pieces[:, S0], length)
+    x, y, psi, kappa, sharpness = pieces[:, X0 : SHARPNESS + 1].T
+    return _table(s0, x, y, psi, kappa, sharpness, closed=False)
 
 
 def stack(paths: Iterable[PathTable]) -> PathTable:

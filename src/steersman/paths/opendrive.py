@@ -1,0 +1,113 @@
+"""Lanes of OpenDRIVE maps as paths."""
+
+from __future__ import annotations
+
+import os
+from functools import lru_cache
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import BeforeValidator, model_validator
+
+from steersman.config import param, register, required
+from steersman.errors import ConfigError, DataError
+from steersman.kernels.path import PathTable
+from steersman.paths.base import PathComponent
+from steersman.paths.segments import from_samples, shortened
+
+if TYPE_CHECKING:
+    from steersman.paths.xodr.model import Network
+    from steersman.paths.xodr.ways import Ways
+
+_CHOICES = ("road", "route", "random")
+
+
+def _text(value: Any) -> Any:
+    """The id of a road, which YAML takes for a number."""
+    return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+_RoadId = Annotated[str, BeforeValidator(_text)]
+
+
+@register("path", "opendrive")
+class OpenDrivePath(PathComponent):
+    """The centre line of lanes of an OpenDRIVE map (*.xodr), in their driving direction.
+
+    Exactly one of road, route and random says which. Heights and banking are left out.
+    """
+
+    file: FilePath = required("-", "OpenDRIVE file, *.xodr")
+    road: _RoadId | None = param(None, "-", "id of the road whose lane is followed to its end")
+    route: tuple[_RoadId, ...] | None = param(
+        None,
+        "-",
+        "ids [from, to] or [from, via, ..., to]: shortest way between roads; from = to: a lap",
+        min_length=2,
+        max_length=100,
+    )
+    random: int | None = param(None, "-", "seed of a random way of length distance", ge=0)
+    distance: float = param(500.0, "m", "length of the random way", ge=1.0, le=1e5)
+    lane: int | None = param(
+        None, "-", "number of the lane where road or route begins; null: next to the middle"
+    )
+    min_radius: float = param(
+        0.0, "m", "route and random take no lane that bends more sharply", ge=0.0, le=1e4
+    )
+
+    sha256: str | None = param(
+        None, "-", "digest of the file, so that no other is taken for it", pattern="^[0-9a-f]{64}$"
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> OpenDrivePath:
+        given = [name for name in _CHOICES if getattr(self, name) is not None]
+        if len(given) != 1:
+            what = " and ".join(given) or "none"
+            raise ConfigError(f"give one of {', '.join(_CHOICES)}; given: {what}")
+        if self.lane is not None and given == ["random"]:
+            raise ConfigError("lane goes with road or route, a random way draws its own")
+        return self
+
+    def build_table(self) -> PathTable:
+        """Short clothoids through positions and tangents of the lanes' centres.
+
+        Raises:
+            DataError: the file cannot be used, or holds no such way.
+        """
+        from steersman.paths.xodr.joined import joined
+        from steersman.paths.xodr.ways import Ways
+
+        network = _network(self.file, _stamp(self.file))
+        if self.sha256 not in {None, network.sha256}:
+            raise DataError(f"{self.file}: its SHA-256 is {network.sha256}, not {self.sha256}")
+        ways = Ways(network, self.min_radius)
+        try:
+            way, closed = self._way(ways)
+            table = from_samples(*joined(ways.lines(way), closed), closed=closed)
+        except DataError as error:
+            raise DataError(f"{self.file}: {error}") from None
+        return table if self.random is None else shortened(table, self.distance)
+
+    def _way(self, ways: Ways) -> tuple[list[Any], bool]:
+        if self.road is not None:
+            return ways.along(self.road, self.lane)
+        if self.route is not None:
+            return ways.between(self.route, self.lane)
+        return ways.random(int(self.random or 0), self.distance), False
+
+
+def _stamp(file: FilePath) -> tuple[int, int]:
+    try:
+        found = os.stat(os.path.expanduser(file))
+    except (OSError, ValueError):
+        return (0, 0)  # reading it tells what is wrong
+    return (found.st_mtime_ns, found.st_size)
+
+
+@lru_cache(maxsize=4)
+def _network(file: FilePath, stamp: tuple[int, int]) -> Network:
+    """The roads of a file, which is read again only if it has changed."""
+    from steersman.paths.xodr.read import read_network
+
+    return read_network(file)

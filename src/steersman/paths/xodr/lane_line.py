@@ -1,0 +1,160 @@
+"""The centre line of a lane: a curve at a changing offset from the reference line."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from steersman.errors import DataError
+from steersman.paths.xodr.model import Cubic, Geometry, Road, Section
+from steersman.paths.xodr.reference import points
+from steersman.types import FloatArray
+
+# Samples are at most so far apart [m], and the curve turns by at most so much between them [rad].
+_STEP, _TURN = 1.0, 0.1
+_PROBES = 4
+# Most turning of the piece between two records of a road [rad].
+_MOST_TURN = 63.0
+# How much longer than the road a lane may be: steeper ones come of wrong figures.
+_MOST_STRETCH = 20.0
+# The narrowest bend of a lane that is not taken for a fault [m].
+_LEAST_RADIUS = 0.1
+
+
+class Curve(NamedTuple):
+    """A smooth stretch of a lane's centre, sampled along the road's growing s; each (n,)."""
+
+    x: FloatArray
+    y: FloatArray
+    psi: FloatArray
+    """Direction of the tangent, towards growing s [rad]."""
+    s: FloatArray
+    """Where on the road [m]."""
+
+    def backward(self) -> Curve:
+        """The same, driven towards falling s."""
+        return Curve(self.x[::-1], self.y[::-1], self.psi[::-1] + np.pi, self.s[::-1])
+
+
+def lane_line(road: Road, section: Section, number: int) -> list[Curve]:
+    """The centre of a lane in one section: a curve for each stretch without a break of records.
+
+    Raises:
+        DataError: the lane cannot be followed; the message begins with a line of the file.
+    """
+    lane = section.lanes[number]
+    if lane.border:
+        raise DataError(
+            f"line {lane.line}: <lane>: has a <border>, which is not read; give it a <width>"
+        )
+    marks = _marks(road, section, number)
+    out = []
+    for start, end in itertools.pairwise(marks):
+        if end > start:
+            geometry = _at(road.geometries, 0.5 * (start + end))
+            offset = _offset(road, section, number, start, 0.5 * (start + end))
+            out.append(_sample(geometry, start, end, offset))
+    return out
+
+
+def _marks(road: Road, section: Section, number: int) -> list[float]:
+    """Where a record begins that bears on the lane, within the section, its ends included."""
+    places = {section.start, section.end}
+    places.update(geometry.s for geometry in road.geometries)
+    places.update(record.s for record in road.offset)
+    for inner in _inner(number):
+        places.update(section.start + record.s for record in section.lanes[inner].width)
+    return sorted(s for s in places if section.start <= s <= section.end)
+
+
+def _inner(number: int) -> Iterator[int]:
+    """The lanes from the middle to ``number``, itself included."""
+    sign = 1 if number > 0 else -1
+    return (sign * k for k in range(1, abs(number) + 1))
+
+
+def _at(rows: tuple[Geometry, ...], s: float) -> Geometry:
+    """The row that holds at ``s``."""
+    found = rows[0]
+    for row in rows:
+        if row.s > s:
+            break
+        found = row
+    return found
+
+
+def _record(rows: tuple[Cubic, ...], s: float) -> Cubic | None:
+    """The last record that begins at or before ``s``."""
+    found = None
+    for row in rows:
+        if row.s > s:
+            break
+        found = row
+    return found
+
+
+def _offset(
+    road: Road, section: Section, number: int, start: float, middle: float
+) -> tuple[float, float, float, float]:
+    """Coefficients of the centre's offset, left positive, over the distance from ``start``.
+
+    ``middle`` lies within the stretch, so that it tells which records hold there.
+    """
+    total = np.zeros(4)
+    record = _record(road.offset, middle)
+    if record is not None:
+        total += record.moved(start - record.s)
+    sign = 1.0 if number > 0 else -1.0
+    for inner in _inner(number):
+        record = _record(section.lanes[inner].width, middle - section.start)
+        if record is not None:
+            share = 0.5 if inner == number else 1.0
+            total += sign * share * np.array(record.moved(start - section.start - record.s))
+    a, b, c, d = (float(value) for value in total)
+    return a, b, c, d
+
+
+def _sample(
+    geometry: Geometry, start: float, end: float, offset: tuple[float, float, float, float]
+) -> Curve:
+    """Samples close enough for short clothoids between them."""
+    count = max(int(np.ceil((end - start) / _STEP)), _PROBES)
+    curve = _evaluate(geometry, np.linspace(start, end, count + 1), offset)
+    turning = float(np.sum(np.abs(np.diff(np.unwrap(curve.psi)))))
+    if turning > _MOST_TURN:
+        raise DataError(f"line {geometry.line}: <geometry>: a lane turns by {turning:.3g} rad here")
+    length = float(np.sum(np.hypot(np.diff(curve.x), np.diff(curve.y))))
+    if length > _MOST_STRETCH * (end - start):
+        raise DataError(
+            f"line {geometry.line}: <geometry>: a lane is {length:.3g} m long here on"
+            f" {end - start:.3g} m of the road; widths and offsets are in metres"
+        )
+    count = max(int(np.ceil(max(length / _STEP, turning / _TURN))), 1)
+    return _evaluate(geometry, np.linspace(start, end, count + 1), offset)
+
+
+def _evaluate(
+    geometry: Geometry, s: FloatArray, offset: tuple[float, float, float, float]
+) -> Curve:
+    """Points at the offset t from the reference line, with t' the offset's slope.
+
+    position = r + t n, d/ds position = (1 - kappa t) tangent + t' n.
+    """
+    a, b, c, d = offset
+    u = s - s[0]
+    t = a + u * (b + u * (c + u * d))
+    slope = b + u * (2.0 * c + 3.0 * d * u)
+    line = points(geometry, s - geometry.s)
+    ahead = 1.0 - line.kappa * t
+    # The radius left of the lane's own arc is ahead / kappa.
+    if not bool(np.all(ahead > _LEAST_RADIUS * np.abs(line.kappa))):
+        raise DataError(
+            f"line {geometry.line}: <geometry>: a lane turns with a radius below"
+            f" {_LEAST_RADIUS} m here: it lies too far inside the bend"
+        )
+    x = line.x - t * np.sin(line.psi)
+    y = line.y + t * np.cos(line.psi)
+    return Curve(x, y, line.psi + np.arctan2(slope, ahead), s)

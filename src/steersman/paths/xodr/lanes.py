@@ -1,0 +1,112 @@
+"""Where a lane leads: from section to section, from road to road and through junctions."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from steersman.paths.xodr.model import LEFT, RIGHT, Lane, Network, Section, Side
+
+DRIVABLE = frozenset(
+    ("driving", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "slipLane")
+)
+"""Types of lanes that a route may take."""
+
+
+class Place(NamedTuple):
+    """A lane in one lane section, driven in its own direction."""
+
+    road: str
+    side: Side
+    section: int
+    """Number of the section among those of its side."""
+    lane: int
+
+
+class LaneGraph:
+    """The lanes of a network that can be driven, and what follows each."""
+
+    def __init__(self, network: Network) -> None:
+        """All of ``network``."""
+        self.network = network
+
+    def section(self, place: Place) -> Section:
+        """The section of a place."""
+        return self.network.roads[place.road].sections[place.side][place.section]
+
+    def lane(self, place: Place) -> Lane:
+        """The lane of a place."""
+        return self.section(place).lanes[place.lane]
+
+    def length(self, place: Place) -> float:
+        """Length of a place along its road's reference line [m]."""
+        section = self.section(place)
+        return section.end - section.start
+
+    def forward(self, place: Place) -> bool:
+        """Whether it is driven towards growing s."""
+        return place.side == self.network.roads[place.road].forward
+
+    def first(self, place: Place) -> bool:
+        """Whether driving on a road begins here."""
+        return place.section == (0 if self.forward(place) else self._last(place))
+
+    def _last(self, place: Place) -> int:
+        return len(self.network.roads[place.road].sections[place.side]) - 1
+
+    def of_road(self, name: str) -> list[Place]:
+        """The drivable places of a road, in the order in which each side is driven."""
+        road = self.network.roads[name]
+        out = []
+        for side in (road.forward, -road.forward):
+            sections = list(enumerate(road.sections[side]))
+            # Nearest to the middle first: on most roads the lane that goes on.
+            out += [
+                Place(name, side, index, lane.number)
+                for index, section in (sections if side == road.forward else sections[::-1])
+                for lane in sorted(section.lanes.values(), key=lambda lane: abs(lane.number))
+                if lane.kind in DRIVABLE
+            ]
+        return out
+
+    def all(self) -> list[Place]:
+        """Every drivable place."""
+        return [place for name in self.network.roads for place in self.of_road(name)]
+
+    def after(self, place: Place) -> list[Place]:
+        """What can be driven after a place, without a change of lane."""
+        road, lane = self.network.roads[place.road], self.lane(place)
+        forward = self.forward(place)
+        link = lane.after if forward else lane.before
+        index = place.section + (1 if forward else -1)
+        if 0 <= index <= self._last(place):
+            return self._known(place._replace(section=index), link)
+        contact = road.after if forward else road.before
+        if contact is None:
+            return []
+        if not contact.junction:
+            return self._entered(contact.name, contact.at_start, link)
+        return [
+            found
+            for way in self.network.junctions.get(contact.name, ())
+            if way.incoming == place.road
+            for found in self._entered(way.road, way.at_start, way.lanes.get(place.lane))
+        ]
+
+    def _entered(self, name: str, at_start: bool, number: int | None) -> list[Place]:
+        """The place on another road, if its lane is driven away from the end that is met."""
+        road = self.network.roads.get(name)
+        if road is None or not number:
+            return []
+        side = RIGHT if number < 0 else LEFT
+        sections = road.sections[side]
+        if not sections or (side == road.forward) != at_start:
+            return []
+        return self._known(Place(name, side, 0 if at_start else len(sections) - 1, number), number)
+
+    def _known(self, place: Place, number: int | None) -> list[Place]:
+        """The place with that lane, if there is such a lane and it can be driven."""
+        if not number or (number > 0) != (place.side == LEFT):
+            return []
+        found = place._replace(lane=number)
+        lane = self.section(found).lanes.get(number)
+        return [found] if lane is not None and lane.kind in DRIVABLE else []

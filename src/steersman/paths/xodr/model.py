@@ -1,0 +1,122 @@
+"""A road network as OpenDRIVE describes it: what is needed to follow its lanes.
+
+Angles in radians, lengths in metres, curvature left positive, all as in the file. Heights and
+banking are left out: a path is a plane curve.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from typing import NamedTuple, TypeAlias
+
+RIGHT, LEFT = -1, 1
+Side: TypeAlias = int
+"""Side of the reference line on which a lane lies, the sign of its number: RIGHT or LEFT."""
+
+
+class Cubic(NamedTuple):
+    """a + b u + c u^2 + d u^3, u counted from where it begins [m]."""
+
+    s: float
+    """Where it begins: on the road, or in its lane section [m]."""
+    a: float
+    b: float
+    c: float
+    d: float
+
+    def moved(self, u: float) -> tuple[float, float, float, float]:
+        """The coefficients for a count that begins ``u`` later."""
+        _, a, b, c, d = self
+        return (a + u * (b + u * (c + u * d)), b + u * (2 * c + 3 * u * d), c + 3 * u * d, d)
+
+
+class Geometry(NamedTuple):
+    """A stretch of a reference line."""
+
+    s: float
+    """Where it begins on its road [m]."""
+    x: float
+    y: float
+    psi: float
+    length: float
+    kind: str
+    """line, arc, spiral, poly3 or paramPoly3."""
+    figures: tuple[float, ...]
+    """Both curvatures of the first three; a to d of v; a to d of u, then of v, and p's end."""
+    line: int
+
+
+class Lane(NamedTuple):
+    """A lane within one lane section."""
+
+    number: int
+    kind: str
+    """OpenDRIVE's type of lane, e.g. driving."""
+    width: tuple[Cubic, ...]
+    """Width over the section."""
+    border: bool
+    """Whether it is described by its border instead, which is not read."""
+    before: int | None
+    """Number of the lane that it continues towards smaller s."""
+    after: int | None
+    """Number of the lane that continues it towards larger s."""
+    line: int
+
+
+class Section(NamedTuple):
+    """A stretch of a road with the same lanes on one of its sides."""
+
+    start: float
+    end: float
+    lanes: dict[int, Lane]
+
+
+class Contact(NamedTuple):
+    """What a road leads to at one of its ends."""
+
+    junction: bool
+    name: str
+    """The other road's, or the junction's."""
+    at_start: bool
+    """Whether it is the other road's start that is met; without meaning for junctions."""
+
+
+class Road(NamedTuple):
+    """A road."""
+
+    name: str
+    """OpenDRIVE's id."""
+    length: float
+    junction: bool
+    """Whether it is a way through a junction."""
+    forward: Side
+    """The side whose lanes are driven towards larger s."""
+    geometries: tuple[Geometry, ...]
+    offset: tuple[Cubic, ...]
+    """Lane offset."""
+    sections: dict[Side, tuple[Section, ...]]
+    before: Contact | None
+    after: Contact | None
+    line: int
+
+
+class Connection(NamedTuple):
+    """A way from a road into a junction."""
+
+    incoming: str
+    road: str
+    """The road that is entered."""
+    at_start: bool
+    """Whether it is entered at its start."""
+    lanes: dict[int, int]
+    """Number of the lane that is entered by that of the incoming road."""
+
+
+class Network(NamedTuple):
+    """Roads and junctions of one file."""
+
+    file: FilePath
+    sha256: str
+    """Digest of the file."""
+    roads: dict[str, Road]
+    junctions: dict[str, tuple[Connection, ...]]

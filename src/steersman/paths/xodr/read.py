@@ -1,0 +1,210 @@
+"""From the elements of an OpenDRIVE file (1.1 to 1.8) to the network of its roads."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path as FilePath
+
+from steersman.paths.segments import MAX_LENGTH
+from steersman.paths.xodr.model import (
+    LEFT,
+    RIGHT,
+    Connection,
+    Contact,
+    Cubic,
+    Geometry,
+    Lane,
+    Network,
+    Road,
+    Section,
+    Side,
+)
+from steersman.paths.xodr.xml import Node, parse
+
+_SHAPES = ("line", "arc", "spiral", "poly3", "paramPoly3")
+# How far the geometries of a road may end from where its length says [m], and as a share of it.
+_SLACK, _SLACK_SHARE = 0.1, 1e-3
+# All lanes of a file together [m]: more would fill the memory.
+_MOST_LANES = 1e7
+_CONTACTS = {"start": True, "end": False}
+_RULES = {"RHT": RIGHT, "LHT": LEFT}
+_YES = {"true": True, "1": True, "false": False, "0": False}
+
+
+def read_network(file: FilePath) -> Network:
+    """The roads and junctions of a file.
+
+    Raises:
+        DataError: the file cannot be used; one line says which element and what is wrong.
+    """
+    root, sha256 = parse(file)
+    if root.tag != "OpenDRIVE":
+        raise root.fault("this is no OpenDRIVE file, whose first element is <OpenDRIVE>")
+    roads: dict[str, Road] = {}
+    for node in root.children("road"):
+        road = _road(node)
+        if road.name in roads:
+            first = roads[road.name].line
+            raise node.fault(f"id {road.name!r} is that of the road in line {first} too")
+        roads[road.name] = road
+    if not roads:
+        raise root.fault("holds no road")
+    total = sum(_lane_length(road) for road in roads.values())
+    if total > _MOST_LANES:
+        raise root.fault(f"its lanes are {total:.3g} m long, the most is {_MOST_LANES:.0g} m")
+    junctions = {
+        node.get("id"): tuple(_connections(node.children("connection")))
+        for node in root.children("junction")
+    }
+    return Network(file, sha256, roads, junctions)
+
+
+def _lane_length(road: Road) -> float:
+    rows = (section for sections in road.sections.values() for section in sections)
+    return sum((section.end - section.start) * len(section.lanes) for section in rows)
+
+
+def _road(node: Node) -> Road:
+    length = node.number("length", low=0.0)
+    if length > MAX_LENGTH:
+        raise node.fault(f"length is {length:g} m, the most is {MAX_LENGTH:g} m")
+    before, after = (_contact(node, name) for name in ("predecessor", "successor"))
+    lanes = node.child("lanes")
+    if lanes is None:
+        raise node.fault("has no <lanes>")
+    return Road(
+        name=node.get("id"),
+        length=length,
+        junction=node.get("junction", "-1") != "-1",
+        forward=node.choice("rule", _RULES, "RHT"),
+        geometries=_geometries(node, length),
+        offset=_cubics(lanes.children("laneOffset"), "s"),
+        sections=_sections(lanes, length),
+        before=before,
+        after=after,
+        line=node.line,
+    )
+
+
+def _contact(road: Node, name: str) -> Contact | None:
+    found = next(iter(road.down("link", name)), None)
+    if found is None:
+        return None
+    junction = found.choice("elementType", {"road": False, "junction": True}, "road")
+    # Without a contact point nothing is known of the end that is met: the usual one.
+    usual = "end" if name == "predecessor" else "start"
+    at_start = found.choice("contactPoint", _CONTACTS, usual)
+    return Contact(junction, found.get("elementId"), at_start)
+
+
+def _geometries(road: Node, length: float) -> tuple[Geometry, ...]:
+    rows: list[Geometry] = []
+    for node in road.down("planView", "geometry"):
+        row = _geometry(node)
+        if rows and row.s < rows[-1].s:
+            raise node.fault(f"s is {row.s:g}, less than the {rows[-1].s:g} before it")
+        if row.length > 0.0:
+            rows.append(row)
+    if not rows:
+        raise road.fault("has no <planView> with a <geometry> that has a length")
+    end = rows[-1].s + rows[-1].length
+    if rows[0].s > _SLACK or abs(end - length) > max(_SLACK, _SLACK_SHARE * length):
+        raise road.fault(
+            f"its geometries reach from {rows[0].s:g} m to {end:g} m, its length is {length:g} m"
+        )
+    return tuple(rows)
+
+
+def _geometry(node: Node) -> Geometry:
+    shape = next(iter(node.children(*_SHAPES)), None)
+    if shape is None:
+        raise node.fault(f"holds none of {', '.join(_SHAPES)}")
+    length = node.number("length", low=0.0)
+    if length > MAX_LENGTH:
+        raise node.fault(f"length is {length:g} m, the most is {MAX_LENGTH:g} m")
+    x, y, psi = (node.number(name) for name in ("x", "y", "hdg"))
+    s = node.number("s", low=0.0)
+    return Geometry(s, x, y, psi, length, shape.tag, _figures(shape, length), node.line)
+
+
+def _figures(shape: Node, length: float) -> tuple[float, ...]:
+    if shape.tag == "line":
+        return (0.0, 0.0)
+    if shape.tag == "arc":
+        return (shape.number("curvature"),) * 2
+    if shape.tag == "spiral":
+        return (shape.number("curvStart"), shape.number("curvEnd"))
+    if shape.tag == "poly3":
+        return tuple(shape.number(name) for name in "abcd")
+    end = shape.choice("pRange", {"arcLength": length, "normalized": 1.0}, "normalized")
+    return (*(shape.number(f"{name}{axis}") for axis in "UV" for name in "abcd"), end)
+
+
+def _cubics(nodes: Iterable[Node], where: str) -> tuple[Cubic, ...]:
+    """Polynomials in the order of where they begin."""
+    rows = [
+        Cubic(node.number(where, low=0.0), *(node.number(name) for name in "abcd"))
+        for node in nodes
+    ]
+    return tuple(sorted(rows, key=lambda row: row.s))
+
+
+def _sections(lanes: Node, length: float) -> dict[Side, tuple[Section, ...]]:
+    """Lane sections by side; a section may be valid for one side alone."""
+    out: dict[Side, tuple[Section, ...]] = {}
+    for side, name in ((LEFT, "left"), (RIGHT, "right")):
+        found: list[tuple[float, dict[int, Lane]]] = []
+        for node in lanes.children("laneSection"):
+            here = node.down(name, "lane")
+            if not here and node.choice("singleSide", _YES, "false"):
+                continue
+            start = node.number("s", low=0.0)
+            if found and start < found[-1][0]:
+                raise node.fault(f"s is {start:g}, less than the {found[-1][0]:g} before it")
+            found.append((start, _lanes(here, side)))
+        ends = [*(start for start, _ in found[1:]), length]
+        # An empty section stays: the links of its neighbours' lanes go through it.
+        out[side] = tuple(
+            Section(min(start, length), min(end, length), numbers)
+            for (start, numbers), end in zip(found, ends, strict=True)
+        )
+    return out
+
+
+def _lanes(nodes: list[Node], side: Side) -> dict[int, Lane]:
+    out: dict[int, Lane] = {}
+    for node in nodes:
+        lane = _lane(node)
+        if lane.number * side <= 0:
+            raise node.fault(f"id is {lane.number}, on the wrong side")
+        if lane.number in out:
+            raise node.fault(f"id {lane.number} is there twice")
+        out[lane.number] = lane
+    for number in out:
+        if abs(number) > len(out):
+            raise nodes[0].fault(f"lane {number} has no neighbour towards the middle")
+    return out
+
+
+def _lane(node: Node) -> Lane:
+    width = _cubics(node.children("width"), "sOffset")
+    border = not width and node.child("border") is not None
+    before, after = (_lane_link(node, name) for name in ("predecessor", "successor"))
+    kind = node.get("type", "none")
+    return Lane(node.integer("id"), kind, width, border, before, after, node.line)
+
+
+def _lane_link(lane: Node, name: str) -> int | None:
+    found = next(iter(lane.down("link", name)), None)
+    return None if found is None else found.integer("id")
+
+
+def _connections(nodes: list[Node]) -> Iterable[Connection]:
+    for node in nodes:
+        road = node.get("connectingRoad", "") or node.get("linkedRoad", "")
+        incoming = node.get("incomingRoad", "")
+        # Of a virtual junction, one or the other may be missing: it leads nowhere.
+        if road and incoming:
+            lanes = {link.integer("from"): link.integer("to") for link in node.children("laneLink")}
+            at_start = node.choice("contactPoint", _CONTACTS, "start")
+            yield Connection(incoming, road, at_start, lanes)

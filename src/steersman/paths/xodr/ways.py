@@ -1,0 +1,195 @@
+"""Ways through a network: along a road, between roads, or at random."""
+
+from __future__ import annotations
+
+import difflib
+import itertools
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+
+from steersman.errors import DataError
+from steersman.paths.xodr.joined import gap
+from steersman.paths.xodr.lane_line import Curve, lane_line
+from steersman.paths.xodr.lanes import LaneGraph, Place
+from steersman.paths.xodr.model import Network
+from steersman.paths.xodr.search import shortest, wander
+
+# Places that a search for a random way may enter in all before it gives up.
+_MOST_ENTERED = 5000
+# Between closer samples rounding passes for bends [m].
+_CLOSE = 1e-3
+# So many roads are named in a message.
+_NAMED = 8
+
+
+class Ways:
+    """Finds ways over the lanes of a network that a car can follow."""
+
+    def __init__(self, network: Network, min_radius: float = 0.0) -> None:
+        """``min_radius`` [m]: lanes that bend more sharply somewhere are not taken."""
+        self.network, self.graph = network, LaneGraph(network)
+        self.min_radius = min_radius
+        self._lines: dict[Place, list[Curve]] = {}
+
+    def line(self, place: Place) -> list[Curve]:
+        """The centre of a place in driving direction."""
+        if place not in self._lines:
+            road = self.network.roads[place.road]
+            curves = lane_line(road, self.graph.section(place), place.lane)
+            if not self.graph.forward(place):
+                curves = [curve.backward() for curve in curves[::-1]]
+            self._lines[place] = curves
+        return self._lines[place]
+
+    def lines(self, way: Sequence[Place]) -> list[Curve]:
+        """The centres of all its places."""
+        return [curve for place in way for curve in self.line(place)]
+
+    def length(self, place: Place) -> float:
+        """Length of a place along its centre [m]."""
+        return sum(_length(curve) for curve in self.line(place))
+
+    def fits(self, place: Place) -> bool:
+        """Whether the place bends nowhere more sharply than is wanted."""
+        if self.min_radius <= 0.0:
+            return True
+        return all(_sharpest(curve) * self.min_radius <= 1.0 for curve in self.line(place))
+
+    def next(self, place: Place) -> list[Place]:
+        """What goes on from a place without a step aside, gap or kink, and fits."""
+        return [o for o in self.graph.after(place) if self._meet(place, o) and self.fits(o)]
+
+    def along(self, name: str, lane: int | None = None) -> tuple[list[Place], bool]:
+        """A lane of a road as far as it goes, and whether it leads back to its beginning.
+
+        Raises:
+            DataError: there is no such road or lane.
+        """
+        way = self._onward(self._starts(name, lane)[0])
+        return way, way[0] in self.next(way[-1])
+
+    def between(self, names: Sequence[str], lane: int | None = None) -> tuple[list[Place], bool]:
+        """The shortest way from the beginning of one road to the end of another.
+
+        Names between the first and the last are roads to pass; where the last is the first, it
+        is a way around.
+
+        Raises:
+            DataError: there is no such road, lane or way.
+        """
+        for name in names:
+            self._known(name)
+        around = names[0] == names[-1]
+        ways = []
+        for start in self._starts(names[0], lane):
+            stages: list[Callable[[Place], bool]] = [partial(self._enters, n) for n in names[1:]]
+            if around:  # it ends where it began, not beside it
+                stages[-1] = partial(_same, start)
+            ways.append(shortest(start, stages, self.next, self.length))
+        found = [way for way in ways if way is not None]
+        if not found:
+            raise self._no_way(names)
+        best = min(found, key=lambda way: sum(map(self.length, way)))
+        return (best[:-1], True) if around else (best[:-1] + self._onward(best[-1]), False)
+
+    def random(self, seed: int, distance: float) -> list[Place]:
+        """A way of at least that length [m] that begins on a drawn lane and never comes back.
+
+        Raises:
+            DataError: none was found.
+        """
+        rng = np.random.default_rng(seed)
+        starts = [place for place in self.graph.all() if self.fits(place)]
+        left, longest = _MOST_ENTERED, 0.0
+        for i in rng.permutation(len(starts)):
+            # No start may use up all that is left for the others.
+            most = max(left // 2, 1)
+            found = wander(starts[i], distance, self.next, self.length, rng, most)
+            if found.way is not None:
+                return found.way
+            longest, left = max(longest, found.longest), left - found.entered
+            if left <= 0:
+                break
+        sharp = f" and bends nowhere below {self.min_radius:g} m" if self.min_radius > 0.0 else ""
+        raise DataError(
+            f"no way of {distance:g} m was found that takes no lane twice{sharp};"
+            f" the longest is {longest:.0f} m"
+        )
+
+    def _known(self, name: str) -> None:
+        roads = self.network.roads
+        if name in roads:
+            return
+        close = difflib.get_close_matches(name, roads, n=1)
+        few = ", ".join(itertools.islice(roads, _NAMED))
+        more = f" and {len(roads) - _NAMED} more" if len(roads) > _NAMED else ""
+        hint = f"did you mean {close[0]!r}?" if close else f"there are: {few}{more}"
+        raise DataError(f"unknown road {name!r}; {hint}")
+
+    def _starts(self, name: str, lane: int | None) -> list[Place]:
+        """Where a way may begin on a road: where it is entered, if lanes are there."""
+        self._known(name)
+        places = self.graph.of_road(name)
+        if not places:
+            raise DataError(f"road {name!r} has no lane to drive on")
+        if lane is not None:
+            can = ", ".join(map(str, sorted({place.lane for place in places})))
+            places = [place for place in places if place.lane == lane]
+            if not places:
+                raise DataError(f"road {name!r} has no lane {lane} to drive on; there are: {can}")
+        return [place for place in places if self.graph.first(place)] or places[:1]
+
+    def _enters(self, name: str, place: Place) -> bool:
+        return place.road == name and self.graph.first(place)
+
+    def _meet(self, a: Place, b: Place) -> bool:
+        before, after = self.line(a), self.line(b)
+        # A section without length has no line; the path tells later whether its ends meet.
+        return not (before and after) or gap(before[-1], after[0]).passable
+
+    def _onward(self, start: Place) -> list[Place]:
+        """From a place to the end of its road, lane after lane."""
+        way = [start]
+        while True:
+            ahead = [
+                place
+                for place in self.next(way[-1])
+                if place.road == start.road and not self.graph.first(place)
+            ]
+            if not ahead or ahead[0] in way:
+                return way
+            way.append(ahead[0])
+
+    def _no_way(self, names: Sequence[str]) -> DataError:
+        """What can be reached from where the way should begin."""
+        seen = dict.fromkeys(self._starts(names[0], None))
+        todo = list(seen)
+        while todo:
+            new = [place for place in self.next(todo.pop()) if place not in seen]
+            seen.update(dict.fromkeys(new))
+            todo += new
+        roads = [name for name in dict.fromkeys(place.road for place in seen) if name != names[0]]
+        reach = ", ".join(roads[:_NAMED]) + (" and more" if len(roads) > _NAMED else "")
+        sharp = f" without bends below {self.min_radius:g} m" if self.min_radius > 0.0 else ""
+        return DataError(
+            f"no lanes lead from road {' to '.join(map(repr, names))}{sharp} without a change of"
+            f" lane; from {names[0]!r} one comes to: {reach or 'no other road'}"
+        )
+
+
+def _same(start: Place, place: Place) -> bool:
+    return place == start
+
+
+def _length(curve: Curve) -> float:
+    return float(np.sum(np.hypot(np.diff(curve.x), np.diff(curve.y))))
+
+
+def _sharpest(curve: Curve) -> float:
+    """Largest mean curvature between two samples [1/m]."""
+    size = np.hypot(np.diff(curve.x), np.diff(curve.y))
+    turn = np.abs(np.diff(np.unwrap(curve.psi)))
+    long = size > _CLOSE
+    return float(np.max(turn[long] / size[long], initial=0.0))

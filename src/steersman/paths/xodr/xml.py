@@ -1,0 +1,165 @@
+"""XML from strangers: read without entities and network, every fault with its line."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+from steersman.errors import DataError, suggestion
+
+if TYPE_CHECKING:
+    from lxml import etree
+
+MAX_BYTES = 100_000_000
+"""Largest file that is read."""
+FARTHEST = 1e8
+"""Largest number of any kind: more is no metre, no radian and no curvature."""
+_LONGEST_SHOWN = 40
+
+
+class Node:
+    """An element and the file it stands in; names are compared without their namespace."""
+
+    def __init__(self, file: FilePath, element: etree._Element) -> None:
+        """``element`` was read from ``file``."""
+        self.file, self._element = file, element
+        self.tag = _plain(str(element.tag))
+
+    @property
+    def line(self) -> int:
+        """Line of the file, from 1."""
+        return int(getattr(self._element, "sourceline", None) or 0)
+
+    def fault(self, text: str) -> DataError:
+        """The error to raise about this element."""
+        return DataError(f"{self.file}: line {self.line}: <{self.tag}>: {text}")
+
+    def children(self, *tags: str) -> list[Node]:
+        """Child elements with one of these names (all of them without names), in order."""
+        found = [Node(self.file, child) for child in self._element.iterchildren("*")]
+        return [node for node in found if not tags or node.tag in tags]
+
+    def child(self, tag: str) -> Node | None:
+        """The first child of that name."""
+        return next(iter(self.children(tag)), None)
+
+    def down(self, *tags: str) -> list[Node]:
+        """What is found by going from child to child by these names."""
+        found = [self]
+        for tag in tags:
+            found = [child for node in found for child in node.children(tag)]
+        return found
+
+    def get(self, name: str, default: str | None = None) -> str:
+        """An attribute's text.
+
+        Raises:
+            DataError: it is missing and there is no default.
+        """
+        value = self._element.get(name, default)
+        if value is None:
+            names = [str(key) for key in self._element.keys()]  # noqa: SIM118 - no mapping
+            raise self.fault(f"{name} is missing{suggestion(name, names) if names else ''}")
+        return str(value).strip()
+
+    def number(self, name: str, default: float | None = None, low: float = -FARTHEST) -> float:
+        """A finite number.
+
+        Raises:
+            DataError: it is missing, no number, or out of range.
+        """
+        text = self.get(name, None if default is None else repr(default))
+        try:
+            value = float(text)
+        except ValueError:
+            raise self.fault(f"{name} is {_short(text)!r}, not a number") from None
+        if not (math.isfinite(value) and low <= value <= FARTHEST):
+            allowed = f"{low:g} to {FARTHEST:g}"
+            raise self.fault(f"{name} is {_short(text)}, not within {allowed}")
+        return value
+
+    def integer(self, name: str) -> int:
+        """A whole number.
+
+        Raises:
+            DataError: it is missing or no whole number of usual size.
+        """
+        text = self.get(name)
+        try:
+            value = int(text)
+        except ValueError:
+            raise self.fault(f"{name} is {_short(text)!r}, not a whole number") from None
+        if abs(value) > FARTHEST:
+            raise self.fault(f"{name} is {_short(text)}, too large")
+        return value
+
+    def choice(self, name: str, allowed: dict[str, Any], default: str | None = None) -> Any:
+        """What the attribute's word stands for.
+
+        Raises:
+            DataError: the word is none of ``allowed``.
+        """
+        word = self.get(name, default)
+        if word not in allowed:
+            raise self.fault(f"{name} is {_short(word)!r}{suggestion(word, allowed)}")
+        return allowed[word]
+
+
+def parse(file: FilePath) -> tuple[Node, str]:
+    """The root element of an XML file, and the SHA-256 of the file.
+
+    Raises:
+        DataError: the file cannot be read, is too large, or no XML without a document type.
+    """
+    from lxml import etree
+
+    parser = etree.XMLParser(
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        huge_tree=False,
+        remove_comments=True,
+        remove_pis=True,
+    )
+    data = _content(file)
+    try:
+        root = etree.fromstring(data, parser)
+    except etree.XMLSyntaxError as error:
+        line, text = error.lineno or 1, str(error.msg).partition(", line ")[0]
+        raise DataError(f"{file}: line {line}: not valid XML: {text.strip()}") from None
+    except ValueError as error:
+        raise DataError(f"{file}: not valid XML: {error}") from None
+    # Entities can make a small file huge and open other files; roads need none.
+    if getattr(root.getroottree().docinfo, "doctype", ""):
+        raise DataError(f"{file}: has a document type (<!DOCTYPE>), which is not read; remove it")
+    return Node(file, root), hashlib.sha256(data).hexdigest()
+
+
+def _content(file: FilePath) -> bytes:
+    cure = "give an OpenDRIVE file (*.xodr)"
+    place = FilePath(os.path.expanduser(file))
+    if place.is_dir():
+        raise DataError(f"{file}: is a folder; {cure}")
+    try:
+        with place.open("rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise DataError(f"{file}: cannot be read ({error.strerror}); {cure}") from None
+    except ValueError:
+        raise DataError(f"{str(file)!r}: is not the name of a file; {cure}") from None
+    if len(data) > MAX_BYTES:
+        raise DataError(f"{file}: is larger than {MAX_BYTES // 1_000_000} MB")
+    if not data.strip():
+        raise DataError(f"{file}: is empty; {cure}")
+    return data
+
+
+def _plain(tag: str) -> str:
+    return tag.rpartition("}")[2]
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."

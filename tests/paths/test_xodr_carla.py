@@ -1,0 +1,83 @@
+"""Lanes' centres beside those of CARLA's own reader.
+
+Maps of others are no part of this project: the folder in STEERSMAN_MAPS is looked through.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+
+from steersman.paths.opendrive import OpenDrivePath
+from steersman.paths.xodr.joined import gap
+from steersman.paths.xodr.read import read_network
+from steersman.paths.xodr.ways import Ways
+
+from .. import carla_wheel
+from . import xodr_maps as maps
+
+FOLDER = os.environ.get("STEERSMAN_MAPS", "")
+FILES = sorted(FilePath(FOLDER).glob("*.xodr")) if FOLDER else []
+# The place of a lane's end in CARLA is that of the next section's lane: stay within [m].
+INSIDE = 1e-4
+
+
+def compared(file: FilePath) -> list[float]:
+    """Distances [m] of CARLA's lane centres from the paths along all lanes of all roads.
+
+    Where the map itself leaves a step, half of it is allowed for.
+    """
+    world = carla_wheel.load().Map(file.stem, file.read_text(encoding="utf-8"))
+    ways = Ways(read_network(file))
+    out = []
+    for road in ways.network.roads:
+        for lane in sorted({place.lane for place in ways.graph.of_road(road)}):
+            path = OpenDrivePath(file=file, road=road, lane=lane)
+            way, _ = ways.along(road, lane)
+            curves = ways.lines(way)
+            if sum(len(curve.x) > 1 and np.ptp(curve.s) > 0.02 for curve in curves) == 0:
+                continue
+            step = max((abs(gap(a, b).aside) for a, b in itertools.pairwise(curves)), default=0.0)
+            for place in way:
+                section = ways.graph.section(place)
+                low, high = section.start + INSIDE, section.end - INSIDE
+                for s in np.linspace(low, high, max(int(high - low), 2)) if high > low else ():
+                    found = world.get_waypoint_xodr(int(road), place.lane, float(s))
+                    at = found.transform.location
+                    out.append(abs(path.project(at.x, -at.y)[1]) - 0.5 * step)
+    return out
+
+
+@pytest.mark.parametrize("name", ["wavy", "town"])
+def test_own_maps(tmp_path: FilePath, name: str) -> None:
+    # CARLA knows roads by numbers.
+    names = ("a-left", "a-on", "a-right", "left", "right", "back", "on", "a", "j")
+    text = {"wavy": maps.wavy, "town": maps.town}[name]()
+    for i, word in enumerate(names):
+        text = text.replace(f'"{word}"', f'"{i + 10}"')
+    distances = compared(maps.write(tmp_path / "map.xodr", text))
+    assert len(distances) > 100
+    assert max(distances) < 1e-3
+
+
+@pytest.mark.skipif(not FILES, reason="no maps to compare: set STEERSMAN_MAPS to a folder of them")
+@pytest.mark.parametrize("file", FILES, ids=[file.stem for file in FILES])
+def test_maps_of_others(file: FilePath) -> None:
+    assert max(compared(file)) < 0.01
+
+
+@pytest.mark.skipif(not FILES, reason="no maps to compare: set STEERSMAN_MAPS to a folder of them")
+@pytest.mark.parametrize("file", FILES, ids=[file.stem for file in FILES])
+def test_random_ways_on_maps_of_others(file: FilePath) -> None:
+    for seed in range(5):
+        path = OpenDrivePath(file=file, random=seed, distance=150.0)
+        assert path.length == pytest.approx(150.0)
+        for s in np.linspace(0.0, 150.0, 50):
+            point = path.at(s)
+            assert path.project(point.x, point.y, near=s)[1] == pytest.approx(0.0, abs=1e-6)
+            assert math.isfinite(point.kappa)
