@@ -146,7 +146,7 @@ def _progress(title: str) -> Iterator[Callable[[float, float], None]]:
 def _show(outcome: dict[str, Any], folder: FilePath) -> None:
     summary = outcome["summary"]
     best = summary["best_classical"]
-    columns = ("clean", "disturbed", "p95", "failed", "steering", "step", "ratio")
+    columns = ("clean", "disturbed", "failed", "steering", "step", "ratio")
     out = table("controller", *columns, right=columns)
     for name, found in summary["controllers"].items():
         ratio = found["ratio"]["all"]["rms"] if "ratio" in found else None
@@ -154,15 +154,14 @@ def _show(outcome: dict[str, Any], folder: FilePath) -> None:
             name,
             _interval(found["clean"]["rms_m"], 1e3),
             _interval(found["disturbed"]["rms_m"], 1e3),
-            _number(found["all"]["p95_m"], 1e3),
-            f"{found['failures']}/{found['runs']}",
+            str(found["failures"]),
             _number(found["steer_change_rms"], 1e3),
             _number(found["control_time_us_p50"]),
             "" if ratio is None else _interval(ratio),
         )
     notes = (
         f"{summary['scenarios']} scenarios on {summary['paths']} paths; 95 % intervals of a"
-        " bootstrap over paths. clean, disturbed: RMS lateral error [mm]; p95 [mm]; failed: runs"
+        " bootstrap over paths. clean, disturbed: RMS lateral error [mm]; failed: runs"
         " that ended early, charged in all errors; steering: RMS change in a step [1/1000];"
         " step: median computing time [us]"
     )
