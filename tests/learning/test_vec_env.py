@@ -6,12 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from steersman.kernels import observe
 from steersman.kernels import speed as speeds
 from steersman.kernels import step as kernel
 from steersman.kernels import vehicle as car
 from steersman.learning.env import PathFollowingEnv
+from steersman.learning.fleet import FleetDriver
 from steersman.learning.vec_env import PathFollowingVecEnv
 
 from .problems import RESIDUAL, problem
@@ -220,3 +222,32 @@ def test_sb3s_other_methods() -> None:
     env.reset()
     assert len(env.env_method("demonstrated_actions")) == 2
     env.close()
+
+
+def test_slippery_roads_are_driven_as_slippery_ones() -> None:
+    """Friction within its range, and no more than 60 % of the grip asked for."""
+    spread = {"slippery": 1.0, "least_friction": 0.4}
+    source = {"kind": "random_profile", "low": 5.0, "high": 25.0, "a_lat_max": 8.0}
+    driver = FleetDriver(problem(spread=spread, speeds=[source], roads=["circle"]), 64)
+    driver.seed(0)
+    for i in range(driver.n):
+        driver.reset(i)
+    mu = driver.world.vehicles.rows[:, car.MU]
+    own = problem().vehicle.table.rows[0, car.MU]
+    assert mu.min() >= 0.4
+    assert mu.max() <= own
+    assert 0.7 < np.median(mu) < 2.0  # evenly in the logarithm: half of them below sqrt(0.4 own)
+    v = driver.fleet.state[:, car.VX]
+    assert np.all(v**2 / 50.0 <= np.minimum(0.6 * mu * 9.81, 8.0) * 1.001)
+    assert v.max() > 15.0
+
+
+def test_without_slippery_roads_nothing_is_drawn_for_them() -> None:
+    rows = []
+    for spread in ({"mass": 0.2}, {"mass": 0.2, "slippery": 0.0, "least_friction": 0.1}):
+        driver = FleetDriver(problem(spread=spread), 4)
+        driver.seed(3)
+        for i in range(driver.n):
+            driver.reset(i)
+        rows.append(driver.fleet.state.copy())
+    assert_array_equal(*rows)

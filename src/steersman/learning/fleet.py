@@ -14,6 +14,7 @@ from steersman.kernels import speed as speed_kernel
 from steersman.kernels import step as kernel
 from steersman.kernels import vehicle as car
 from steersman.kernels.step import Fleet
+from steersman.kernels.vehicle import GRAVITY
 from steersman.learning.demonstration import (
     Demonstrator,
     demonstrated_action,
@@ -26,6 +27,8 @@ from steersman.profiles import Profile, write_profile
 from steersman.types import FloatArray, Pose
 
 _UNCAPPED = 1e6
+# Share of the grip that a speed cap asks for on a slippery road.
+_USED_GRIP = 0.6
 
 
 class Start(NamedTuple):
@@ -89,7 +92,9 @@ class FleetDriver:
         problem, rng = self.problem, self._rngs[i]
         self._vary(i, rng)
         start = self._draw_start(rng)
-        limit = problem.spread.a_lat_max
+        slippery, limit = problem.spread.slippery, problem.spread.a_lat_max
+        if slippery > 0.0 and rng.uniform() < slippery:
+            start = start._replace(profile=self._make_slippery(i, start.profile, rng))
         if limit is not None and _lateral_cap(start.profile) > limit:
             self._make_nominal(i)
         self.begin(i, start)
@@ -138,6 +143,16 @@ class FleetDriver:
             row[column] *= factor
         extra = int(rng.integers(round(spread.delay / self.problem.plant.integration_step) + 1))
         self.fleet.delay[i] = self.problem.plant.delay_substeps() + extra
+
+    def _make_slippery(self, i: int, profile: Profile, rng: np.random.Generator) -> Profile:
+        """Lower the friction; the profile as a driver would drive it there."""
+        row = self.world.vehicles.rows[i]
+        least, own = self.problem.spread.least_friction, row[car.MU]
+        row[car.MU] = min(least * (own / least) ** rng.uniform(), own)
+        cap = _USED_GRIP * row[car.MU] * GRAVITY
+        if profile.a_lat_max is None or _lateral_cap(profile) <= cap:
+            return profile
+        return profile._replace(cap_scale=math.sqrt(cap / profile.a_lat_max))
 
     def _make_nominal(self, i: int) -> None:
         """The car, delay and sensor without any spread."""

@@ -44,6 +44,14 @@ class Spread(Settings):
     a_lat_max: float | None = param(
         None, "m/s^2", "So are those whose speed cap allows more than this; null: none.", gt=0
     )
+    slippery: float = param(0.0, "-", "Share of episodes on a slippery road.", ge=0, le=1)
+    least_friction: float = param(
+        0.4,
+        "-",
+        "Tyre friction there: from this to the vehicle's own, evenly in its logarithm; speed caps "
+        "ask for at most 60 % of the grip.",
+        gt=0,
+    )
     offset: float = param(0.0, "m", "Start up to this far beside the path.", ge=0)
     heading: float = param(0.0, "rad", "Start turned by up to this.", ge=0)
 
