@@ -9,74 +9,100 @@ import numpy as np
 import pytest
 
 from steersman.kernels import vehicle as kernel
-from steersman.types import FloatArray
-from steersman.vehicles import CarlaModel3, Vehicle
+from steersman.plants.simulator import SimulatorConfig
+from steersman.types import Command, Pose
+from steersman.vehicles import CarlaModel3
+
+from .reference import NEAR, OFFSET, TURNED, assert_same, commands, drive, embedded, start
+from .serving import spawn, synchronous
 
 carla = pytest.importorskip("carla", reason="the wheel 'carla' is not installed")
 
-OFFSET = 0.45
-# Rounding of a float32 at a few hundred metres, and of degrees, with room for a sum of a few.
-NEAR, TURNED = 1e-4, 2e-5
+
+@pytest.mark.parametrize(
+    ("dt", "substep", "most", "substeps"),
+    [(0.05, 0.01, 10, 5), (0.05, 0.005, 10, 10), (0.05, 0.1, 1, 5), (0.02, 0.01, 10, 2)],
+)
+def test_the_same_commands_give_the_same_states(
+    client: Any, dt: float, substep: float, most: int, substeps: int
+) -> None:
+    world = synchronous(client.get_world(), dt, substep, most)
+    car = spawn(world, 10.0, -20.0, 30.0)
+    table = commands(120)
+    states = embedded(CarlaModel3(), start(10.0, -20.0, 30.0), table, substeps, dt)
+    assert_same(drive(world, car, table), states)
+    assert np.hypot(*(states[-1] - states[0])[:2]) > 5.0
+    assert np.ptp(states[:, kernel.PSI]) > 0.02
 
 
-def spawn(world: Any, x: float = 10.0, y: float = 20.0, yaw: float = 0.0) -> Any:
-    blueprint = world.get_blueprint_library().find("vehicle.tesla.model3")
-    where = carla.Transform(carla.Location(x=x, y=y, z=0.5), carla.Rotation(yaw=yaw))
-    return world.spawn_actor(blueprint, where)
+def test_the_simulator_as_a_plant_agrees(world: Any) -> None:
+    plant = SimulatorConfig().make(CarlaModel3())
+    plant.reset(Pose(10.0 + OFFSET, 20.0, 0.0), 0.0, 0.0)
+    plant._state[kernel.STEER :] = 0.0  # a car that has just been spawned holds no throttle
+    car, table = spawn(world), commands(100)
+    for actor, command in zip(drive(world, car, table), table.tolist(), strict=True):
+        state = plant.step(Command(*command))
+        where = actor.get_transform()
+        x = where.location.x + OFFSET * math.cos(math.radians(where.rotation.yaw))
+        y = where.location.y + OFFSET * math.sin(math.radians(where.rotation.yaw))
+        assert (x, -y) == pytest.approx((state.x, state.y), abs=NEAR)
+        assert -math.radians(where.rotation.yaw) == pytest.approx(state.psi, abs=TURNED)
+    wheel = carla.VehicleWheelLocation
+    cotangents = [
+        1.0 / math.tan(-math.radians(car.get_wheel_steer_angle(w)))
+        for w in (wheel.FL_Wheel, wheel.FR_Wheel)
+    ]
+    assert math.atan(2.0 / sum(cotangents)) == pytest.approx(state.wheel_angle, rel=1e-5)
+    assert car.get_wheel_steer_angle(wheel.BL_Wheel) == 0.0
 
 
-def commands(n: int) -> FloatArray:
-    """Steering, throttle and brake that stir up everything, as float32 carries them."""
-    t = 0.05 * np.arange(n)
-    steer = 0.3 * np.sin(1.3 * t) * np.minimum(t, 1.0)
-    throttle = np.where(t % 7.0 < 5.0, 0.55 + 0.2 * np.sin(0.7 * t), 0.0)
-    brake = np.where(t % 7.0 > 6.0, 0.3, 0.0)
-    return np.stack([steer, throttle, brake], axis=1).astype(np.float32).astype(np.float64)
+def test_an_ackermann_control_reaches_its_speed_and_angle(world: Any) -> None:
+    car = spawn(world)
+    settings = carla.AckermannControllerSettings()
+    assert car.get_ackermann_controller_settings().speed_kp == pytest.approx(0.15)
+    car.apply_ackermann_control(carla.VehicleAckermannControl(steer=0.1, speed=8.0))
+    for _ in range(160):
+        world.tick()
+    velocity = car.get_velocity()
+    assert math.hypot(velocity.x, velocity.y) == pytest.approx(8.0, abs=0.2)
+    inner = car.get_wheel_steer_angle(carla.VehicleWheelLocation.FR_Wheel)
+    outer = car.get_wheel_steer_angle(carla.VehicleWheelLocation.FL_Wheel)
+    assert 0.0 < outer < math.degrees(0.1) < inner
+    assert car.get_angular_velocity().z > 0.0
+    # The wheels turn no faster than asked, and a plain control ends it all.
+    car.apply_ackermann_control(carla.VehicleAckermannControl(steer=-0.1, steer_speed=0.1))
+    world.tick()
+    turned = inner - car.get_wheel_steer_angle(carla.VehicleWheelLocation.FR_Wheel)
+    assert 0.0 < turned < 1.5 * math.degrees(0.1 * 0.05)
+    settings.speed_kp = 0.3
+    car.apply_ackermann_controller_settings(settings)
+    assert car.get_ackermann_controller_settings().speed_kp == pytest.approx(0.3)
+    car.apply_control(carla.VehicleControl(brake=1.0))
+    for _ in range(60):
+        world.tick()
+    assert math.hypot(car.get_velocity().x, car.get_velocity().y) < 0.3
+    assert car.get_control().brake == 1.0
 
 
-def embedded(
-    vehicle: Vehicle, start: FloatArray, table: FloatArray, substeps: int = 5, dt: float = 0.05
-) -> FloatArray:
-    """States of the embedded simulator after each command, (n, N_STATE)."""
-    state, work = start.copy(), np.zeros((3, kernel.N_MOTION))
-    states = []
-    for command in table:
-        kernel.advance(vehicle.table, 0, state, command, dt / substeps, substeps, work)
-        states.append(state.copy())
-    return np.array(states)
+def test_controls_beyond_their_range_are_limited(world: Any) -> None:
+    car = spawn(world)
+    car.apply_control(carla.VehicleControl(throttle=7.0, steer=-3.0, brake=math.nan))
+    for _ in range(20):
+        world.tick()
+    control = car.get_control()
+    assert (control.throttle, control.steer, control.brake) == (1.0, -1.0, 0.0)
+    assert car.get_wheel_steer_angle(carla.VehicleWheelLocation.FL_Wheel) < -50.0
+    assert car.get_angular_velocity().z < -10.0
 
 
-def test_the_same_commands_give_the_same_states(world: Any) -> None:
-    car = spawn(world, yaw=30.0)
-    start = np.zeros(kernel.N_STATE)
-    psi = -math.radians(30.0)
-    start[[kernel.X, kernel.Y, kernel.PSI]] = (
-        10.0 + OFFSET * math.cos(psi),
-        -20.0 + OFFSET * math.sin(psi),
-        psi,
-    )
-    table = commands(400)
-    expected = embedded(CarlaModel3(), start, table)
-    for (steer, throttle, brake), row in zip(table.tolist(), expected.tolist(), strict=True):
-        car.apply_control(carla.VehicleControl(throttle=throttle, steer=-steer, brake=brake))
-        frame = world.tick()
-        snapshot = world.get_snapshot()
-        assert snapshot.frame == frame
-        seen = snapshot.find(car.id)
-        x, y, psi, v_x, v_y, rate, _, _, _, _, _, a_x, a_y, _ = row
-        c, s = math.cos(psi), math.sin(psi)
-        at, turn = seen.get_transform().location, seen.get_transform().rotation
-        assert at.x == pytest.approx(x - OFFSET * c, abs=NEAR)
-        assert at.y == pytest.approx(-(y - OFFSET * s), abs=NEAR)
-        assert (at.z, turn.pitch, turn.roll) == (0.0, 0.0, 0.0)
-        assert math.remainder(math.radians(turn.yaw) + psi, math.tau) == pytest.approx(
-            0.0, abs=TURNED
-        )
-        velocity, acceleration = seen.get_velocity(), seen.get_acceleration()
-        assert velocity.x == pytest.approx(c * v_x - s * v_y, abs=NEAR)
-        assert velocity.y == pytest.approx(-(s * v_x + c * v_y), abs=NEAR)
-        assert acceleration.x == pytest.approx(c * a_x - s * a_y, abs=NEAR)
-        assert acceleration.y == pytest.approx(-(s * a_x + c * a_y), abs=NEAR)
-        assert math.radians(seen.get_angular_velocity().z) == pytest.approx(-rate, abs=NEAR)
-    assert abs(expected[-1, kernel.PSI]) > 0.5
-    assert np.hypot(*expected[-1, :2]) > 50.0
+def test_the_hand_brake_brakes_and_reverse_does_not_drive(world: Any) -> None:
+    car = spawn(world)
+    car.set_target_velocity(carla.Vector3D(x=10.0))
+    car.apply_control(carla.VehicleControl(hand_brake=True))
+    for _ in range(80):
+        world.tick()
+    assert abs(car.get_velocity().x) < 0.1
+    car.apply_control(carla.VehicleControl(throttle=1.0, reverse=True))
+    for _ in range(20):
+        world.tick()
+    assert abs(car.get_velocity().x) < 0.1

@@ -93,7 +93,10 @@ class Control:
         """
         if not isinstance(values, list) or len(values) != len(Gains._fields):
             raise Refused(f"not the settings of an Ackermann controller: {values!r:.80}")
-        self.gains = Gains(*(float(v) for v in values))
+        gains = Gains(*(float(v) for v in values))
+        if not all(math.isfinite(v) for v in gains):
+            raise Refused(f"gains must be finite: {values!r:.80}")
+        self.gains = gains
 
     def command(self, car: Car, dt: float) -> Command | None:
         """The command of an Ackermann request for the next tick; none: the last one holds.

@@ -138,15 +138,16 @@ def apply(actor: Actor, values: Any) -> list[str]:
         vehicle, offset = _vehicle(spawned, new)
     except ConfigError as error:
         raise Refused(f"physics control: {error}") from None
-    assert actor.car is not None
-    actor.car.fit(vehicle, offset)
-    actor.applied_physics = values
     acting = {"mass", "drag_coefficient", "center_of_mass", "steering_curve", "wheels"}
-    return [
+    idle = [
         name
         for name, was, now in zip(Physics._fields, old, new, strict=True)
         if name not in acting and not _alike(was, now)
     ]
+    assert actor.car is not None
+    actor.car.fit(vehicle, offset)
+    actor.applied_physics = values
+    return idle
 
 
 def _vehicle(spawned: Model, new: Physics) -> tuple[Vehicle, float]:

@@ -21,7 +21,7 @@ HEADER = struct.Struct("<QQd6f")
 _COLLISION_TYPE = 0
 _IMU_TYPE = 5
 _NOISE = ("accel_stddev", "gyro_stddev", "gyro_bias")
-_SAME_TIME = 1e-9
+_SAME_TIME = 1e-6
 
 
 class Hit(NamedTuple):
@@ -44,7 +44,8 @@ class Sensor:
     noise: tuple[float, ...] = (0.0,) * 9
     """Standard deviations of acceleration and of rotation, bias of rotation, by axis."""
     rng: np.random.Generator = field(default_factory=np.random.default_rng)
-    due: float = 0.0
+    due: float = -math.inf
+    """When the next measurement is due [s]."""
 
     @classmethod
     def read(cls, kind: str, stream: int, attributes: dict[str, str]) -> Sensor:
@@ -78,7 +79,8 @@ class Sensor:
         if time + _SAME_TIME < self.due:
             return []
         if self.period:
-            self.due = max(self.due + self.period, time)
+            late = time - self.due
+            self.due = (time if late > self.period else self.due) + self.period
         return [_message(_IMU_TYPE, frame, time, actor, self._inertia(actor))]
 
     @staticmethod

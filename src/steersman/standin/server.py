@@ -24,11 +24,13 @@ from steersman.standin.world import Message, World
 HOST = "127.0.0.1"
 PORT = 2000
 # Connections at once, of each port.
-MAX_CLIENTS = 64
+MAX_CLIENTS = 32
 # What may wait for a client that does not read [bytes]: beyond, a stream's messages are dropped
 # and no further calls of that client are read.
 MAX_WAITING = 2**20
 
+# Replies nobody waits for are sent when there are so many [bytes].
+_REPLIES = 4096
 _STREAM_ID = struct.Struct("<I")
 # Longest pause of the loop that asynchronous mode makes up for [s].
 _CATCH_UP = 0.2
@@ -87,6 +89,15 @@ class Server:
             session.connection.abort()
         for server in self._open:
             await server.wait_closed()
+
+    async def until(self, stop: asyncio.Event) -> None:
+        """Serve until then; a fault in the clock of asynchronous mode ends it before."""
+        assert self._clock is not None
+        told = asyncio.create_task(stop.wait())
+        await asyncio.wait({told, self._clock}, return_when=asyncio.FIRST_COMPLETED)
+        if self._clock.done():
+            self._clock.result()
+        told.cancel()
 
     async def _listen(self, factory: Callable[[], asyncio.Protocol], port: int) -> int:
         loop = asyncio.get_running_loop()
@@ -184,28 +195,52 @@ class CallSession(Session):
         self._desk = desk
         self._unpacker = unpacker()
         self._pack = msgpack.Packer().pack
+        self._replies = bytearray()
+        self._paused = False
 
     def data_received(self, data: bytes) -> None:
         """Answer every call that is complete, in the order in which they came."""
         try:
             self._unpacker.feed(data)
-            for message in self._unpacker:
-                self._answer(message)
-        except Exception as error:  # noqa: BLE001
-            self.reject(str(error))
+            self._work()
+        except Exception as error:  # noqa: BLE001 - whatever garbage causes, the others go on
+            self.reject(str(error) or type(error).__name__)
 
-    def _answer(self, message: Any) -> None:
-        number, name, arguments = request(message)
-        outcome = self._desk.answer(name, arguments)
-        self.connection.write(self._pack(response(number, outcome)))
+    def _work(self) -> None:
+        """Answer until there is no more to answer, or the client does not take the answers.
+
+        Nobody waits for the reply to a call that ignores it, but the client keeps a note of the
+        call until the reply is there: these travel with the next one that is waited for.
+        """
+        awaited = False
+        while not self._paused:
+            message = next(self._unpacker, None)
+            if message is None:
+                break
+            call = request(message)
+            outcome = self._desk.answer(call.name, call.arguments)
+            self._replies += self._pack(response(call.number, outcome))
+            awaited = awaited or not call.ignores_reply
+            if len(self._replies) > _REPLIES:
+                self._flush()
+        if awaited:
+            self._flush()
+
+    def _flush(self) -> None:
+        replies, self._replies = self._replies, bytearray()
+        if replies:
+            self.connection.write(replies)
 
     def pause_writing(self) -> None:
-        """The client does not read its replies: read no more of its calls."""
+        """The client does not read its replies: answer no more of its calls, and read none."""
+        self._paused = True
         self.connection.pause_reading()
 
     def resume_writing(self) -> None:
         """It reads again."""
+        self._paused = False
         self.connection.resume_reading()
+        self.data_received(b"")
 
 
 class StreamSession(Session):
@@ -253,7 +288,7 @@ def serve(server: Server, ready: Callable[[Server], None]) -> None:
                 asyncio.get_running_loop().add_signal_handler(number, stop.set)
         async with server:
             ready(server)
-            await stop.wait()
+            await server.until(stop)
 
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(forever())

@@ -10,8 +10,8 @@ from steersman.standin.wire import Refused, optional
 
 # Period of the asynchronous mode without a fixed one [s].
 _FREE_RUNNING = 0.02
-# Longest period and most substeps that a client may ask for.
-_LONGEST = 10.0
+# Shortest and longest period and substep [s], and most substeps, that a client may ask for.
+_SHORTEST, _LONGEST = 1e-5, 10.0
 _MOST_SUBSTEPS = 1000
 
 
@@ -45,12 +45,12 @@ class Settings:
                     "settings: 11 values are expected, as the client of 0.9.16 sends them"
                 )
         fixed = delta[1] if isinstance(delta, list) and len(delta) > 1 and delta[0] else None
-        if fixed is not None and not 0.0 < fixed <= _LONGEST:
-            raise Refused(f"fixed_delta_seconds: {fixed} s; above 0 and at most {_LONGEST:g} s")
-        if sub and not (0.0 < h <= _LONGEST and 1 <= most <= _MOST_SUBSTEPS):
+        if fixed is not None and not _SHORTEST <= fixed <= _LONGEST:
+            raise Refused(f"fixed_delta_seconds: {fixed} s; {_SHORTEST:g} to {_LONGEST:g} s")
+        if sub and not (_SHORTEST <= h <= _LONGEST and 1 <= most <= _MOST_SUBSTEPS):
             raise Refused(
                 f"max_substep_delta_time {h} s, max_substeps {most}; "
-                f"above 0 s, and 1 to {_MOST_SUBSTEPS}"
+                f"{_SHORTEST:g} to {_LONGEST:g} s, and 1 to {_MOST_SUBSTEPS}"
             )
         return cls(sync, blind, fixed, sub, h, most, tuple(values[6:]))
 

@@ -16,7 +16,7 @@ from steersman.errors import SteersmanError
 VERSION = "0.9.16-stand-in"
 
 # Largest request [bytes]; an OpenDRIVE map is the longest thing that a client sends.
-MAX_REQUEST = 64 * 2**20
+MAX_REQUEST = 32 * 2**20
 # Longest array within a request: a list is allocated before its elements have arrived.
 MAX_ARRAY = 8192
 # Longest name of a call and longest text in an answer about it [characters].
@@ -52,6 +52,7 @@ class Request(NamedTuple):
     number: int
     name: str
     arguments: list[Any]
+    ignores_reply: bool
 
 
 def unpacker() -> Any:
@@ -73,10 +74,10 @@ def request(message: Any) -> Request:
         NotARequest: it is no request.
     """
     match message:
-        case [kind, int() as number, str() as name, [[*_], *arguments]] if (
+        case [kind, int() as number, str() as name, [[bool(ignored)], *arguments]] if (
             kind == _REQUEST and 0 <= number < 2**32 and len(name) <= MAX_NAME
         ):
-            return Request(number, name, arguments)
+            return Request(number, name, arguments, ignored)
     raise NotARequest(f"not a request of CARLA's protocol: {str(message)[:MAX_NAME]!r}")
 
 

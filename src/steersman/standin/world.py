@@ -49,7 +49,6 @@ class World:
         """What a client has sent and not yet loaded."""
         self.weather: list[Any] = list(_WEATHER)
         self.frame = 1
-        self.elapsed = 0.0
         self.episode = 0
         self.actors: dict[int, Actor] = {}
         self._next_actor = 1
@@ -59,6 +58,7 @@ class World:
     def _begin(self) -> None:
         """A new episode with nothing in it but the spectator."""
         self.episode += 1
+        self.elapsed = 0.0
         self.actors = {}
         self.spectator = self._add([0, SPECTATOR, []], Transform(), None)
 

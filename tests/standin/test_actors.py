@@ -1,0 +1,236 @@
+"""Spawning, placing, asking and removing actors through the real client."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from .serving import MODEL3, at, spawn
+
+carla = pytest.importorskip("carla", reason="the wheel 'carla' is not installed")
+
+
+def library(world: Any) -> Any:
+    return world.get_blueprint_library()
+
+
+def test_the_library_has_two_cars_and_two_sensors(world: Any) -> None:
+    names = {blueprint.id for blueprint in library(world)}
+    assert names == {
+        MODEL3,
+        "vehicle.lincoln.mkz_2020",
+        "sensor.other.imu",
+        "sensor.other.collision",
+    }
+    blueprint = library(world).filter("vehicle.tesla.*")[0]
+    assert int(blueprint.get_attribute("number_of_wheels")) == 4
+    blueprint.set_attribute("role_name", "hero")
+    blueprint.set_attribute("color", "255,0,0")
+    car = world.spawn_actor(blueprint, at(5.0))
+    world.tick()
+    assert world.get_actor(car.id).attributes["role_name"] == "hero"
+
+
+def test_a_spawned_car_stands_where_it_was_put(world: Any) -> None:
+    car = spawn(world, 12.0, -7.0, 135.0)
+    world.tick()
+    where = car.get_transform()
+    assert (where.location.x, where.location.y, where.location.z) == pytest.approx(
+        (12.0, -7.0, 0.0), abs=1e-5
+    )
+    assert where.rotation.yaw == pytest.approx(135.0, abs=1e-4)
+    assert math.hypot(car.get_velocity().x, car.get_velocity().y) < 1e-3
+    box = car.bounding_box
+    assert (2 * box.extent.x, 2 * box.extent.y) == pytest.approx((4.79, 2.16))
+    assert [a.type_id for a in world.get_actors().filter("vehicle.*")] == [MODEL3]
+
+
+def test_two_cars_do_not_fit_in_one_place(world: Any) -> None:
+    blueprint = library(world).find(MODEL3)
+    first = world.spawn_actor(blueprint, at(0.0))
+    with pytest.raises(RuntimeError, match=rf"stand-in.*collision with actor {first.id}"):
+        world.spawn_actor(blueprint, at(4.7))
+    assert world.try_spawn_actor(blueprint, at(2.0, 2.0, 45.0)) is None
+    assert world.try_spawn_actor(blueprint, at(4.9)) is not None
+    assert world.try_spawn_actor(blueprint, at(0.0, 2.3)) is not None
+    world.tick()
+    assert first.destroy()
+    assert world.try_spawn_actor(blueprint, at(0.0)) is not None
+
+
+def test_a_destroyed_actor_is_gone(world: Any) -> None:
+    car = spawn(world)
+    world.tick()
+    assert world.get_snapshot().has_actor(car.id)
+    other = world.get_actor(car.id)
+    assert car.destroy()
+    world.tick()
+    assert not world.get_snapshot().has_actor(car.id)
+    assert not other.destroy()
+    with pytest.raises(RuntimeError, match=r"stand-in.*no actor"):
+        other.get_physics_control()
+
+
+def test_a_teleport_keeps_the_velocity_over_ground(world: Any) -> None:
+    car = spawn(world)
+    car.set_target_velocity(carla.Vector3D(x=3.0, y=-4.0))
+    car.set_target_angular_velocity(carla.Vector3D(z=20.0))
+    car.set_transform(at(50.0, 60.0, -90.0))
+    car.set_simulate_physics(False)
+    world.tick()
+    assert car.get_transform().location.x == pytest.approx(50.0)
+    assert car.get_transform().rotation.yaw == pytest.approx(-90.0)
+    assert car.get_velocity().x == 0.0
+    car.set_simulate_physics(True)
+    car.set_target_velocity(carla.Vector3D(x=0.0, y=-15.0))
+    car.set_target_angular_velocity(carla.Vector3D(z=20.0))
+    world.tick()
+    # It faces -90 deg, CARLA's -y: forward. It turns right at 20 deg/s, for 0.05 s, less the tyres.
+    assert car.get_velocity().y == pytest.approx(-15.0, abs=0.4)
+    assert -90.0 < car.get_transform().rotation.yaw < -89.0
+    car.set_location(carla.Location(x=1.0, y=2.0))
+    car.set_transform(carla.Transform(carla.Location(x=1.0, y=2.0), carla.Rotation(yaw=90.0)))
+    world.tick()
+    assert car.get_velocity().y == pytest.approx(-15.0, abs=1.5)
+
+
+def test_the_spectator_can_be_put_somewhere(world: Any) -> None:
+    spectator = world.get_spectator()
+    spectator.set_transform(carla.Transform(carla.Location(1, 2, 30), carla.Rotation(pitch=-90)))
+    world.tick()
+    assert spectator.get_transform().location.z == 30.0
+    assert spectator.get_transform().rotation.pitch == -90.0
+    assert not spectator.destroy()
+
+
+def test_physics_control_tells_the_vehicle(world: Any) -> None:
+    car = spawn(world, 3.0, 4.0, 90.0)
+    physics = car.get_physics_control()
+    assert physics.mass == 1845.0
+    assert physics.drag_coefficient == pytest.approx(0.15)
+    assert physics.center_of_mass.x == pytest.approx(0.45)
+    assert [(p.x, p.y) for p in physics.steering_curve] == [
+        pytest.approx(p) for p in ((0.0, 1.0), (20.0, 0.9), (60.0, 0.8), (120.0, 0.7))
+    ]
+    assert [w.max_steer_angle for w in physics.wheels] == [pytest.approx(v) for v in (70, 70, 0, 0)]
+    assert [w.max_brake_torque for w in physics.wheels] == [pytest.approx(700.0, rel=1e-3)] * 4
+    # Yaw 90: forward is +y, right is -x. Lengths in cm.
+    left, right, *_, back = physics.wheels
+    assert (left.position.x, left.position.y) == pytest.approx((383.35, 561.8), abs=0.01)
+    assert right.position.x == pytest.approx(216.65, abs=0.01)
+    assert back.position.y == pytest.approx(400.0 - 138.6, abs=0.01)
+
+
+def test_physics_control_can_be_changed(world: Any) -> None:
+    def plateau(change: Any) -> tuple[float, float]:
+        car = spawn(world)
+        physics = car.get_physics_control()
+        change(physics)
+        car.apply_physics_control(physics)
+        world.tick()
+        assert car.get_physics_control() == physics or change is move
+        car.apply_control(carla.VehicleControl(throttle=0.6, steer=0.2))
+        for _ in range(60):
+            world.tick()
+        found = math.hypot(car.get_velocity().x, car.get_velocity().y), car.get_angular_velocity().z
+        car.destroy()
+        return found
+
+    def move(physics: Any) -> None:
+        physics.center_of_mass = carla.Vector3D(x=0.2, y=0.0, z=-0.3)
+
+    def heavier(physics: Any) -> None:
+        physics.mass *= 1.5
+
+    def less_lock(physics: Any) -> None:
+        wheels = physics.wheels
+        for wheel in wheels[:2]:
+            wheel.max_steer_angle = 35.0
+        physics.wheels = wheels
+
+    same = plateau(lambda _: None)
+    assert plateau(lambda _: None) == same
+    assert plateau(heavier)[0] < 0.9 * same[0]
+    assert plateau(less_lock)[1] < 0.7 * same[1]
+    assert plateau(move) != same
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("mass", -1.0), ("mass", math.nan), ("steering_curve", []), ("wheels", [])]
+)
+def test_an_impossible_physics_control_changes_nothing(world: Any, field: str, value: Any) -> None:
+    car = spawn(world)
+    before = car.get_physics_control()
+    physics = car.get_physics_control()
+    setattr(physics, field, value)
+    car.apply_physics_control(physics)
+    assert car.get_physics_control() == before
+
+
+def test_a_batch_answers_for_each_command(client: Any, world: Any) -> None:
+    blueprint = library(world).find(MODEL3)
+    go = carla.command
+    first, taken, second = client.apply_batch_sync(
+        [
+            go.SpawnActor(blueprint, at(0.0)),
+            go.SpawnActor(blueprint, at(1.0)),
+            go.SpawnActor(blueprint, at(20.0)).then(
+                go.ApplyVehicleControl(go.FutureActor, carla.VehicleControl(throttle=1.0))
+            ),
+        ],
+        True,
+    )
+    assert not first.error
+    assert "collision" in taken.error
+    client.apply_batch(
+        [
+            go.ApplyTransform(first.actor_id, at(0.0, 30.0, 180.0)),
+            go.ApplyTargetVelocity(first.actor_id, carla.Vector3D(x=-5.0)),
+        ]
+    )
+    for _ in range(10):
+        world.tick()
+    cars = {car.id: car for car in world.get_actors([first.actor_id, second.actor_id])}
+    assert cars[second.actor_id].get_velocity().x > 1.0
+    assert cars[first.actor_id].get_transform().location.y == pytest.approx(30.0, abs=1e-3)
+    assert cars[first.actor_id].get_velocity().x < -3.0
+    answers = client.apply_batch_sync(
+        [
+            go.SetAutopilot(first.actor_id, False),
+            go.DestroyActor(first.actor_id),
+            go.ApplyVehicleControl(first.actor_id, carla.VehicleControl()),
+            go.DestroyActor(second.actor_id),
+        ]
+    )
+    assert "not implemented" in answers[0].error
+    assert "no actor" in answers[2].error
+    assert not answers[1].error
+    assert not answers[3].error
+    world.tick()
+    assert not list(world.get_actors().filter("vehicle.*"))
+
+
+def test_what_is_not_implemented_says_so(client: Any, world: Any) -> None:
+    car = spawn(world)
+    for call in (
+        car.get_telemetry_data,
+        lambda: client.start_recorder("log"),
+        lambda: world.cast_ray(carla.Location(), carla.Location(x=1.0)),
+        lambda: client.load_world("Town99"),
+        lambda: world.unload_map_layer(carla.MapLayer.Buildings),
+    ):
+        with pytest.raises(RuntimeError, match=r"stand-in: .*(not implemented|no map)"):
+            call()
+
+
+def test_there_are_not_endlessly_many_actors(world: Any) -> None:
+    blueprint = library(world).find("sensor.other.collision")
+    car = spawn(world)
+    with pytest.raises(RuntimeError, match=r"stand-in: .*has to be attached"):
+        world.spawn_actor(blueprint, at(0.0))
+    while world.try_spawn_actor(blueprint, at(0.0), attach_to=car) is not None:
+        pass
+    with pytest.raises(RuntimeError, match=r"stand-in: .*1000 actors are enough"):
+        world.spawn_actor(blueprint, at(0.0), attach_to=car)

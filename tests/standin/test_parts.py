@@ -1,0 +1,242 @@
+"""The parts by themselves, without sockets and without the wheel."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import msgpack
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from steersman.standin import actor_calls, episode_calls
+from steersman.standin.actors import Actor, overlap
+from steersman.standin.axes import (
+    Transform,
+    mass_centre_of,
+    origin_of,
+    placed,
+    rate_deg,
+    rate_rad,
+    to_body,
+    to_world,
+)
+from steersman.standin.blueprints import IMU, MODEL3, default_models
+from steersman.standin.calls import Desk, answered
+from steersman.standin.car import Car
+from steersman.standin.maps import Atlas
+from steersman.standin.settings import Settings
+from steersman.standin.wire import NotARequest, request, unpacker
+from steersman.standin.world import Message, World
+from steersman.vehicles import CarlaModel3
+
+metres = st.floats(-1e4, 1e4)
+angles = st.floats(-10.0, 10.0)
+SPAWN = [[1, MODEL3, []], [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]]
+
+
+def desk() -> tuple[Desk, list[Message]]:
+    """A world, and what it sends."""
+    assert actor_calls
+    assert episode_calls
+    sent: list[Message] = []
+    world = World(default_models())
+    world.settings = Settings(synchronous=True, fixed_delta=0.05)
+    return Desk(world, Atlas(), 2001, sent.append), sent
+
+
+@given(metres, metres, angles, st.floats(-2.0, 2.0))
+def test_a_pose_survives_the_way_there_and_back(x: float, y: float, psi: float, l: float) -> None:  # noqa: E741
+    back = mass_centre_of(origin_of(x, y, psi, l), l)
+    assert (back.x, back.y) == pytest.approx((x, y), abs=1e-9)
+    assert math.remainder(back.psi - psi, math.tau) == pytest.approx(0.0, abs=1e-12)
+
+
+@given(angles, metres, metres)
+def test_a_velocity_survives_the_way_there_and_back(psi: float, u: float, v: float) -> None:
+    assert to_body(psi, *to_world(psi, u, v)) == pytest.approx((u, v), abs=1e-9)
+    assert math.hypot(*to_world(psi, u, v)) == pytest.approx(math.hypot(u, v))
+    assert rate_rad(rate_deg(u)) == pytest.approx(u)
+
+
+def test_left_is_right_the_other_way_round() -> None:
+    # Ours: facing north-west at (3, 4); CARLA's y points the other way, and so does yaw.
+    where = origin_of(3.0, 4.0, 0.75 * math.pi, 0.0)
+    assert (where.x, where.y, where.yaw) == pytest.approx((3.0, -4.0, -135.0))
+    assert to_world(0.0, 1.0, 2.0) == (1.0, -2.0)
+    assert rate_deg(1.0) < 0.0
+
+
+@given(angles, metres, metres)
+def test_what_is_mounted_on_a_car_turns_with_it(psi: float, x: float, y: float) -> None:
+    parent = origin_of(x, y, psi, 0.0)
+    mounted = placed(parent, Transform(x=2.0, y=1.0, z=0.5, yaw=90.0))
+    there = to_world(psi, 2.0, -1.0)
+    assert (mounted.x - parent.x, mounted.y - parent.y) == pytest.approx(there, abs=1e-8)
+    assert mounted.z == 0.5
+    assert math.remainder(mounted.yaw - parent.yaw - 90.0, 360.0) == pytest.approx(0.0, abs=1e-9)
+
+
+@given(metres, metres, st.floats(-180, 180), st.floats(-180, 180), st.floats(0.0, 12.0), angles)
+def test_boxes_overlap_as_their_points_do(
+    x: float, y: float, yaw: float, other: float, apart: float, towards: float
+) -> None:
+    def box(at_x: float, at_y: float, turned: float) -> Actor:
+        return Actor(1, [], Transform(at_x, at_y, yaw=turned), extent=(2.4, 1.1, 0.7))
+
+    one = box(x, y, yaw)
+    two = box(x + apart * math.cos(towards), y + apart * math.sin(towards), other)
+    assert overlap(one, two) == overlap(two, one)
+    # A grid of points of one box, in the axes of the other.
+    u, v = np.meshgrid(np.linspace(-2.4, 2.4, 49), np.linspace(-1.1, 1.1, 23))
+    c, s = math.cos(math.radians(other)), math.sin(math.radians(other))
+    dx = two.pose.x - x + c * u - s * v
+    dy = two.pose.y - y + s * u + c * v
+    c, s = math.cos(math.radians(yaw)), math.sin(math.radians(yaw))
+    inside = (abs(c * dx + s * dy) < 2.4) & (abs(c * dy - s * dx) < 1.1)
+    if inside.any():
+        assert overlap(one, two)
+    if apart > 2.0 * math.hypot(2.4, 1.1):
+        assert not overlap(one, two)
+
+
+def test_boxes_that_only_cross_overlap() -> None:
+    bar = Actor(1, [], Transform(), extent=(5.0, 0.1, 1.0))
+    across = Actor(2, [], Transform(yaw=90.0), extent=(5.0, 0.1, 1.0))
+    beside = Actor(3, [], Transform(y=0.3, yaw=1.0), extent=(5.0, 0.05, 1.0))
+    assert overlap(bar, across)
+    assert not overlap(bar, beside)
+
+
+@given(st.binary(max_size=200))
+def test_any_bytes_are_a_request_or_a_value_error(data: bytes) -> None:
+    reader = unpacker()
+    reader.feed(data)
+    try:
+        for message in reader:
+            assert request(message).number >= 0
+    except (NotARequest, ValueError, msgpack.UnpackException):
+        pass
+
+
+values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.binary(),
+    lambda inner: st.lists(inner, max_size=4),
+    max_leaves=12,
+)
+
+
+@settings(max_examples=40)
+@given(st.sampled_from(sorted(answered())), st.lists(values, max_size=4))
+def test_any_arguments_get_an_answer(name: str, arguments: list[Any]) -> None:
+    counter, _ = desk()
+    answer = counter.answer(name, arguments)
+    assert isinstance(answer, list)
+    msgpack.packb(answer)
+
+
+def valid(counter: Desk, number: int) -> dict[str, list[Any]]:
+    """Arguments that calls about vehicle ``number`` take."""
+    pose = [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]
+    control = [0.5, 0.2, 0.0, False, False, False, 1]
+    follow = [2, [number, control]]
+    spawn = [[1, MODEL3, []], [[80.0, 0.0, 0.0], [0.0] * 3], [False], [[follow]]]
+    return {
+        "set_episode_settings": [counter.world.settings.wire()],
+        "spawn_actor": [[1, MODEL3, [["role_name", 4, "hero"]]], [[50.0, 0.0, 0.0], [0.0] * 3]],
+        "spawn_actor_with_parent": [[1, IMU, [["noise_seed", 2, "1"]]], pose, number, 0, ""],
+        "set_actor_transform": [number, pose],
+        "set_actor_location": [number, pose[0]],
+        "set_actor_target_velocity": [number, [20.0, 3.0, 0.0]],
+        "set_actor_target_angular_velocity": [number, [0.0, 0.0, 9.0]],
+        "apply_control_to_vehicle": [number, control],
+        "apply_ackermann_control_to_vehicle": [number, [0.1, 0.2, 3.0, 1.0, 0.0]],
+        "apply_ackermann_controller_settings": [number, [0.15, 0.0, 0.25, 0.01, 0.0, 0.01]],
+        "apply_physics_control": [number, counter.answer("get_physics_control", [number])[0][1]],
+        "apply_batch": [[[[0, spawn]], [follow], [[6, [number, pose]]]], True],
+    }
+
+
+odd = st.sampled_from(
+    [math.nan, math.inf, -math.inf, 1e308, -1e308, 1e-320, 0.0, -1.0, 2**63, -1, None, "", b"", []]
+)
+
+
+def damaged(value: Any, draw: Any) -> Any:
+    """``value`` with one leaf replaced, or one list cut."""
+    if not isinstance(value, list) or not value or draw(st.integers(0, 9)) == 0:
+        return draw(odd)
+    at = draw(st.integers(0, len(value)))
+    if at == len(value):
+        return value[:-1]
+    return [*value[:at], damaged(value[at], draw), *value[at + 1 :]]
+
+
+@settings(max_examples=300)
+@given(st.data())
+def test_no_damaged_argument_breaks_the_world(data: Any) -> None:
+    counter, sent = desk()
+    ((_, (number, *_)),) = counter.answer("spawn_actor", SPAWN)
+    name = data.draw(st.sampled_from(sorted(valid(counter, number))))
+    arguments = damaged(valid(counter, number)[name], data.draw)
+    msgpack.packb(counter.answer(name, arguments))
+    begun = len(sent)
+    for _ in range(3):
+        counter.tick()
+    assert len(sent) >= begun + 3
+    for actor in counter.world.actors.values():
+        assert actor.car is None or np.isfinite(actor.car.state).all()
+        if actor.car is not None:
+            msgpack.packb(counter.answer("get_physics_control", [actor.number]))
+
+
+def test_undamaged_arguments_are_taken() -> None:
+    counter, _ = desk()
+    ((_, (number, *_)),) = counter.answer("spawn_actor", SPAWN)
+    for name, arguments in valid(counter, number).items():
+        (first, *others) = counter.answer(name, arguments)
+        if name == "apply_batch":
+            assert [answer[0][0] for answer in (first, *others)] == [1, 1, 1]
+        else:
+            assert first[0] in ([1, False] if len(first) > 1 else [False]), name
+
+
+@given(
+    st.floats(allow_nan=True), st.floats(allow_nan=True), st.floats(allow_nan=True), st.booleans()
+)
+def test_no_control_makes_a_car_that_cannot_be_told(
+    throttle: float, steer: float, brake: float, hand: bool
+) -> None:
+    counter, sent = desk()
+    ((_, (number, *_)),) = counter.answer("spawn_actor", SPAWN)
+    control = [throttle, steer, brake, hand, False, False, 2**40]
+    assert counter.answer("apply_control_to_vehicle", [number, control]) == [[False]]
+    for _ in range(3):
+        counter.answer("tick_cue", [])
+    assert len(sent) == 3
+    assert np.isfinite(counter.world.actors[number].car.state).all()  # type: ignore[union-attr]
+
+
+def test_a_car_of_other_mass_centre_stays_where_it_is() -> None:
+    car = Car(CarlaModel3(), 0.45)
+    car.transform = Transform(5.0, 6.0, yaw=40.0)
+    car.fit(CarlaModel3(mass=2000.0), 0.1)
+    assert car.transform == pytest.approx(Transform(5.0, 6.0, yaw=40.0))
+    assert car.state[0] == pytest.approx(5.0 + 0.1 * math.cos(math.radians(40.0)))
+
+
+@pytest.mark.parametrize(
+    ("found", "period", "substeps"),
+    [
+        (Settings(fixed_delta=0.05), 0.05, 5),
+        (Settings(fixed_delta=0.05, max_substep_delta=0.016), 0.05, 4),
+        (Settings(fixed_delta=0.5, max_substep_delta=0.01, max_substeps=10), 0.5, 10),
+        (Settings(fixed_delta=0.05, substepping=False), 0.05, 1),
+        (Settings(), 0.02, 2),
+    ],
+)
+def test_substeps_are_those_of_the_settings(found: Settings, period: float, substeps: int) -> None:
+    assert (found.period, found.substeps) == (period, substeps)
+    assert Settings.read(found.wire()) == found
