@@ -7,6 +7,7 @@ import select
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -37,10 +38,12 @@ class Serving:
 
     def __init__(self, *options: str) -> None:
         """Start it on ports that the system chooses, and wait until it listens."""
+        # A pipe could fill up; `stop` closes this.
+        self._faults = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115
         self.process = subprocess.Popen(
             [*COMMAND, "--port", "0", *options],
             stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
+            stderr=self._faults,
             text=True,
         )
         assert self.process.stdout is not None
@@ -50,8 +53,8 @@ class Serving:
         self.greeting = self.process.stdout.readline()
         ports = re.search(r":(\d+), streams on (\d+)", self.greeting)
         if ports is None:
-            self.process.kill()
-            raise AssertionError(self.greeting + self.process.communicate()[1])
+            _, _, faults = self.stop(signal.SIGTERM)
+            raise AssertionError(self.greeting + faults)
         self.port, self.stream_port = int(ports[1]), int(ports[2])
 
     def stop(self, number: int = signal.SIGINT) -> tuple[int, str, str]:
@@ -59,11 +62,14 @@ class Serving:
         if self.process.poll() is None:
             self.process.send_signal(number)
         try:
-            out, error = self.process.communicate(timeout=STOPS_IN)
+            out, _ = self.process.communicate(timeout=STOPS_IN)
         except subprocess.TimeoutExpired:
             self.process.kill()
             raise
-        return self.process.returncode, out, error
+        self._faults.seek(0)
+        faults = self._faults.read()
+        self._faults.close()
+        return self.process.returncode, out, faults
 
 
 @contextmanager

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from steersman.standin import actor_calls, episode_calls
+from steersman.standin import actor_calls, episode_calls, physics
 from steersman.standin.actors import Actor, overlap
 from steersman.standin.axes import (
     Transform,
@@ -28,7 +28,8 @@ from steersman.standin.calls import Desk, answered
 from steersman.standin.car import Car
 from steersman.standin.maps import Atlas
 from steersman.standin.settings import Settings
-from steersman.standin.wire import NotARequest, request, unpacker
+from steersman.standin.streams import MAX_WAITING, Streams
+from steersman.standin.wire import NotARequest, framed, request, shaped, unpacker
 from steersman.standin.world import Message, World
 from steersman.vehicles import CarlaModel3
 
@@ -44,7 +45,9 @@ def desk() -> tuple[Desk, list[Message]]:
     sent: list[Message] = []
     world = World(default_models())
     world.settings = Settings(synchronous=True, fixed_delta=0.05)
-    return Desk(world, Atlas(), 2001, sent.append), sent
+    streams = Streams()
+    streams.publish = sent.append  # type: ignore[method-assign]
+    return Desk(world, Atlas(), 2001, streams), sent
 
 
 @given(metres, metres, angles, st.floats(-2.0, 2.0))
@@ -189,7 +192,10 @@ def test_no_damaged_argument_breaks_the_world(data: Any) -> None:
     for actor in counter.world.actors.values():
         assert actor.car is None or np.isfinite(actor.car.state).all()
         if actor.car is not None:
-            msgpack.packb(counter.answer("get_physics_control", [actor.number]))
+            told = counter.answer("get_physics_control", [actor.number])[0][1]
+            assert shaped(told, physics._LIKE) == told
+        assert shaped(actor.wire()[2], (0, "", [("", 0, "")])) == actor.wire()[2]
+    assert Settings.read(counter.world.settings.wire()) == counter.world.settings
 
 
 def test_undamaged_arguments_are_taken() -> None:
@@ -240,3 +246,46 @@ def test_a_car_of_other_mass_centre_stays_where_it_is() -> None:
 def test_substeps_are_those_of_the_settings(found: Settings, period: float, substeps: int) -> None:
     assert (found.period, found.substeps) == (period, substeps)
     assert Settings.read(found.wire()) == found
+
+
+class Ear:
+    """Somebody who listens."""
+
+    def __init__(self) -> None:
+        self.heard: list[bytes] = []
+
+    def send(self, data: bytes) -> None:
+        self.heard.append(data)
+
+
+def test_a_subscription_counts_from_the_question() -> None:
+    now = 0.0
+    streams = Streams(lambda: now)
+    early, late, other = Ear(), Ear(), Ear()
+    streams.join(1, early)
+    streams.publish(Message(1, b"a"))
+    streams.expect(1)
+    streams.publish(Message(1, b"b"))
+    streams.publish(Message(2, b"x"))
+    streams.publish(Message(1, b"c"))
+    streams.join(1, late)
+    streams.publish(Message(1, b"d"))
+    assert b"".join(early.heard) == b"".join(framed(bytes([c])) for c in b"abcd")
+    assert b"".join(late.heard) == b"".join(framed(bytes([c])) for c in b"bcd")
+    # Whoever asks and does not come is forgotten, and never kept more than a limit for.
+    streams.expect(1)
+    for _ in range(3):
+        streams.publish(Message(1, bytes(MAX_WAITING // 2)))
+    streams.expect(1)
+    now = 60.0
+    streams.join(1, other)
+    assert other.heard == []
+    streams.expect(1)
+    for _ in range(3):
+        streams.publish(Message(1, bytes(MAX_WAITING // 2)))
+    last = Ear()
+    streams.join(1, last)
+    assert 0 < sum(map(len, last.heard)) <= MAX_WAITING
+    streams.leave(1, last)
+    streams.publish(Message(1, b"e"))
+    assert b"e" not in last.heard[-1]

@@ -15,7 +15,8 @@ from typing import Any
 import msgpack
 import pytest
 
-from steersman.standin.server import MAX_CLIENTS, MAX_WAITING
+from steersman.standin.server import MAX_CLIENTS
+from steersman.standin.streams import MAX_WAITING
 from steersman.standin.wire import MAX_REQUEST
 
 from .serving import PATIENCE, Serving, at, connect, serving, spawn, synchronous

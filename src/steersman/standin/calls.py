@@ -13,8 +13,9 @@ from typing import Any, TypeAlias
 
 from steersman.standin.log import warn_once
 from steersman.standin.maps import Atlas
+from steersman.standin.streams import Streams
 from steersman.standin.wire import Refused, Reply, failure, result, token
-from steersman.standin.world import Message, World
+from steersman.standin.world import World
 
 Answer: TypeAlias = Callable[..., Any]
 
@@ -58,16 +59,14 @@ def answered() -> list[str]:
 
 
 class Desk:
-    """Answers calls on one world; ``publish`` sends what a tick produces."""
+    """Answers calls on one world; ``streams`` get what a tick produces."""
 
-    def __init__(
-        self, world: World, atlas: Atlas, stream_port: int, publish: Callable[[Message], None]
-    ) -> None:
+    def __init__(self, world: World, atlas: Atlas, stream_port: int, streams: Streams) -> None:
         """``stream_port`` is what tokens of streams point to."""
         self.world = world
         self.atlas = atlas
         self._port = stream_port
-        self._publish = publish
+        self.streams = streams
 
     def answer(self, name: str, arguments: list[Any]) -> Any:
         """The result of a call; whatever is wrong with it becomes the error that is answered."""
@@ -102,5 +101,5 @@ class Desk:
     def tick(self) -> int:
         """Advance the world and send what came of it; the new frame."""
         for message in self.world.tick(time.monotonic()):
-            self._publish(message)
+            self.streams.publish(message)
         return self.world.frame

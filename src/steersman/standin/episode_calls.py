@@ -25,8 +25,10 @@ def get_episode_info(desk: Desk) -> list[Any]:
 
 @answers(Reply.VALUE)
 def get_sensor_token(desk: Desk, stream: int) -> list[Any]:
-    """Where a stream is to be had."""
-    return [desk.token(stream)]
+    """Where a stream is to be had; the client is going to listen to it."""
+    token = desk.token(stream)
+    desk.streams.expect(stream)
+    return [token]
 
 
 @answers(Reply.VALUE)

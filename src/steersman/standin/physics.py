@@ -13,7 +13,7 @@ from steersman.errors import ConfigError
 from steersman.standin.actors import Actor
 from steersman.standin.axes import Transform, placed
 from steersman.standin.blueprints import Model
-from steersman.standin.wire import Refused
+from steersman.standin.wire import Refused, shaped
 from steersman.vehicles import Vehicle
 
 _KMH = 3.6
@@ -62,6 +62,23 @@ class Wheel(NamedTuple):
     lat_stiff_value: float
     long_stiff_value: float
     position: list[float]
+
+
+_PAIRS, _TRIPLE = [(0.0, 0.0)], (0.0, 0.0, 0.0)
+# What a physics control looks like on the wire.
+_LIKE = (
+    _PAIRS,
+    *(0.0,) * 5,
+    False,
+    *(0.0,) * 3,
+    [_TRIPLE],
+    0.0,
+    0.0,
+    _TRIPLE,
+    _PAIRS,
+    [(*(0.0,) * 9, _TRIPLE)],
+    False,
+)
 
 
 def read_out(actor: Actor) -> list[Any]:
@@ -131,9 +148,7 @@ def apply(actor: Actor, values: Any) -> list[str]:
         Refused: it is none, or describes no car.
     """
     spawned = _model(actor)
-    if not isinstance(values, list) or len(values) != len(Physics._fields):
-        raise Refused(f"a physics control has {len(Physics._fields)} values")
-    new, old = Physics(*values), describe(spawned)
+    new, old = Physics(*shaped(values, _LIKE)), describe(spawned)
     try:
         vehicle, offset = _vehicle(spawned, new)
     except ConfigError as error:
@@ -146,7 +161,7 @@ def apply(actor: Actor, values: Any) -> list[str]:
     ]
     assert actor.car is not None
     actor.car.fit(vehicle, offset)
-    actor.applied_physics = values
+    actor.applied_physics = list(new)
     return idle
 
 

@@ -9,26 +9,22 @@ import signal
 import struct
 from collections.abc import Callable
 from pathlib import Path as FilePath
-from typing import Any
 
 from steersman.errors import SteersmanError
 from steersman.standin import actor_calls, episode_calls  # noqa: F401 - they enter their calls
 from steersman.standin.blueprints import Model, default_models
 from steersman.standin.calls import Desk
 from steersman.standin.car import warm_up
-from steersman.standin.log import log
+from steersman.standin.log import warn_once
 from steersman.standin.maps import Atlas
-from steersman.standin.wire import framed, request, response, unpacker
-from steersman.standin.world import Message, World
+from steersman.standin.streams import MAX_WAITING, Streams
+from steersman.standin.wire import request, response, unpacker
+from steersman.standin.world import World
 
 HOST = "127.0.0.1"
 PORT = 2000
 # Connections at once, of each port.
 MAX_CLIENTS = 32
-# What may wait for a client that does not read [bytes]: beyond, a stream's messages are dropped
-# and no further calls of that client are read.
-MAX_WAITING = 2**20
-
 # Replies nobody waits for are sent when there are so many [bytes].
 _REPLIES = 4096
 _STREAM_ID = struct.Struct("<I")
@@ -56,7 +52,7 @@ class Server:
         self.stream_port = port + 1 if port else 0
         self.world = World(vehicles or default_models())
         self._atlas = Atlas(maps)
-        self._listeners: dict[int, set[StreamSession]] = {}
+        self.streams = Streams()
         self.sessions: set[Session] = set()
         self._open: list[asyncio.Server] = []
         self._clock: asyncio.Task[None] | None = None
@@ -68,7 +64,7 @@ class Server:
             PortTaken: one is taken, or may not be opened.
         """
         self.stream_port = await self._listen(lambda: StreamSession(self), self.stream_port)
-        desk = Desk(self.world, self._atlas, self.stream_port, self.publish)
+        desk = Desk(self.world, self._atlas, self.stream_port, self.streams)
         try:
             self.port = await self._listen(lambda: CallSession(self, desk), self.port)
         except PortTaken:
@@ -128,30 +124,11 @@ class Server:
             if not self.world.settings.synchronous:
                 desk.tick()
 
-    def publish(self, message: Message) -> None:
-        """Send to all who listen to that stream."""
-        listeners = self._listeners.get(message.stream)
-        if listeners:
-            data = framed(message.payload)
-            for session in listeners:
-                session.send(data)
-
-    def listen_to(self, stream: int, session: StreamSession) -> None:
-        """A client wants a stream."""
-        self._listeners.setdefault(stream, set()).add(session)
-
-    def forget(self, stream: int, session: StreamSession) -> None:
-        """A client has gone."""
-        listeners = self._listeners.get(stream, set())
-        listeners.discard(session)
-        if not listeners:
-            self._listeners.pop(stream, None)
-
     def admit(self, session: Session) -> bool:
         """Whether there is room for one more connection; counts it if so."""
         alike = sum(type(other) is type(session) for other in self.sessions)
         if alike >= MAX_CLIENTS:
-            log.warning("stand-in: more than %d connections; one was refused", MAX_CLIENTS)
+            warn_once(f"stand-in: more than {MAX_CLIENTS} connections; one was refused")
             return False
         self.sessions.add(session)
         return True
@@ -180,7 +157,7 @@ class Session(asyncio.Protocol):
 
     def reject(self, why: str) -> None:
         """Close the connection of somebody who does not speak the protocol."""
-        log.warning("stand-in: connection closed: %.200s", why)
+        warn_once(f"stand-in: connection closed: {why:.200}")
         self.connection.abort()
 
 
@@ -259,7 +236,7 @@ class StreamSession(Session):
             self.reject("a stream's client has nothing more to say than the stream's number")
         elif len(self._head) == _STREAM_ID.size and self._stream is None:
             (self._stream,) = _STREAM_ID.unpack(self._head)
-            self.server.listen_to(self._stream, self)
+            self.server.streams.join(self._stream, self)
 
     def send(self, data: bytes) -> None:
         """Send a message, or drop it if the client has not read what was sent before."""
@@ -270,7 +247,7 @@ class StreamSession(Session):
         """The client has gone, or has stopped listening."""
         super().connection_lost(exc)
         if self._stream is not None:
-            self.server.forget(self._stream, self)
+            self.server.streams.leave(self._stream, self)
 
 
 def serve(server: Server, ready: Callable[[Server], None]) -> None:

@@ -6,13 +6,15 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-from steersman.standin.wire import Refused, optional
+from steersman.standin.wire import Refused, optional, shaped
 
 # Period of the asynchronous mode without a fixed one [s].
 _FREE_RUNNING = 0.02
 # Shortest and longest period and substep [s], and most substeps, that a client may ask for.
 _SHORTEST, _LONGEST = 1e-5, 10.0
 _MOST_SUBSTEPS = 1000
+# What settings look like on the wire, but for the period, which is optional.
+_LIKE = (False, False, False, False, 0.0, 0, 0.0, False, 0.0, 0.0, False)
 
 
 @dataclass(frozen=True)
@@ -35,16 +37,12 @@ class Settings:
         Raises:
             Refused: it does not fit.
         """
-        match values:
-            case [bool(sync), bool(blind), delta, bool(sub), h, int(most), *rest] if len(
-                rest
-            ) == len(cls.rest):
-                pass
-            case _:
-                raise Refused(
-                    "settings: 11 values are expected, as the client of 0.9.16 sends them"
-                )
-        fixed = delta[1] if isinstance(delta, list) and len(delta) > 1 and delta[0] else None
+        given = values[2] if isinstance(values, list) and len(values) == len(_LIKE) else None
+        fixed = shaped(given[1], 0.0) if isinstance(given, list) and given and given[0] else None
+        without = shaped([*values[:2], False, *values[3:]], _LIKE) if given else None
+        if without is None:
+            raise Refused(f"settings: not the {len(_LIKE)} values that the client of 0.9.16 sends")
+        sync, blind, _, sub, h, most, *rest = without
         if fixed is not None and not _SHORTEST <= fixed <= _LONGEST:
             raise Refused(f"fixed_delta_seconds: {fixed} s; {_SHORTEST:g} to {_LONGEST:g} s")
         if sub and not (_SHORTEST <= h <= _LONGEST and 1 <= most <= _MOST_SUBSTEPS):
@@ -52,7 +50,7 @@ class Settings:
                 f"max_substep_delta_time {h} s, max_substeps {most}; "
                 f"{_SHORTEST:g} to {_LONGEST:g} s, and 1 to {_MOST_SUBSTEPS}"
             )
-        return cls(sync, blind, fixed, sub, h, most, tuple(values[6:]))
+        return cls(sync, blind, fixed, sub, h, most, tuple(rest))
 
     def wire(self) -> list[Any]:
         """As it travels in calls."""

@@ -100,6 +100,31 @@ def response(number: int, outcome: Any) -> list[Any]:
     return [_RESPONSE, number, None, outcome]
 
 
+def shaped(value: Any, like: Any) -> Any:
+    """``value``, if it has the shape of ``like``: what is kept for a client must be what it reads.
+
+    ``like`` is an example: a bool, int, float or str stands for itself, a tuple for a list of that
+    length, a list for a list of any length whose elements are all like its first.
+
+    >>> shaped([1, [[2.5, 3]]], (0.0, [(0.0, 0)]))
+    [1.0, [[2.5, 3]]]
+
+    Raises:
+        Refused: it has another shape.
+    """
+    if isinstance(like, list | tuple):
+        if not isinstance(value, list) or (isinstance(like, tuple) and len(value) != len(like)):
+            raise Refused(f"a list was expected, not {value!r:.40}")
+        examples = like if isinstance(like, tuple) else [like[0]] * len(value)
+        return [shaped(v, example) for v, example in zip(value, examples, strict=True)]
+    kind = type(like)
+    if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    if type(value) is not kind or (kind is int and not -(2**31) <= value < 2**31):
+        raise Refused(f"a value of type {kind.__name__} was expected, not {value!r:.40}")
+    return value
+
+
 def optional(value: Any) -> list[Any]:
     """How a value that may be missing travels."""
     return [False] if value is None else [True, value]

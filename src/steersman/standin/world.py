@@ -15,7 +15,7 @@ from steersman.standin.control import Control
 from steersman.standin.maps import WorldMap, default_map
 from steersman.standin.sensors import HEADER, Hit, Sensor
 from steersman.standin.settings import Settings
-from steersman.standin.wire import Refused
+from steersman.standin.wire import Refused, shaped
 
 # Stream of the snapshots; those of sensors follow.
 SNAPSHOTS = 1
@@ -99,11 +99,7 @@ class World:
         Raises:
             Refused: unknown blueprint, wrong parent, too many actors, or the place is taken.
         """
-        match description:
-            case [int(uid), str(name), [*given]] if all(_is_attribute(a) for a in given):
-                attributes = {a[0]: a[2] for a in given}
-            case _:
-                raise Refused(f"not a description of an actor: {description!r:.80}")
+        uid, name, given = shaped(description, (0, "", [("", 0, "")]))
         check(name, self.vehicles)
         where = read_transform(transform)
         if len(self.actors) >= MAX_ACTORS:
@@ -116,6 +112,7 @@ class World:
             return self._add_vehicle(shown, where)
         if owner is None or owner.car is None:
             raise Refused(f"{name} has to be attached to a vehicle")
+        attributes = {key: value for key, _, value in given}
         sensor = Sensor.read(name, self._next_stream, attributes)
         self._next_stream += 1
         actor = self._add(shown, where, owner)
@@ -214,10 +211,3 @@ def _impulse(one: Actor, other: Actor) -> tuple[float, float]:
     m, n = one.car.vehicle.mass, other.car.vehicle.mass
     size = closing * m * n / (m + n) / length
     return size * x, size * y
-
-
-def _is_attribute(value: Any) -> bool:
-    match value:
-        case [str(), int(), str()]:
-            return True
-    return False
