@@ -9,6 +9,7 @@ from typing import Any
 
 from steersman.bench.drive import Row
 from steersman.bench.entrants import Entrant
+from steersman.bench.maps import Map
 from steersman.bench.suite import Suite
 from steersman.bench.summary import summarise_rows
 from steersman.config import to_yaml
@@ -19,13 +20,18 @@ FORMAT = 1
 
 
 def results(
-    name: str, seeds: Sequence[int], rows: Sequence[Row], entrants: Sequence[Entrant]
+    name: str,
+    seeds: Sequence[int],
+    rows: Sequence[Row],
+    entrants: Sequence[Entrant],
+    maps: Sequence[Map] = (),
 ) -> dict[str, Any]:
     """The result as plain data: where it came from, who drove, and the summary."""
     return {
         "format": FORMAT,
         "suite": name,
         "seeds": list(seeds),
+        **({"maps": {found.name: found.plain() for found in maps}} if maps else {}),
         **provenance(),
         "made_by": sorted({str(row["commit"]) for row in rows}),
         "controllers": {e.name: e.shown for e in entrants},

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path as FilePath
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,6 +15,10 @@ from steersman.cli import settings
 from steersman.cli.outcome import INTERRUPTED
 from steersman.cli.output import note, share_bar, show, show_json, table
 from steersman.errors import ConfigError, suggestion
+
+if TYPE_CHECKING:
+    from steersman.bench.maps import Map
+    from steersman.bench.suite import Suite
 
 # Share of the work between two lines of progress.
 _TOLD = 0.05
@@ -24,6 +28,7 @@ EXAMPLES = (
     "Examples:\n"
     "  steersman bench --out runs/bench\n"
     "  steersman bench quick --controllers pid,mpc_pid --out runs/quick\n"
+    "  steersman bench maps --maps my_maps --out runs/maps\n"
     "  steersman bench --controllers tuned/lqr,ff=runs/pid/tuned.yaml,runs/demo/policy.onnx \\\n"
     "      --seeds 7 --out runs/bench\n"
     "\n"
@@ -38,7 +43,9 @@ def bench(
     ],
     suite: Annotated[
         str,
-        typer.Argument(metavar="[SUITE]", help="standard, core, tuning, quick, or a YAML file."),
+        typer.Argument(
+            metavar="[SUITE]", help="standard, core, tuning, quick, maps, or a YAML file."
+        ),
     ] = "standard",
     controllers: Annotated[
         list[str] | None,
@@ -52,6 +59,15 @@ def bench(
     seeds: Annotated[
         str, typer.Option("--seeds", metavar="LIST", help="Seeds of all draws: 0..4 or 0,3,7.")
     ] = "0",
+    maps: Annotated[
+        str | None,
+        typer.Option(
+            "--maps",
+            metavar="DIR",
+            help="Adds seeded ways over every OpenDRIVE map (*.xodr) in this folder to the suite;"
+            " the suite 'maps' holds them alone.",
+        ),
+    ] = None,
     jobs: Annotated[
         int | None, typer.Option("--jobs", min=1, help="Processes; one for each core by default.")
     ] = None,
@@ -72,25 +88,40 @@ def bench(
     from steersman.bench.engines import ENGINES
     from steersman.bench.entrants import entrants
     from steersman.bench.results import results, write
-    from steersman.bench.suites import suite as read_suite
     from steersman.cli.seeds import parse
 
     words = [word for text in controllers or [] for word in text.split(",") if word.strip()]
     if engine not in ENGINES:
         raise ConfigError(f"unknown engine {engine!r}{suggestion(engine, ENGINES)}", ("--engine",))
     numbers = parse(seeds)
-    plan = read_suite(suite)
+    plan, read = _plan(suite, maps)
     found = entrants(words)
     folder = settings.out_folder(out)
     scenarios = plan.scenarios(numbers)
     rows = _drive(scenarios, found, folder, jobs, engine)
-    outcome = results(suite, numbers, rows, found)
+    outcome = results(suite, numbers, rows, found, read)
     write(folder, outcome, plan)
     _extras(folder, outcome, rows, scenarios, found)
     if as_json:
         show_json(outcome)
     else:
         _show(outcome, folder)
+
+
+def _plan(suite: str, folder: str | None) -> tuple[Suite, list[Map]]:
+    """The suite, with the courses over the maps in a folder if there is one."""
+    from steersman.bench.maps import ALONE, read_maps, with_maps
+    from steersman.bench.suites import suite as read_suite
+
+    if folder is None:
+        if suite == ALONE:
+            raise ConfigError("the suite 'maps' needs a folder of OpenDRIVE maps: --maps DIR")
+        return read_suite(suite), []
+    base = None if suite == ALONE else read_suite(suite)
+    found = read_maps(FilePath(folder))
+    for each in found:
+        note(each.told())
+    return with_maps(base, found), found
 
 
 def _extras(

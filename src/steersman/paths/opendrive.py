@@ -7,13 +7,14 @@ from functools import lru_cache
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 from pydantic import BeforeValidator, model_validator
 
 from steersman.config import param, register, required
 from steersman.errors import ConfigError, DataError
-from steersman.kernels.path import PathTable
+from steersman.kernels.path import LENGTH, PathTable
 from steersman.paths.base import PathComponent
-from steersman.paths.segments import from_samples, shortened
+from steersman.paths.segments import from_samples, part
 
 if TYPE_CHECKING:
     from steersman.paths.xodr.model import Network
@@ -87,7 +88,15 @@ class OpenDrivePath(PathComponent):
             table = from_samples(*joined(ways.lines(way), closed), closed=closed)
         except DataError as error:
             raise DataError(f"{self.file}: {error}") from None
-        return table if self.random is None else shortened(table, self.distance)
+        return table if self.random is None else self._cut(table, ways.length(way[0]))
+
+    def _cut(self, table: PathTable, first: float) -> PathTable:
+        """As much of a random way as is wanted, from a drawn point of its first lane on."""
+        whole = float(table.meta[0, LENGTH])
+        # The way itself was drawn from the seed alone.
+        share = np.random.default_rng([int(self.random or 0), 1]).uniform()
+        start = share * max(min(whole - self.distance, first), 0.0)
+        return part(table, start, min(start + self.distance, whole))
 
     def _way(self, ways: Ways) -> tuple[list[Any], bool]:
         if self.road is not None:

@@ -16,11 +16,12 @@ from steersman.errors import DataError
 from steersman.kernels.path import (
     FIRST_CELL,
     FIRST_PIECE,
-    LENGTH,
+    KAPPA0,
     S0,
     SHARPNESS,
     X0,
     PathTable,
+    at,
 )
 from steersman.types import FloatArray, Pose
 
@@ -118,13 +119,18 @@ def from_samples(x: FloatArray, y: FloatArray, psi: FloatArray, *, closed: bool)
     return _table(s0, x[:-1], y[:-1], psi[:-1], kappa, sharpness, closed)
 
 
-def shortened(table: PathTable, length: float) -> PathTable:
-    """The beginning of an open path, ``length`` metres of it; the whole if it is no longer."""
-    length = min(length, float(table.meta[0, LENGTH]))
-    pieces = table.pieces[table.pieces[:, S0] < length]
-    s0 = np.append(pieces[:, S0], length)
+def part(table: PathTable, start: float, end: float) -> PathTable:
+    """The stretch of an open path between two arc lengths on it [m], itself counted from zero."""
+    s0 = table.pieces[:, S0]
+    first = int(np.searchsorted(s0, start, side="right")) - 1
+    last = max(int(np.searchsorted(s0, end, side="left")), first + 1)
+    pieces = table.pieces[first:last].copy()
+    # The first piece begins later; all else of it goes on as it was.
+    pieces[0, X0 : KAPPA0 + 1] = at(table, 0, start)
+    pieces[0, S0] = start
+    nodes = np.append(pieces[:, S0], end) - start
     x, y, psi, kappa, sharpness = pieces[:, X0 : SHARPNESS + 1].T
-    return _table(s0, x, y, psi, kappa, sharpness, closed=False)
+    return _table(nodes, x, y, psi, kappa, sharpness, closed=False)
 
 
 def stack(paths: Iterable[PathTable]) -> PathTable:

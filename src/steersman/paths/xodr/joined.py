@@ -64,8 +64,11 @@ def joined(curves: Sequence[Curve], closed: bool) -> tuple[FloatArray, FloatArra
     Raises:
         DataError: neighbouring curves do not meet.
     """
-    rows = [curve for curve in curves if _length(curve) > _SHORTEST]
-    if not rows:
+    rows = [curve for curve in curves if _length(curve) > _EXACT]
+    # An open path begins and ends where its first and last curve do, however short they are.
+    ends = (0, len(rows) - 1) if not closed else ()
+    rows = [row for i, row in enumerate(rows) if _length(row) > _SHORTEST or i in ends]
+    if sum(map(_length, rows)) < _SHORTEST:
         raise DataError("the path is shorter than 2 cm")
     pairs = [(i, (i + 1) % len(rows)) for i in range(len(rows) - (not closed))]
     gaps = [gap(rows[i], rows[j]) for i, j in pairs]
