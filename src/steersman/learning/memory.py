@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from steersman.learning import twin, updates
+from steersman.learning import soft, twin, updates
 
 
 def flatten(parameters: Iterable[Any]) -> Any:
@@ -69,6 +69,26 @@ def critics_of(flat: Any, weights: Iterable[Any]) -> twin.Critics:
     """A flat array as two critics of the same sizes; ``weights`` are the matrices of one."""
     half, weights = flat.size // 2, list(weights)
     return twin.Critics(as_net(flat[:half], weights), as_net(flat[half:], weights), flat)
+
+
+def flat_policy(module: Any) -> soft.Policy:
+    """SB3's squashed Gaussian, its parameters laid flat: the mean's first, as SB3 has them."""
+    *mean, _, _ = parameters = list(module.parameters())
+    return policy_of(flatten(parameters), mean[::2])
+
+
+def policy_of(flat: Any, weights: Iterable[Any]) -> soft.Policy:
+    """A flat array as a squashed Gaussian; ``weights`` are the matrices of its mean."""
+    weights = list(weights)
+    shapes = [tuple(w.shape) for w in weights]
+    end = sum((columns + 1) * rows for rows, columns in shapes)
+    last = shapes[-1][1]
+    return soft.Policy(
+        as_net(flat[:end], weights),
+        flat[end : end + last].reshape(1, last),
+        flat[end + last :],
+        flat,
+    )
 
 
 def torch_arrays(named: Iterable[tuple[str, Any]], optimiser: Any = None) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""SAC of Stable-Baselines3 with a demonstrator beside it."""
+"""SAC of Stable-Baselines3 with a demonstrator beside it, and its update compiled."""
 
 from __future__ import annotations
 
@@ -8,12 +8,10 @@ import numpy as np
 import torch
 from stable_baselines3 import SAC
 from stable_baselines3.common.noise import ActionNoise
-from stable_baselines3.common.utils import update_learning_rate
 
-from steersman.learning import memory, updates
+from steersman.learning import memory, soft, updates
 from steersman.learning.algorithms import Sac
 from steersman.learning.config import TrainConfig
-from steersman.learning.mirror import MirrorBuffer
 from steersman.learning.seam import AT_LIMIT, Demonstrated, make_off_policy
 from steersman.learning.vec_env import PathFollowingVecEnv
 
@@ -21,8 +19,7 @@ from steersman.learning.vec_env import PathFollowingVecEnv
 class DemonstratedSAC(Demonstrated, SAC):
     """SAC whose demonstrator sometimes takes the wheel."""
 
-    _present_rate = 0.0
-    _actor: updates.Net | None = None
+    _learner: soft.Learner | None = None
 
     def _own_action(
         self, learning_starts: int, action_noise: ActionNoise | None, n_envs: int
@@ -33,55 +30,73 @@ class DemonstratedSAC(Demonstrated, SAC):
             self.saturated_steps += int((np.abs(mean) >= AT_LIMIT).sum())
         return super()._own_action(learning_starts, action_noise, n_envs)
 
+    def _compiled(self) -> soft.Learner:
+        """All networks, laid flat at the first call, so that the compiled update shares them."""
+        if self._learner is None:
+            policy = memory.flat_policy(self.actor)
+            critics = memory.flat_critics(self.critic)
+            first, mean = critics.first, policy.mean
+            self._learner = soft.Learner(
+                policy,
+                critics,
+                memory.flat_critics(self.critic_target),
+                self._entropy(),
+                updates.make_moments(policy.flat.size),
+                updates.make_moments(critics.flat.size),
+                memory.policy_of(np.zeros_like(policy.flat), (mean.w1, mean.w2, mean.w3)),
+                memory.critics_of(np.zeros_like(critics.flat), (first.w1, first.w2, first.w3)),
+            )
+            self._work = updates.make_work(self.batch_size, mean, first)
+            self._drawn = soft.make_drawn(self._work)
+        return self._learner
+
+    def _entropy(self) -> soft.Entropy:
+        if self.log_ent_coef is None:
+            log = np.log(self.ent_coef_tensor.numpy().reshape(1))
+        else:
+            log = self.log_ent_coef.data.numpy()
+        target = float(self.target_entropy)
+        return soft.Entropy(log, updates.make_moments(1), target, self.log_ent_coef is not None)
+
     def train(self, gradient_steps: int, batch_size: int = 64) -> None:
-        """SB3's updates one by one, each with its learning rate."""
-        losses = np.zeros(2)
-        for k in range(gradient_steps):
-            self._present_rate = self._rate_at(k, gradient_steps)
-            super().train(1, batch_size)
-            said = self.logger.name_to_value
-            losses += [said["train/actor_loss"], said["train/critic_loss"]]
-        actor_loss, critic_loss = losses / gradient_steps
-        self.last_losses = (float(actor_loss), float(critic_loss), self._mean_value(batch_size))
-
-    def _update_learning_rate(self, optimizers: Any) -> None:
-        for optimiser in optimizers if isinstance(optimizers, list) else [optimizers]:
-            update_learning_rate(optimiser, self._present_rate)
-
-    def _mean_value(self, count: int) -> float:
-        """The first critic's mean value of the newest transitions."""
-        buffer = self.replay_buffer
-        assert buffer is not None
-        size = buffer.buffer_size if buffer.full else buffer.pos
-        rows = (buffer.pos - 1 - np.arange(min(-(-count // buffer.n_envs), size))) % size
-        seen, done = buffer.observations[rows], buffer.actions[rows]
-        with torch.no_grad():
-            features = torch.from_numpy(seen.reshape(-1, seen.shape[-1]))
-            actions = torch.from_numpy(done.reshape(-1, 1))
-            return float(self.critic.q1_forward(features, actions).mean())
+        """The updates of SB3's SAC.train, compiled (see ``soft``), with the same random numbers."""
+        learner = self._compiled()
+        shape = gradient_steps, 2, batch_size
+        noise = torch.empty(shape)
+        for row in noise.view(-1, batch_size):  # drawn as often as torch's distributions draw
+            row.normal_()
+        self.last_losses = soft.update(
+            memory.buffer_arrays(self.replay_buffer),
+            memory.draw(self.replay_buffer, gradient_steps, batch_size, self.mirror_factors()),
+            noise.numpy(),
+            np.array([self._rate_at(k, gradient_steps) for k in range(gradient_steps)]),
+            learner,
+            (self.gamma, self.tau),
+            self._work,
+            self._drawn,
+        )
+        self._n_updates += gradient_steps
 
     def actor_net(self) -> updates.Net:
         """The weights of the policy's mean."""
-        if self._actor is None:
-            # Mean and deviation share the hidden layers; the deviation's weights come last.
-            *shared, _, _ = parameters = list(self.actor.parameters())
-            flat = memory.flatten(parameters)
-            self._actor = memory.as_net(flat[: sum(p.numel() for p in shared)], shared[::2])
-        return self._actor
+        return self._compiled().policy.mean
 
     def weights(self) -> dict[str, Any]:
-        """All weights and Adam's moments, as arrays that are torch's memory."""
-        self.actor_net()
-        actor, critic, target = (
-            [(f"{name}.{key}", p) for key, p in getattr(self, name).named_parameters()]
-            for name in ("actor", "critic", "critic_target")
-        )
-        out = memory.torch_arrays(actor, self.actor.optimizer)
-        out |= memory.torch_arrays(critic, self.critic.optimizer)
-        out |= memory.torch_arrays(target)
-        if self.ent_coef_optimizer is not None:
-            entropy = [("log_ent_coef", self.log_ent_coef)]
-            out |= memory.torch_arrays(entropy, self.ent_coef_optimizer)
+        """All weights and Adam's moments, flat."""
+        learner = self._compiled()
+        out = {
+            "actor": learner.policy.flat,
+            "critic": learner.critics.flat,
+            "critic_target": learner.critics_target.flat,
+            "log_ent_coef": learner.entropy.log,
+        }
+        moments = {
+            "actor": learner.policy_moments,
+            "critic": learner.critic_moments,
+            "log_ent_coef": learner.entropy.moments,
+        }
+        for name, m in moments.items():
+            out |= {f"{name}_first": m.first, f"{name}_second": m.second, f"{name}_count": m.count}
         return out
 
 
@@ -92,7 +107,4 @@ def make_sac(config: TrainConfig, env: PathFollowingVecEnv, settings: Sac) -> De
         own["ent_coef"] = f"auto_{settings.ent_coef_start}"
     if settings.target_entropy is not None:
         own["target_entropy"] = settings.target_entropy
-    if settings.mirror:
-        own["replay_buffer_class"] = MirrorBuffer
-        own["replay_buffer_kwargs"] = {"factors": env.mirror.astype(np.float32)}
     return make_off_policy(DemonstratedSAC, settings, config, env, **own)

@@ -65,14 +65,16 @@ class Rules(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
-def bootstrap(batch: Batch, draw: Draw, k: int, critics: Critics, gamma: float, work: Work) -> None:
-    """Fill ``work.target`` with r + gamma (1 - done) min Q(z), z the rows of ``work.z``."""
+def bootstrap(
+    batch: Batch, draw: Draw, k: int, critics: Critics, cost: Any, gamma: float, work: Work
+) -> None:
+    """Fill ``work.target`` with r + gamma (1 - done) (min Q(z) - cost), z from ``work.z``."""
     forward(critics.first, work.z, work.c1, work.c2, work.target)
     forward(critics.second, work.z, work.c1, work.c2, work.q)
     for i in range(work.z.shape[0]):
         row, env = draw.rows[k, i], draw.envs[k, i]
         final = batch.dones[row, env] * (_ONE - batch.timeouts[row, env])
-        value = min(work.target[i, 0], work.q[i, 0])
+        value = min(work.target[i, 0], work.q[i, 0]) - cost[i]
         work.target[i, 0] = batch.rewards[row, env] + (_ONE - final) * np.float32(gamma) * value
 
 
@@ -87,15 +89,15 @@ def place(batch: Batch, draw: Draw, k: int, work: Work) -> None:
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
-def critic_gradient(net: Net, grad: Net, work: Work) -> tuple[float, float]:
-    """Gradient of mean (Q(z) - target)^2 into ``grad``; returns the loss and the mean Q."""
+def critic_gradient(net: Net, grad: Net, share: float, work: Work) -> tuple[float, float]:
+    """Gradient of share mean (Q(z) - target)^2 into ``grad``; returns that loss and the mean Q."""
     forward(net, work.z, work.c1, work.c2, work.q)
     count = work.z.shape[0]
     loss, mean = 0.0, 0.0
     for i in range(count):
         gap = work.q[i, 0] - work.target[i, 0]
-        work.dy[i, 0] = np.float32(2.0 / count) * gap
-        loss += gap * gap / count
+        work.dy[i, 0] = np.float32(2.0 * share / count) * gap
+        loss += share * gap * gap / count
         mean += work.q[i, 0] / count
     back_hidden(net, work.dy, work.c1, work.c2, work.d1, work.d2)
     weight_gradients(work.z, work.c1, work.c2, work.dy, work.d1, work.d2, grad)
@@ -125,13 +127,13 @@ def update(
     """
     actor, critics, grad = learner.actor, learner.critics, learner.gradient
     actor_loss, critic_loss, value, turns = 0.0, 0.0, 0.0, 0
-    steps = rates.shape[0]
+    steps, free = rates.shape[0], np.zeros(noise.shape[1], np.float32)
     for k in range(steps):
         _look_ahead(batch, draw, k, learner.actor_target, noise, work)
-        bootstrap(batch, draw, k, learner.critics_target, rules.gamma, work)
+        bootstrap(batch, draw, k, learner.critics_target, free, rules.gamma, work)
         place(batch, draw, k, work)
-        first, mean = critic_gradient(critics.first, grad.first, work)
-        second, _ = critic_gradient(critics.second, grad.second, work)
+        first, mean = critic_gradient(critics.first, grad.first, 1.0, work)
+        second, _ = critic_gradient(critics.second, grad.second, 1.0, work)
         adam(critics.flat, grad.flat, learner.critic_moments, rates[k])
         critic_loss += (first + second) / steps
         value += mean / steps
