@@ -38,6 +38,12 @@ SHAPES: dict[str, dict[str, object]] = {
     "csv-smooth": {"kind": "csv", "file": "ellipse.csv", "smoothing": 0.05},
     "opendrive-road": {"kind": "opendrive", "file": "wavy.xodr", "road": "1"},
     "opendrive-lap": {"kind": "opendrive", "file": "ring.xodr", "route": ["1", "2", "1"]},
+    "opendrive-smooth": {
+        "kind": "opendrive",
+        "file": "town.xodr",
+        "route": ["right", "left"],
+        "smooth": 0.05,
+    },
     "opendrive-random": {
         "kind": "opendrive",
         "file": "wavy.xodr",
@@ -67,6 +73,7 @@ def paths(tmp_path_factory: pytest.TempPathFactory) -> dict[str, PathComponent]:
     folder = tmp_path_factory.mktemp("paths")
     write_csv(folder / "ellipse.csv", ellipse())
     xodr_maps.write(folder / "wavy.xodr", xodr_maps.wavy())
+    xodr_maps.write(folder / "town.xodr", xodr_maps.town())
     xodr_maps.write(folder / "ring.xodr", opendrive(FigureEight()))
     write_csv(folder / "wave.csv", [(5.0 * i, 10.0 * math.sin(0.25 * i)) for i in range(50)])
     out = {}

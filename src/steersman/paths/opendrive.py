@@ -56,6 +56,13 @@ class OpenDrivePath(PathComponent):
         0.0, "m", "route and random take no lane that bends more sharply", ge=0.0, le=1e4
     )
 
+    smooth: float = param(
+        0.0,
+        "m",
+        "farthest that clothoids may leave the lane's centre; 0: as the map is",
+        ge=0,
+        le=2,
+    )
     sha256: str | None = param(
         None, "-", "digest of the file, so that no other is taken for it", pattern="^[0-9a-f]{64}$"
     )
@@ -76,6 +83,7 @@ class OpenDrivePath(PathComponent):
         Raises:
             DataError: the file cannot be used, or holds no such way.
         """
+        from steersman.paths.smooth import smoothed
         from steersman.paths.xodr.joined import joined
         from steersman.paths.xodr.ways import Ways
 
@@ -86,6 +94,8 @@ class OpenDrivePath(PathComponent):
         try:
             way, closed = self._way(ways)
             table = from_samples(*joined(ways.lines(way), closed), closed=closed)
+            if self.smooth > 0.0:
+                table = smoothed(table, self.smooth)
         except DataError as error:
             raise DataError(f"{self.file}: {error}") from None
         return table if self.random is None else self._cut(table, ways.length(way[0]))
