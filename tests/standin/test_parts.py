@@ -26,12 +26,14 @@ from steersman.standin.axes import (
 from steersman.standin.blueprints import IMU, MODEL3, default_models
 from steersman.standin.calls import Desk, answered
 from steersman.standin.car import Car
-from steersman.standin.maps import Atlas
+from steersman.standin.maps import Atlas, default_map, read_map
 from steersman.standin.settings import Settings
 from steersman.standin.streams import MAX_WAITING, Streams
 from steersman.standin.wire import NotARequest, framed, request, shaped, unpacker
 from steersman.standin.world import Message, World
 from steersman.vehicles import CarlaModel3
+
+from .serving import ROAD
 
 metres = st.floats(-1e4, 1e4)
 angles = st.floats(-10.0, 10.0)
@@ -289,3 +291,16 @@ def test_a_subscription_counts_from_the_question() -> None:
     streams.leave(1, last)
     streams.publish(Message(1, b"e"))
     assert b"e" not in last.heard[-1]
+
+
+def test_cars_can_be_spawned_where_lanes_begin(caplog: pytest.LogCaptureFixture) -> None:
+    (found,) = read_map("road", ROAD).spawn_points
+    # 5 m along the lane, 2 m right of the line, mirrored into CARLA's axes.
+    c, s = math.cos(0.5), math.sin(0.5)
+    assert (found.x, -found.y) == pytest.approx((5 + 5 * c + 2 * s, 6 + 5 * s - 2 * c), abs=1e-6)
+    assert found.yaw == pytest.approx(-math.degrees(0.5))
+    forth, back = default_map().spawn_points
+    assert (forth.yaw, abs(back.yaw)) == (0.0, 180.0)
+    unread = ROAD.replace('length="80.0"', 'length="many"')
+    assert read_map("road", unread).spawn_points == ()
+    assert "no spawn points" in caplog.text

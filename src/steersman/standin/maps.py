@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path as FilePath
 from xml.parsers import expat
 
 from steersman.errors import DataError, suggestion
 from steersman.standin.axes import Transform
+from steersman.standin.spawn_points import spawn_points
 from steersman.standin.wire import Refused
 
 # What CARLA calls a world that a client has generated.
@@ -49,7 +51,11 @@ class WorldMap:
 
     name: str
     opendrive: str
-    spawn_points: tuple[Transform, ...] = field(default=())
+
+    @cached_property
+    def spawn_points(self) -> tuple[Transform, ...]:
+        """Where cars may be spawned."""
+        return spawn_points(self.opendrive)
 
     @property
     def path(self) -> str:
@@ -59,7 +65,7 @@ class WorldMap:
 
 def default_map() -> WorldMap:
     """What an empty server shows."""
-    return WorldMap(_DEFAULT, _STRAIGHT, (Transform(10.0, 1.75), Transform(30.0, 1.75)))
+    return WorldMap(_DEFAULT, _STRAIGHT)
 
 
 def read_map(name: str, text: str) -> WorldMap:
