@@ -106,3 +106,16 @@ def test_the_hand_brake_brakes_and_reverse_does_not_drive(world: Any) -> None:
     for _ in range(20):
         world.tick()
     assert abs(car.get_velocity().x) < 0.1
+
+
+def test_a_car_that_tips_over_says_so(world: Any) -> None:
+    car = spawn(world)
+    world.tick()
+    assert car.get_failure_state() == carla.VehicleFailureState.NONE
+    car.set_target_velocity(carla.Vector3D(x=30.0))
+    car.apply_control(carla.VehicleControl(throttle=1.0, steer=0.4))
+    states = []
+    for _ in range(20):
+        world.tick()
+        states.append(car.get_failure_state())
+    assert carla.VehicleFailureState.Rollover in states

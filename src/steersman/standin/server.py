@@ -77,8 +77,7 @@ class Server:
         """Close the ports and every connection."""
         if self._clock is not None:
             self._clock.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await self._clock
+            await asyncio.gather(self._clock, return_exceptions=True)
         for server in self._open:
             server.close()
         for session in list(self.sessions):
