@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -13,14 +14,14 @@ from steersman.controllers.base import ControllerComponent
 from steersman.controllers.mpc_pid import MpcPid
 from steersman.controllers.pid import Pid, PidGains
 from steersman.episode import COLUMNS
-from steersman.errors import ConfigError
+from steersman.errors import ConfigError, PlantError
 from steersman.kernels.observe import wrap_angle
 from steersman.paths.basic import Circle, Straight
-from steersman.plants.simulator import SimulatorConfig
-from steersman.rollout import RunConfig, RunError, run
+from steersman.plants.simulator import Simulator, SimulatorConfig
+from steersman.rollout import PlantFailure, RunConfig, RunError, run
 from steersman.sensing import WaypointSensor
 from steersman.speed import ConstantSpeed, ConstantThrottle
-from steersman.types import Command, Decision, Observation, Pose, Status
+from steersman.types import Command, Decision, Observation, Pose, Status, VehicleState
 from steersman.vehicles import Vehicle
 
 from .loops import CAR, DT, Posed, drive, same
@@ -196,6 +197,36 @@ def test_interrupt_keeps_what_was_driven() -> None:
     assert episode.end == ending.INTERRUPTED
     assert not episode.completed
     assert len(episode) == 10
+
+
+class Fragile(SimulatorConfig):
+    """A plant that breaks at its tenth step, and tells whether it was closed."""
+
+    closed: ClassVar[list[bool]] = []
+
+    def make(self, vehicle: Vehicle) -> Simulator:
+        plant, steps, closed = super().make(vehicle), itertools.count(), self.closed
+        step = plant.step
+
+        def break_down(command: Command) -> VehicleState:
+            if next(steps) == 10:
+                raise PlantError("nobody answers")
+            return step(command)
+
+        plant.step = break_down  # type: ignore[method-assign]
+        plant.close = lambda: closed.append(True)  # type: ignore[method-assign]
+        return plant
+
+
+def test_plant_that_fails_keeps_what_was_driven_and_is_closed() -> None:
+    config = RunConfig(controller=GOOD, plant=Fragile())
+    with pytest.raises(PlantFailure, match=r"^nobody answers, at t = 0\.50 s$") as caught:
+        run(config)
+    episode = caught.value.episode
+    assert episode.end == ending.ERROR
+    assert len(episode) == 11
+    assert episode.meta["config"]["controller"]["kind"] == "pid"
+    assert Fragile.closed == [True]
 
 
 def test_laps_of_an_open_path_are_refused() -> None:

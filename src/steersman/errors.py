@@ -40,6 +40,10 @@ class ControllerError(SteersmanError, RuntimeError):
     """A controller returned something that no actuator can take."""
 
 
+class PlantError(SteersmanError, RuntimeError):
+    """A plant cannot be reached, or failed while it was driven."""
+
+
 class TrainingDiverged(SteersmanError, RuntimeError):
     """Training was stopped because going on cannot lead anywhere."""
 

@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 
-from steersman.types import Command, Decision, Observation, PathPoint, Pose, VehicleState
+from steersman.types import (
+    Command,
+    Decision,
+    FloatArray,
+    Observation,
+    PathPoint,
+    Pose,
+    VehicleState,
+)
 
 if TYPE_CHECKING:
     from steersman.kernels.path import PathTable
@@ -46,9 +54,16 @@ class Path(Protocol):
 class Plant(Protocol):
     """Something that drives: the embedded simulator, or CARLA."""
 
+    vehicle: Any
+    """What is known of the vehicle that is driven (``vehicles.Vehicle``)."""
+
     @property
     def dt(self) -> float:
         """Control period [s]."""
+        ...
+
+    def enter(self, path: Path) -> None:
+        """Prepare for driving on ``path``, before ``reset``."""
         ...
 
     def reset(self, pose: Pose, speed: float, curvature: float) -> VehicleState:
@@ -57,6 +72,14 @@ class Plant(Protocol):
 
     def step(self, command: Command) -> VehicleState:
         """Hold ``command`` for one control period."""
+        ...
+
+    def accelerations(self) -> FloatArray:
+        """a_x and a_y at the integration steps so far [m/s^2], (n, 2); empty if not kept."""
+        ...
+
+    def rolled_over(self) -> bool:
+        """Whether the vehicle has rolled over, or its inner wheels have lifted."""
         ...
 
     def close(self) -> None:

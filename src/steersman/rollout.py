@@ -16,9 +16,11 @@ from steersman.config import Of, Settings, param
 from steersman.controllers.base import ControllerComponent
 from steersman.controllers.mpc_pid import MpcPid
 from steersman.episode import COLUMNS, Episode
-from steersman.errors import ConfigError, ControllerError, one_line
+from steersman.errors import ConfigError, ControllerError, PlantError, one_line
 from steersman.paths.base import PathComponent
-from steersman.plants.simulator import Simulator, SimulatorConfig
+from steersman.plants.base import PlantComponent
+from steersman.plants.simulator import SimulatorConfig
+from steersman.protocols import Plant
 from steersman.provenance import provenance
 from steersman.sensing import Tracking, WaypointSensor, track
 from steersman.speed import ConstantThrottle, SpeedComponent
@@ -43,7 +45,7 @@ class RunConfig(Settings):
     nominal: Annotated[Vehicle | None, Of("vehicle", optional=True)] = param(
         None, "-", "Vehicle that the controller believes it steers; null: the true one."
     )
-    plant: Annotated[SimulatorConfig, Of("plant")] = param(SimulatorConfig(), "-", "Plant.")
+    plant: Annotated[PlantComponent, Of("plant")] = param(SimulatorConfig(), "-", "Plant.")
     sensor: Annotated[WaypointSensor, Of("sensor")] = param(WaypointSensor(), "-", "Sensor.")
     duration: float | None = param(
         None,
@@ -82,7 +84,7 @@ class _Recorder:
             )
         )
 
-    def episode(self, end: str, distance: float, plant: Simulator, path: PathComponent) -> Episode:
+    def episode(self, end: str, distance: float, plant: Plant, path: PathComponent) -> Episode:
         data = np.array(self.rows, dtype=np.float64).reshape(-1, len(COLUMNS))
         columns = {name: np.ascontiguousarray(data[:, i]) for i, name in enumerate(COLUMNS)}
         fine = plant.accelerations()
@@ -91,6 +93,15 @@ class _Recorder:
 
 class RunError(ControllerError):
     """A run that failed; ``episode`` holds what was driven until then."""
+
+    def __init__(self, message: str, episode: Episode) -> None:
+        """Keep the episode beside the message."""
+        super().__init__(message)
+        self.episode = episode
+
+
+class PlantFailure(PlantError):
+    """A plant that failed in mid-run; ``episode`` holds what was driven until then."""
 
     def __init__(self, message: str, episode: Episode) -> None:
         """Keep the episode beside the message."""
@@ -107,6 +118,8 @@ def run(config: RunConfig, progress: Callable[[float], None] | None = None) -> E
 
     Raises:
         RunError: the controller failed; the error carries the episode so far.
+        PlantFailure: the plant failed in mid-run; so does this one.
+        PlantError: the plant cannot be reached.
         ConfigError: the configuration's parts do not fit together.
     """
     plant = config.plant.make(config.vehicle)
@@ -117,7 +130,7 @@ def run(config: RunConfig, progress: Callable[[float], None] | None = None) -> E
             config.path,
             config.speed,
             config.sensor,
-            vehicle=config.vehicle if config.nominal is None else config.nominal,
+            vehicle=plant.vehicle if config.nominal is None else config.nominal,
             duration=config.duration,
             laps=config.laps,
             corridor=config.corridor,
@@ -125,8 +138,8 @@ def run(config: RunConfig, progress: Callable[[float], None] | None = None) -> E
             seed=config.seed,
             progress=progress,
         )
-    except RunError as error:
-        raise RunError(str(error), _with_meta(error.episode, config)) from None
+    except (RunError, PlantFailure) as error:
+        raise type(error)(str(error), _with_meta(error.episode, config)) from None
     finally:
         plant.close()
     return _with_meta(episode, config)
@@ -147,7 +160,7 @@ def _with_meta(episode: Episode, config: RunConfig) -> Episode:
 
 
 def rollout(  # noqa: PLR0913 - the nouns of a closed loop
-    plant: Simulator,
+    plant: Plant,
     controller: ControllerComponent,
     path: PathComponent,
     speed: SpeedComponent,
@@ -172,10 +185,14 @@ def rollout(  # noqa: PLR0913 - the nouns of a closed loop
     Raises:
         RunError: the controller raised, or returned something that is not a finite number in
             [-1, 1].
+        PlantFailure: the plant failed while it was driven.
+        PlantError: the plant cannot be made ready.
         ConfigError: the path has no laps, or ends before the start.
     """
     rng = np.random.default_rng(seed)
     dt = plant.dt
+    goal, limit = _goal(path, start, duration, laps)
+    plant.enter(path)
     at = path.at(start)
     v0 = speed.start_speed(path, start)
     state = plant.reset(Pose(at.x, at.y, at.psi), v0, at.kappa)
@@ -183,7 +200,6 @@ def rollout(  # noqa: PLR0913 - the nouns of a closed loop
     sensor_state = sensor.init(rng)
     speed_state = speed.init(path, dt, state)
     controller_state = controller.init(vehicle, dt)
-    goal, limit = _goal(path, start, duration, laps)
     recorder, distance, end = _Recorder([]), 0.0, ""
     step = 0
     try:
@@ -201,7 +217,11 @@ def rollout(  # noqa: PLR0913 - the nouns of a closed loop
             throttle, brake, speed_state = speed.step(speed_state, state, place.s)
             recorder.add(state, place, decision, (throttle, brake), took)
             v = float(np.hypot(state.v_x, state.v_y))
-            state = plant.step(Command(decision.steer, throttle, brake))
+            try:
+                state = plant.step(Command(decision.steer, throttle, brake))
+            except PlantError as error:
+                so_far = recorder.episode(ending.ERROR, distance, plant, path)
+                raise PlantFailure(f"{error}, at t = {state.time:.2f} s", so_far) from error
             before = place.s
             place = track(state, path, before + v * dt)
             distance += _advance(before, place.s, path)
@@ -266,7 +286,7 @@ def _advance(before: float, after: float, path: PathComponent) -> float:
 
 
 def _end(
-    plant: Simulator,
+    plant: Plant,
     path: PathComponent,
     place: Tracking,
     corridor: float,

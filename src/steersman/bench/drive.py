@@ -32,7 +32,7 @@ def fitted(scenario: Scenario, entrant: Entrant) -> RunConfig:
     A policy that reads more waypoints than the suite's sensor gives, or others, gets its own.
     """
     config, sensor = scenario.run, scenario.run.sensor
-    plant = config.plant.model_copy(update={"record": True})
+    plant = config.plant.recorded()
     if entrant.waypoints > sensor.count or entrant.spacing not in (0.0, sensor.spacing):
         count = max(entrant.waypoints, 4)
         sensor = sensor.model_copy(update={"count": count, "spacing": entrant.spacing})

@@ -173,6 +173,59 @@ def look(world: World, fleet: Fleet, n: int, shift: FloatArray) -> None:
 
 
 @kernel
+def decide(world: World, fleet: Fleet, n: int, action: float, command: FloatArray) -> float:
+    """Fill the command of vehicle ``n`` for an action in [-1, 1]; returns its steering.
+
+    The delay line of :func:`drive` changes the steering in ``command``, so it is told apart.
+    """
+    state, clock, dt = fleet.state[n], fleet.clock[n], world.dt
+    steer = action
+    if world.rate_limit > 0.0:
+        steer = fleet.memory[n, enc.LAST_COMMAND] + action * world.rate_limit * dt
+    elif world.authority > 0.0:
+        steer = fleet.base[n] + world.authority * action
+    steer = min(max(steer, -1.0), 1.0)
+    throttle, brake, clock[CLOCK_INTEGRAL] = pedals(
+        world.speed,
+        n,
+        world.paths,
+        fleet.path[n],
+        clock[CLOCK_STEPS] * dt,
+        fleet.tracking[n, obs.S],
+        np.hypot(state[car.VX], state[car.VY]),
+        clock[CLOCK_INTEGRAL],
+        dt,
+    )
+    command[0], command[1], command[2] = steer, throttle, brake
+    return steer
+
+
+@kernel
+def conclude(
+    world: World, fleet: Fleet, n: int, steer: float, near: float, shift: FloatArray
+) -> None:
+    """Track, remember, judge and look, once vehicle ``n`` has moved under ``steer``.
+
+    ``near`` is the arc length [m] where it is looked for on its path.
+    """
+    memory = fleet.memory[n]
+    previous = memory[enc.LAST_COMMAND]
+    obs.track(world.paths, fleet.path[n], fleet.state[n], near, fleet.tracking[n])
+    fleet.clock[n, CLOCK_STEPS] += 1.0
+    enc.remember(world.encoding, fleet.rows[n], memory, steer)
+    fleet.executed[n] = steer
+    _judge(world, fleet, n, steer, previous)
+    look(world, fleet, n, shift)
+
+
+@kernel
+def expected_place(world: World, fleet: Fleet, n: int) -> float:
+    """Arc length [m] that vehicle ``n`` reaches in this step at its present speed."""
+    state = fleet.state[n]
+    return float(fleet.tracking[n, obs.S] + np.hypot(state[car.VX], state[car.VY]) * world.dt)
+
+
+@kernel
 def step(world: World, fleet: Fleet, actions: FloatArray, shifts: FloatArray) -> None:
     """Move every vehicle by one control period under ``actions`` (N,) in [-1, 1].
 
@@ -180,48 +233,21 @@ def step(world: World, fleet: Fleet, actions: FloatArray, shifts: FloatArray) ->
     ``fleet.base`` must hold the demonstrator's and the base's steering for the state before the
     step.
     """
-    work, command, dt = fleet.work, fleet.command, world.dt
     for n in range(actions.shape[0]):
-        state, memory, tracking = fleet.state[n], fleet.memory[n], fleet.tracking[n]
-        clock = fleet.clock[n]
-        previous = memory[enc.LAST_COMMAND]
-        steer = actions[n]
-        if world.rate_limit > 0.0:
-            steer = previous + actions[n] * world.rate_limit * dt
-        elif world.authority > 0.0:
-            steer = fleet.base[n] + world.authority * actions[n]
-        steer = min(max(steer, -1.0), 1.0)
-        p, s = fleet.path[n], tracking[obs.S]
-        speed = np.hypot(state[car.VX], state[car.VY])
-        throttle, brake, clock[CLOCK_INTEGRAL] = pedals(
-            world.speed,
-            n,
-            world.paths,
-            p,
-            clock[CLOCK_STEPS] * dt,
-            s,
-            speed,
-            clock[CLOCK_INTEGRAL],
-            dt,
-        )
-        command[0], command[1], command[2] = steer, throttle, brake
+        steer = decide(world, fleet, n, actions[n], fleet.command)
+        near = expected_place(world, fleet, n)
         drive(
             world.vehicles,
             n,
-            state,
-            command,
+            fleet.state[n],
+            fleet.command,
             fleet.delayed[n],
             fleet.delay[n],
             world.h,
             world.substeps,
-            work,
+            fleet.work,
         )
-        obs.track(world.paths, p, state, s + speed * dt, tracking)
-        clock[CLOCK_STEPS] += 1.0
-        enc.remember(world.encoding, fleet.rows[n], memory, steer)
-        fleet.executed[n] = steer
-        _judge(world, fleet, n, steer, previous)
-        look(world, fleet, n, shifts[n])
+        conclude(world, fleet, n, steer, near, shifts[n])
 
 
 @kernel

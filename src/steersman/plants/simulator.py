@@ -2,63 +2,45 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
-from steersman.config import Component, param, register
-from steersman.errors import ConfigError
+from steersman.config import param, register
 from steersman.kernels import step as kernel
 from steersman.kernels import turn
 from steersman.kernels import vehicle as car
+from steersman.plants.base import PlantComponent
 from steersman.plants.wind import Gusts, Wind
+from steersman.protocols import Path
 from steersman.types import Command, FloatArray, Pose, VehicleState
 from steersman.vehicles import LONGEST_STEP, Vehicle
 
-# Periods that differ by less are the same, but for rounding [s].
-_SAME = 1e-9
-
 
 @register("plant", "simulator")
-class SimulatorConfig(Component):
+class SimulatorConfig(PlantComponent):
     """The embedded planar four-wheel simulator."""
 
+    embedded: ClassVar[bool] = True
+
     dt: float = param(0.05, "s", "Control period; a whole multiple of the integration step.", gt=0)
-    integration_step: float = param(0.01, "s", "Integration step.", gt=0, le=LONGEST_STEP)
     steering_delay: float = param(
         0.0, "s", "Time until a steering command acts; rounded to whole integration steps.", ge=0
     )
+    integration_step: float = param(0.01, "s", "Integration step.", gt=0, le=LONGEST_STEP)
     wind: Wind = param(Wind(), "-", "Side wind.")
     record: bool = param(
         False, "-", "Keep the accelerations of every integration step in the episode."
     )
 
-    def substeps(self) -> int:
-        """Integration steps in a control period.
+    @property
+    def h(self) -> float:
+        """Integration step [s]."""
+        return self.integration_step
 
-        Raises:
-            ConfigError: the control period is not a whole multiple of the integration step.
-        """
-        count = round(self.dt / self.integration_step)
-        if count < 1 or abs(count * self.integration_step - self.dt) > _SAME:
-            raise ConfigError(
-                f"plant.dt: {self.dt} s is not a whole multiple of plant.integration_step, "
-                f"{self.integration_step} s"
-            )
-        return count
-
-    def delay_substeps(self) -> int:
-        """Steering delay in integration steps.
-
-        Raises:
-            ConfigError: the delay is longer than the delay line.
-        """
-        count = round(self.steering_delay / self.integration_step)
-        longest = (kernel.DELAY_LINE - 2) * self.substeps()
-        if count > longest:
-            limit = longest * self.integration_step
-            raise ConfigError(
-                f"plant.steering_delay: {self.steering_delay} s is too long; at most {limit:g} s"
-            )
-        return count
+    def recorded(self) -> SimulatorConfig:
+        """The same, keeping accelerations."""
+        return self.model_copy(update={"record": True})
 
     def make(self, vehicle: Vehicle) -> Simulator:
         """A simulator of that vehicle."""
@@ -91,6 +73,9 @@ class Simulator:
     def dt(self) -> float:
         """Control period [s]."""
         return self._dt
+
+    def enter(self, path: Path) -> None:
+        """Any path will do: the ground is level everywhere."""
 
     def reset(self, pose: Pose, speed: float, curvature: float) -> VehicleState:
         """Put the vehicle on ``pose`` in the steady turn; its velocity points along ``pose.psi``.

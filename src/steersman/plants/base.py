@@ -1,0 +1,67 @@
+"""What every plant's configuration has."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import ClassVar
+
+from steersman.config import Component, param
+from steersman.errors import ConfigError
+from steersman.kernels import step as kernel
+from steersman.protocols import Plant
+from steersman.vehicles import Vehicle
+
+# Periods that differ by less are the same, but for rounding [s].
+_SAME = 1e-9
+
+
+class PlantComponent(Component):
+    """Something that drives one vehicle."""
+
+    embedded: ClassVar[bool] = False
+    """Whether it is the simulator that kernels and environments carry within themselves."""
+
+    dt: float = param(0.05, "s", "Control period.", gt=0)
+    steering_delay: float = param(0.0, "s", "Time until a steering command acts.", ge=0)
+
+    @abstractmethod
+    def make(self, vehicle: Vehicle) -> Plant:
+        """A plant that drives that vehicle, to be closed by whoever made it."""
+
+    @property
+    @abstractmethod
+    def h(self) -> float:
+        """Time between the moments at which a command can begin to act [s]."""
+
+    def recorded(self) -> PlantComponent:
+        """The same, keeping accelerations between control steps if it can."""
+        return self
+
+    def substeps(self) -> int:
+        """Steps of ``h`` in a control period.
+
+        Raises:
+            ConfigError: the control period is not a whole multiple of them.
+        """
+        count = round(self.dt / self.h)
+        if count < 1 or abs(count * self.h - self.dt) > _SAME:
+            raise ConfigError(
+                f"plant.dt: {self.dt} s is not a whole multiple of plant.integration_step, "
+                f"{self.h} s"
+            )
+        return count
+
+    def delay_substeps(self) -> int:
+        """Steering delay in steps of ``h``.
+
+        Raises:
+            ConfigError: the delay is longer than the delay line.
+        """
+        count = round(self.steering_delay / self.h)
+        longest = (kernel.DELAY_LINE - 2) * self.substeps()
+        if count > longest:
+            limit = longest * self.h
+            raise ConfigError(
+                f"plant.steering_delay: {self.steering_delay} s is too long; at most {limit:g} s"
+            )
+        return count
