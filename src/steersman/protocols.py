@@ -56,6 +56,10 @@ class Plant(Protocol):
 
     vehicle: Any
     """What is known of the vehicle that is driven (``vehicles.Vehicle``)."""
+    source: str
+    """Whose numbers these are, in a few words: the embedded simulator's, or a server's version."""
+    delay: int
+    """Steering delay in the steps of the plant's configuration, from the next ``reset`` on."""
 
     @property
     def dt(self) -> float:
@@ -68,6 +72,10 @@ class Plant(Protocol):
 
     def reset(self, pose: Pose, speed: float, curvature: float) -> VehicleState:
         """Put the vehicle at ``pose`` in the steady turn of that curvature at that speed."""
+        ...
+
+    def resume(self, state: VehicleState) -> None:
+        """Put the vehicle back where it was in ``state``; as nearly as can be, in CARLA."""
         ...
 
     def step(self, command: Command) -> VehicleState:

@@ -130,7 +130,7 @@ def run(config: RunConfig, progress: Callable[[float], None] | None = None) -> E
             config.path,
             config.speed,
             config.sensor,
-            vehicle=plant.vehicle if config.nominal is None else config.nominal,
+            vehicle=config.nominal,
             duration=config.duration,
             laps=config.laps,
             corridor=config.corridor,
@@ -139,14 +139,15 @@ def run(config: RunConfig, progress: Callable[[float], None] | None = None) -> E
             progress=progress,
         )
     except (RunError, PlantFailure) as error:
-        raise type(error)(str(error), _with_meta(error.episode, config)) from None
+        raise type(error)(str(error), _with_meta(error.episode, config, plant)) from None
     finally:
         plant.close()
-    return _with_meta(episode, config)
+    return _with_meta(episode, config, plant)
 
 
-def _with_meta(episode: Episode, config: RunConfig) -> Episode:
-    meta = {"config": config.model_dump(mode="json"), "seed": config.seed, **provenance()}
+def _with_meta(episode: Episode, config: RunConfig, plant: Plant) -> Episode:
+    made = {"seed": config.seed, "plant": plant.source}
+    meta = {"config": config.model_dump(mode="json"), **made, **provenance()}
     return Episode(
         episode.columns,
         episode.end,
@@ -166,7 +167,7 @@ def rollout(  # noqa: PLR0913 - the nouns of a closed loop
     speed: SpeedComponent,
     sensor: WaypointSensor,
     *,
-    vehicle: Vehicle,
+    vehicle: Vehicle | None = None,
     duration: float | None = None,
     laps: float | None = None,
     corridor: float = 1.5,
@@ -176,7 +177,8 @@ def rollout(  # noqa: PLR0913 - the nouns of a closed loop
 ) -> Episode:
     """Close the loop and record it.
 
-    ``plant`` holds the vehicle that is driven; ``vehicle`` is what the controller is told of it.
+    ``plant`` holds the vehicle that is driven; ``vehicle`` is what the controller is told of it,
+    by default what the plant knows.
     The vehicle starts on the path at arc length ``start`` in the steady turn of the path's
     curvature there. The run ends after ``duration`` [s] or ``laps``, at the end of an open path,
     when the centre of mass is more than ``corridor`` [m] off the path, or when the inner wheels
@@ -199,7 +201,9 @@ def rollout(  # noqa: PLR0913 - the nouns of a closed loop
     place = track(state, path, start)
     sensor_state = sensor.init(rng)
     speed_state = speed.init(path, dt, state)
-    controller_state = controller.init(vehicle, dt)
+    # Only now, since a server tells of its vehicle when it is there.
+    told = plant.vehicle if vehicle is None else vehicle
+    controller_state = controller.init(told, dt)
     recorder, distance, end = _Recorder([]), 0.0, ""
     step = 0
     try:

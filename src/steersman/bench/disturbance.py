@@ -9,13 +9,18 @@ import numpy as np
 from steersman.config import Settings, param
 from steersman.controllers.mpc_pid import ModelError
 from steersman.kernels.vehicle import GRAVITY
-from steersman.plants.wind import Wind
+from steersman.plants.base import PlantComponent
+from steersman.plants.simulator import SimulatorConfig
 from steersman.rollout import RunConfig
 from steersman.speed import SpeedComponent, SpeedTracking
 from steersman.vehicles import Vehicle
 
 # Fields that are the sensor's of the same name.
 _NOISES = ("position_noise", "heading_noise", "speed_noise", "yaw_rate_noise")
+# Fields that only the simulator's cars and air have.
+_CAR = ("mass", "yaw_inertia", "c_f", "c_r", "friction", "steer_rate", "steer_bias", "wind")
+# Steps that differ by less are the same, but for rounding.
+_SAME = 1e-6
 # Share of the grip that speeds on a slippery road ask for.
 _USED_GRIP = 0.6
 
@@ -49,13 +54,28 @@ class Disturbance(Settings):
         ModelError(), "-", "Factors on the vehicle that model-based controllers believe in."
     )
 
+    def beyond(self, plant: PlantComponent) -> list[str]:
+        """What of this the plant cannot do: elsewhere than in the simulator cars are what they are.
+
+        Steering delay is held back by whoever commands, so in whole steps of the plant; what the
+        sensors and the controller are told is ours to disturb anyway.
+        """
+        if plant.embedded:
+            return []
+        nothing = Disturbance()
+        found = [name for name in _CAR if getattr(self, name) != getattr(nothing, name)]
+        steps = self.delay / plant.h
+        return [*found, "delay"] if abs(steps - round(steps)) > _SAME else found
+
     def apply(self, run: RunConfig) -> RunConfig:
         """The run with this disturbance; ``run.vehicle`` is the undisturbed one."""
         true, believed = self._car(run.vehicle), self.model.nominal(run.vehicle)
         noise = {name: getattr(self, name) for name in _NOISES}
-        # Another stream of numbers than the sensors': the run's seed itself is theirs.
-        wind = Wind(speed=self.wind, seed=run.seed ^ 1) if self.wind else Wind()
-        plant = {"steering_delay": self.delay, "wind": wind}
+        plant: dict[str, Any] = {"steering_delay": run.plant.steering_delay + self.delay}
+        if isinstance(run.plant, SimulatorConfig):
+            # Another stream of numbers than the sensors': the run's seed itself is theirs.
+            wind = {"speed": self.wind, "seed": run.seed ^ 1}
+            plant["wind"] = run.plant.wind.model_copy(update=wind) if self.wind else run.plant.wind
         changes: dict[str, Any] = {
             "vehicle": true,
             "nominal": None if believed == true else believed,

@@ -94,6 +94,7 @@ def measure(scenario: Scenario, entrant: Entrant) -> Row:
         **charged(scenario.run, episode),
         **evaluate(episode),
         **evaluate(episode, BENCH_METRICS),
+        **({} if scenario.run.plant.embedded else {"plant": episode.meta["plant"]}),
         "commit": provenance()["commit"],
     }
     return {**row, "computing_time_s": time.process_time() - begun}

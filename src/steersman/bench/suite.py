@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 from collections.abc import Sequence
 from typing import Annotated, NamedTuple, TypeAlias
 
@@ -13,6 +14,8 @@ from steersman.bench.disturbance import Disturbance, Mixed
 from steersman.config import Of, Settings, param, required
 from steersman.errors import ConfigError, suggestion
 from steersman.paths.base import PathComponent
+from steersman.plants.base import PlantComponent
+from steersman.plants.simulator import SimulatorConfig
 from steersman.rollout import RunConfig
 from steersman.speed import RandomProfile, SpeedComponent
 from steersman.vehicles import CarlaModel3, Vehicle
@@ -67,6 +70,9 @@ class Suite(Settings):
     )
     vehicles: dict[str, _Car] = param({"carla_model3": CarlaModel3()}, "-", "Vehicles by name.")
     corridor: float = param(1.5, "m", "Half width of the corridor; leaving it ends a run.", gt=0)
+    plant: Annotated[PlantComponent, Of("plant")] = param(
+        SimulatorConfig(), "-", "Plant; scenarios that it cannot do are left out, and counted."
+    )
 
     @field_validator("courses", "vehicles")
     @classmethod
@@ -98,8 +104,18 @@ class Suite(Settings):
         """Every scenario for every seed, in a fixed order.
 
         A drawn speed depends on seed and path alone, so that it is the same under every
-        disturbance; what a mixed disturbance draws differs from scenario to scenario.
+        disturbance; what a mixed disturbance draws differs from scenario to scenario. Those that
+        are beyond the plant are not among them.
         """
+        every = self._every(seeds)
+        return [one for one in every if not one.applied.beyond(self.plant)]
+
+    def left_out(self, seeds: Sequence[int] = (0,)) -> dict[str, int]:
+        """Scenarios that the plant cannot do, by the name of their disturbance."""
+        every = self._every(seeds)
+        return dict(Counter(one.disturbance for one in every if one.applied.beyond(self.plant)))
+
+    def _every(self, seeds: Sequence[int]) -> list[Scenario]:
         every = (*self.disturbances, *self.mixed)
         return [
             self._scenario(path, speed, disturbance, vehicle, seed)
@@ -129,6 +145,7 @@ class Suite(Settings):
             duration=course.duration,
             laps=course.laps,
             corridor=self.corridor,
+            plant=self.plant,
             seed=own,
         )
         return Scenario(path, speed, disturbance, vehicle, seed, applied, applied.apply(run))

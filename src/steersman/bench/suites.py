@@ -7,13 +7,13 @@ shares no path with the test suite. ``quick`` shows in seconds that a controller
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path as FilePath
 from typing import Any, TypeAlias
 
 from steersman.bench.disturbance import Disturbance, Mixed
 from steersman.bench.suite import CLEAN, Course, Suite
-from steersman.config import build, read_yaml
+from steersman.config import build, dump, override, read_yaml
 from steersman.controllers.mpc_pid import ModelError
 from steersman.errors import ConfigError, suggestion
 from steersman.paths.base import PathComponent
@@ -176,18 +176,31 @@ SUITES: dict[str, Callable[[], Suite]] = {
 }
 
 
-def suite(name: str) -> Suite:
+def suite(name: str, assignments: Sequence[str] = ()) -> Suite:
     """A suite by its name, or from a YAML file (a name that ends in ``.yaml`` or ``.yml``).
 
+    ``assignments`` (``plant=carla``, ``corridor=1``) are laid over it.
+
     Raises:
-        ConfigError: there is no such suite; the message names the nearest.
+        ConfigError: there is no such suite, the message names the nearest; or a setting is wrong.
         DataError: the file cannot be read.
     """
     if name.endswith((".yaml", ".yml")):
         try:
-            return build(Suite, read_yaml(FilePath(name)))
+            found = build(Suite, read_yaml(FilePath(name)))
         except ConfigError as error:
             raise ConfigError(f"{name}: {error}") from None
-    if name not in SUITES:
+    elif name not in SUITES:
         raise ConfigError(f"unknown suite {name!r}{suggestion(name, SUITES)}")
-    return SUITES[name]()
+    else:
+        found = SUITES[name]()
+    return laid_over(found, assignments)
+
+
+def laid_over(found: Suite, assignments: Sequence[str]) -> Suite:
+    """The suite with settings over it.
+
+    Raises:
+        ConfigError: a setting is unknown or wrong.
+    """
+    return build(Suite, override(dump(found) or {}, assignments)) if assignments else found

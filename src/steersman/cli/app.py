@@ -10,6 +10,7 @@ import typer
 from steersman.cli import (
     bench,
     carla,
+    carla_client,
     components,
     demo,
     drive,
@@ -54,8 +55,13 @@ paths = typer.Typer(
 )
 paths.command("export", epilog=path.EXAMPLES)(path.export)
 app.add_typer(paths, name="path")
-servers = typer.Typer(rich_markup_mode=None, help="CARLA: a stand-in for its server.")
+servers = typer.Typer(
+    rich_markup_mode=None, help="CARLA: checks, calibration, a stand-in for its server."
+)
 servers.command("serve", epilog=carla.SERVE_EXAMPLES)(carla.serve)
+servers.command("doctor", epilog=carla_client.DOCTOR_EXAMPLES)(carla_client.doctor)
+servers.command("calibrate", epilog=carla_client.CALIBRATE_EXAMPLES)(carla_client.calibrate)
+servers.command("map", epilog=carla_client.MAP_EXAMPLES)(carla_client.fetch_map)
 app.add_typer(servers, name="carla")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path as FilePath
@@ -31,6 +31,7 @@ EXAMPLES = (
     "  steersman bench maps --maps my_maps --out runs/maps\n"
     "  steersman bench --controllers tuned/lqr,ff=runs/pid/tuned.yaml,runs/demo/policy.onnx \\\n"
     "      --seeds 7 --out runs/bench\n"
+    "  steersman bench quick plant=carla plant.port=2000 --out runs/carla\n"
     "\n"
     "The same command goes on where an interrupted one stopped; in the same folder, further\n"
     "controllers cost only their own runs."
@@ -41,12 +42,13 @@ def bench(
     out: Annotated[
         str, typer.Option("--out", metavar="DIR", help="Folder for rows, results and report.")
     ],
-    suite: Annotated[
-        str,
+    words: Annotated[
+        list[str] | None,
         typer.Argument(
-            metavar="[SUITE]", help="standard, core, tuning, quick, maps, or a YAML file."
+            metavar="[SUITE] [key=value ...]",
+            help="standard, core, tuning, quick, maps, or a YAML file; and settings over it.",
         ),
-    ] = "standard",
+    ] = None,
     controllers: Annotated[
         list[str] | None,
         typer.Option(
@@ -90,16 +92,21 @@ def bench(
     from steersman.bench.results import results, write
     from steersman.cli.seeds import parse
 
-    words = [word for text in controllers or [] for word in text.split(",") if word.strip()]
+    named = [word for text in controllers or [] for word in text.split(",") if word.strip()]
     if engine not in ENGINES:
         raise ConfigError(f"unknown engine {engine!r}{suggestion(engine, ENGINES)}", ("--engine",))
     numbers = parse(seeds)
-    plan, read = _plan(suite, maps)
-    found = entrants(words)
+    name, assignments = settings.split(words or [])
+    suite = name or "standard"
+    plan, read = _plan(suite, assignments, maps)
+    jobs = _jobs(plan, jobs, engine)
+    found = entrants(named)
     folder = settings.out_folder(out)
-    scenarios = plan.scenarios(numbers)
+    scenarios, left_out = plan.scenarios(numbers), plan.left_out(numbers)
+    _tell(plan, scenarios, left_out)
     rows = _drive(scenarios, found, folder, jobs, engine)
     outcome = results(suite, numbers, rows, found, read)
+    outcome |= {"plant": rows[0].get("plant", plan.plant.kind), "left_out": left_out}
     write(folder, outcome, plan)
     _extras(folder, outcome, rows, scenarios, found)
     if as_json:
@@ -108,20 +115,46 @@ def bench(
         _show(outcome, folder)
 
 
-def _plan(suite: str, folder: str | None) -> tuple[Suite, list[Map]]:
+def _plan(suite: str, assignments: Sequence[str], folder: str | None) -> tuple[Suite, list[Map]]:
     """The suite, with the courses over the maps in a folder if there is one."""
     from steersman.bench.maps import ALONE, read_maps, with_maps
+    from steersman.bench.suites import laid_over
     from steersman.bench.suites import suite as read_suite
 
     if folder is None:
         if suite == ALONE:
             raise ConfigError("the suite 'maps' needs a folder of OpenDRIVE maps: --maps DIR")
-        return read_suite(suite), []
+        return read_suite(suite, assignments), []
     base = None if suite == ALONE else read_suite(suite)
     found = read_maps(FilePath(folder))
     for each in found:
         note(each.told())
-    return with_maps(base, found), found
+    return laid_over(with_maps(base, found), assignments), found
+
+
+def _jobs(plan: Any, jobs: int | None, engine: str) -> int | None:
+    """Processes at a time; a plant that is not embedded is one server with one car."""
+    if plan.plant.embedded:
+        return jobs
+    if engine != "local":
+        raise ConfigError(f"{engine} is not allowed; plant={plan.plant.kind}: local", ("--engine",))
+    if jobs not in {None, 1}:
+        raise ConfigError(f"{jobs} is not allowed; plant={plan.plant.kind} is one: 1", ("--jobs",))
+    return 1
+
+
+def _tell(plan: Any, scenarios: Any, left_out: dict[str, int]) -> None:
+    """Which scenarios the plant cannot do.
+
+    Raises:
+        ConfigError: it can do none.
+    """
+    kind = plan.plant.kind
+    if not scenarios:
+        raise ConfigError(f"plant={kind} can do none of its scenarios", ("suite",))
+    if left_out:
+        names = ", ".join(left_out)
+        note(f"plant={kind} cannot do {sum(left_out.values())} scenarios, left out: {names}")
 
 
 def _extras(

@@ -10,7 +10,7 @@ import typer
 
 from steersman.cli import settings
 from steersman.cli.outcome import INTERRUPTED
-from steersman.cli.output import share_bar, show, show_json, table
+from steersman.cli.output import note, share_bar, show, show_json, table
 
 if TYPE_CHECKING:
     from steersman.episode import Episode
@@ -25,6 +25,7 @@ EXAMPLES = (
     "  steersman drive path=monza laps=1 --out runs/monza\n"
     "  steersman drive runs/monza/config.yaml controller.horizon=30\n"
     "  steersman drive controller=policy\n"
+    "  steersman drive plant=carla plant.port=2000 controller=policy path=monza laps=1\n"
     "  steersman drive controller=policy controller.file=runs/demo/training/policy.onnx\n"
     "\n"
     "What can be set: steersman show drive"
@@ -51,18 +52,20 @@ def drive(
 
     from steersman.bench.metrics import summarise
     from steersman.config import build, dump
-    from steersman.rollout import RunConfig, RunError, run
+    from steersman.rollout import PlantFailure, RunConfig, RunError, run
 
     config = build(RunConfig, tree)
     folder = None if out is None else settings.out_folder(out)
     try:
         with share_bar("driving") as progress:
             episode = run(config, progress)
-    except RunError as error:
+    except (RunError, PlantFailure) as error:
         if folder is not None:
             save(folder, config, error.episode, summarise(error.episode))
         raise
     metrics = summarise(episode)
+    if not config.plant.embedded:
+        note(f"driven on: {episode.meta['plant']}")
     if folder is not None:
         save(folder, config, episode, metrics)
     if as_json:

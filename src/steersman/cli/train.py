@@ -24,6 +24,7 @@ EXAMPLES = (
     "  steersman train runs/agent/config.yaml seed=2 --out runs/agent2\n"
     "  steersman train demo seeds=0..4 --out runs/five\n"
     "  steersman train --out runs/agent --resume\n"
+    "  steersman train demo plant=carla plant.port=2000 --out runs/carla\n"
     "\n"
     "What can be set: steersman show train"
 )
@@ -90,18 +91,44 @@ def _resumed(out: str, chosen: list[int] | None) -> list[str]:
 def read(words: list[str]) -> dict[str, Any]:
     """The preset or file, with the assignments laid over it.
 
+    ``plant=...`` is short for ``problem.plant=...``. With a plant that drives one car, what is
+    meant for many is set to one, unless it is given; a note says what.
+
     Raises:
         ConfigError: there is no such preset, or the words contradict each other.
         DataError: the file is missing or no YAML.
     """
+    words = [f"problem.{word}" if _key(word).split(".")[0] == "plant" else word for word in words]
     name, assignments = settings.split(words)
     if name is None or _is_file(name):
-        return settings.read(words)
+        return _for_one_car(settings.read(words), assignments)
 
     from steersman.config import override
     from steersman.learning.train import load_preset
 
-    return override(load_preset(name), assignments)
+    return _for_one_car(override(load_preset(name), assignments), assignments)
+
+
+def _key(word: str) -> str:
+    return word.partition("=")[0].strip() if "=" in word else ""
+
+
+def _for_one_car(tree: dict[str, Any], assignments: list[str]) -> dict[str, Any]:
+    """The same, made fit for a plant of its own."""
+    problem = tree.get("problem")
+    plant = problem.get("plant") if isinstance(problem, dict) else None
+    kind = plant.get("kind") if isinstance(plant, dict) else plant
+    if kind is None:
+        return tree  # no other plant than the default
+
+    from steersman.config import override
+    from steersman.learning.config import for_one_car
+
+    given = {_key(word) for word in assignments}
+    changes = [change for change in for_one_car(tree, plant) if _key(change) not in given]
+    if changes:
+        note(f"plant={kind} drives one car: {' '.join(changes)}")
+    return override(tree, changes)
 
 
 def _is_file(name: str) -> bool:

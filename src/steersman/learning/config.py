@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
 from pydantic import field_validator, model_validator
 
-from steersman.config import Of, Settings, param
+from steersman.config import Of, Settings, build, override, param, resolve
+from steersman.errors import ConfigError
 from steersman.learning.algorithms import AgentComponent, Ddpg
 from steersman.learning.problem import Problem
 from steersman.paths.base import PathComponent
 from steersman.paths.random_road import RandomRoad
+from steersman.plants.base import PlantComponent
 
 
 class ValidationConfig(Settings):
@@ -67,3 +70,46 @@ class TrainConfig(Settings):
     def _fitting(self) -> TrainConfig:
         self.agent.check(self.problem.demonstration, self.steps)
         return self
+
+    @model_validator(mode="after")
+    def _one_car(self) -> TrainConfig:
+        plant, vehicles = self.problem.plant, self.agent.vehicles
+        if not plant.embedded and vehicles != 1:
+            raise ConfigError(
+                f"{vehicles} is not allowed; plant={plant.kind} drives one vehicle: 1 [-]",
+                ("agent", "vehicles"),
+            )
+        return self
+
+
+# Drives of a validation where they come one after the other.
+_FEW = 4
+
+
+def for_one_car(tree: Mapping[str, Any], plant: Any) -> list[str]:
+    """Assignments that make a training of many cars one of the one car of a plant.
+
+    Updates stay as many for each step of a car, but one at least; the car is what it is.
+
+    Args:
+        tree: the training as plain data, which may be incomplete.
+        plant: its plant, by name or by fields.
+
+    Returns:
+        What differs from ``tree``; nothing for the embedded simulator.
+    """
+    found = resolve("plant", plant)
+    if not isinstance(found, PlantComponent) or found.embedded:
+        return []
+    many = build(TrainConfig, override(tree, ["problem.plant=simulator"]))
+    agent, spread = many.agent, many.problem.spread
+    wanted: dict[str, tuple[float, float]] = {
+        "agent.vehicles": (agent.vehicles, 1),
+        "validation.vehicles": (many.validation.vehicles, min(many.validation.vehicles, _FEW)),
+    }
+    for name in ("mass", "yaw_inertia", "stiffness", "friction"):
+        wanted[f"problem.spread.{name}"] = (getattr(spread, name), 0)
+    updates = getattr(agent, "updates", 0)
+    if updates > 0:
+        wanted["agent.updates"] = (updates, max(round(updates / agent.vehicles), 1))
+    return [f"{key}={new}" for key, (old, new) in wanted.items() if old != new]

@@ -70,6 +70,10 @@ class PathFollowingEnv(gymnasium.Env[Features, Features]):
         features = fleet.inputs[0].astype(np.float32)
         return features, float(fleet.reward[0, 0]), failed, truncated, self._info()
 
+    def close(self) -> None:
+        """Release the plant, if there is one."""
+        self.driver.close()
+
     def _info(self) -> dict[str, Any]:
         fleet, driver = self._fleet, self.driver
         tracking = fleet.tracking[0].tolist()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,9 +21,9 @@ from steersman.learning.demonstration import (
     demonstrated_action,
     demonstrated_correction,
 )
+from steersman.learning.mover import Shared, make_mover
 from steersman.learning.problem import Problem
 from steersman.learning.snapshot import Tree, fill
-from steersman.plants.simulator import place
 from steersman.profiles import Profile, write_profile
 from steersman.types import FloatArray, Pose
 
@@ -50,15 +51,23 @@ def _lateral_cap(profile: Profile) -> float:
 class FleetDriver:
     """Drives the vehicles of a :class:`Problem`; environments are thin shells around it."""
 
-    def __init__(self, problem: Problem, n: int) -> None:
-        """Prepare ``n`` vehicles; ``seed`` and ``reset`` before the first step."""
+    def __init__(self, problem: Problem, n: int, shared: Shared | None = None) -> None:
+        """Prepare ``n`` vehicles; ``seed`` and ``reset`` before the first step.
+
+        ``shared`` is a plant to drive instead of the problem's own; who made it closes it.
+
+        Raises:
+            ConfigError: the plant drives one vehicle, and more are wanted.
+            PlantError: it cannot be reached.
+        """
         self.problem = problem
         self.n = n
         self.dt = problem.plant.dt
         self.world = problem.world(n)
         self.fleet: Fleet = kernel.empty_fleet(n, self.world.encoding, problem.sensor.count)
         self._a_lat = next((s.a_lat_max for s in self._capped()), None)
-        self._base = problem.vehicle.row()
+        self.mover = make_mover(problem, n, shared)
+        self._base = self.mover.vehicle.row()
         errors = problem.sensor.error_range > 0.0
         self._shifts = np.zeros((n, problem.sensor.count if errors else 0, 2))
         self._levels = np.ones(n)
@@ -75,7 +84,7 @@ class FleetDriver:
     def _proposer(self, controller: ControllerComponent | None) -> Demonstrator | None:
         if controller is None:
             return None
-        return Demonstrator(controller, self.problem.vehicle, self.dt)
+        return Demonstrator(controller, self.mover.vehicle, self.dt)
 
     def _capped(self) -> list[Profile]:
         rng = np.random.default_rng(0)
@@ -84,7 +93,10 @@ class FleetDriver:
 
     def seed(self, seed: int) -> None:
         """Give every vehicle its own generator, all from one seed."""
-        children = np.random.SeedSequence(seed).spawn(self.n)
+        self.seed_each(np.random.SeedSequence(seed).spawn(self.n))
+
+    def seed_each(self, children: Sequence[np.random.SeedSequence]) -> None:
+        """Give every vehicle the generator of its own seed."""
         self._rngs = [np.random.default_rng(child) for child in children]
 
     def reset(self, i: int) -> None:
@@ -141,7 +153,7 @@ class FleetDriver:
             (car.MASS, car.INERTIA, car.C_F, car.C_R, car.MU), draws, strict=True
         ):
             row[column] *= factor
-        extra = int(rng.integers(round(spread.delay / self.problem.plant.integration_step) + 1))
+        extra = int(rng.integers(round(spread.delay / self.problem.plant.h) + 1))
         self.fleet.delay[i] = self.problem.plant.delay_substeps() + extra
 
     def _make_slippery(self, i: int, profile: Profile, rng: np.random.Generator) -> Profile:
@@ -174,7 +186,7 @@ class FleetDriver:
         pose = Pose(
             x - start.offset * math.sin(psi), y + start.offset * math.cos(psi), psi + start.heading
         )
-        place(world.vehicles, i, fleet.state[i], fleet.delayed[i], pose, speed, kappa)
+        self.mover.begin(world, fleet, i, pose, speed, kappa)
         state, clock = fleet.state[i], fleet.clock[i]
         clock[kernel.CLOCK_STEPS] = 0.0
         clock[kernel.CLOCK_INTEGRAL] = state[car.THROTTLE] - state[car.BRAKE]
@@ -222,7 +234,7 @@ class FleetDriver:
         """One control step of all vehicles; the caller resets those whose episode ended."""
         for i in range(self.n):
             self._draw_shift(i)
-        kernel.step(self.world, self.fleet, actions, self._shifts)
+        self.mover.step(self.world, self.fleet, actions, self._shifts)
         for i in range(self.n):
             self._propose(i)
 
@@ -268,3 +280,8 @@ class FleetDriver:
             self._corrected.restore(saved["base"])
         if self._demonstrator is not None:
             self._demonstrator.restore(saved["demonstrator"])
+        self.mover.lose()
+
+    def close(self) -> None:
+        """Release the plant, if there is one; may be called twice."""
+        self.mover.close()

@@ -11,12 +11,14 @@ from steersman.config import Of, Settings, dump, param
 from steersman.controllers.base import ControllerComponent
 from steersman.controllers.policy import check_base
 from steersman.encoding import EncodingComponent, EncodingTable, ExtendedEncoding
+from steersman.errors import ConfigError
 from steersman.kernels.path import PathTable
 from steersman.kernels.step import World
 from steersman.learning.demonstration import Demonstration
 from steersman.learning.task import PreciseTask, TaskComponent
 from steersman.paths.base import PathComponent
 from steersman.paths.segments import stack
+from steersman.plants.base import PlantComponent
 from steersman.plants.simulator import SimulatorConfig
 from steersman.profiles import stack_profiles
 from steersman.sensing import WaypointSensor
@@ -60,7 +62,7 @@ class Problem(Settings):
     """What the agent has to learn."""
 
     vehicle: Annotated[Vehicle, Of("vehicle")] = param(CarlaModel3(), "-", "Vehicle.")
-    plant: Annotated[SimulatorConfig, Of("plant")] = param(SimulatorConfig(), "-", "Plant.")
+    plant: Annotated[PlantComponent, Of("plant")] = param(SimulatorConfig(), "-", "Plant.")
     sensor: Annotated[WaypointSensor, Of("sensor")] = param(WaypointSensor(), "-", "Sensor.")
     encoding: Annotated[EncodingComponent, Of("encoding")] = param(
         ExtendedEncoding(), "-", "Network input."
@@ -130,12 +132,25 @@ class Problem(Settings):
     @model_validator(mode="after")
     def _simulated(self) -> Problem:
         """Refuse what the fleet of training vehicles does not simulate, rather than ignore it."""
-        if self.plant.wind.speed > 0.0:
+        if isinstance(self.plant, SimulatorConfig) and self.plant.wind.speed > 0.0:
             raise ValueError("plant.wind.speed: training has no side wind yet; use steersman bench")
         for name in ("position_noise", "heading_noise", "speed_noise", "yaw_rate_noise"):
             if getattr(self.sensor, name) > 0.0:
                 raise ValueError(
                     f"sensor.{name}: training has no such noise yet, only sensor.error_range"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _car_as_it_is(self) -> Problem:
+        """Only the embedded simulator has cars that differ."""
+        for name in ("mass", "yaw_inertia", "stiffness", "friction"):
+            given = getattr(self.spread, name)
+            if given > 0.0 and not self.plant.embedded:
+                raise ConfigError(
+                    f"{given:g} is not allowed; plant={self.plant.kind} has the one car that it "
+                    "has: 0 [-]",
+                    ("spread", name),
                 )
         return self
 
@@ -174,7 +189,7 @@ class Problem(Settings):
             scale=self.encoding.scale(encoding),
             reward=self.task.table(),
             weights=self.sensor.fit_weights(),
-            h=self.plant.integration_step,
+            h=self.plant.h,
             substeps=self.plant.substeps(),
             dt=self.plant.dt,
             corridor=self.corridor,

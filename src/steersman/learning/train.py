@@ -110,7 +110,7 @@ class _Training:
         self.next_tick = 0.0
         self.env = PathFollowingVecEnv(config.problem, config.agent.vehicles)
         self.agent = make_agent(config, self.env)
-        self.validator = Validator(config.problem, config.validation)
+        self.validator = Validator(config.problem, config.validation, self.env.driver.mover.shared)
         self.best = math.inf
         self.record = Record(out, resumed_at)
         self.rows = self.record.rows
@@ -160,6 +160,7 @@ class _Training:
             checkpoint.finish(self.out)
         finally:
             self.record.close()
+            self.env.close()
         return self.out / "policy.onnx"
 
     def snapshot(self) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +11,9 @@ from steersman.kernels import observe
 from steersman.kernels import step as kernel
 from steersman.learning.config import ValidationConfig
 from steersman.learning.fleet import FleetDriver
+from steersman.learning.mover import Shared
 from steersman.learning.problem import Problem
+from steersman.types import FloatArray
 
 # Mean errors below this are taken for it [m].
 _FINEST = 1e-5
@@ -35,19 +37,36 @@ class Score(NamedTuple):
     where they are hard, times one plus the failures; or the RMS error."""
 
 
+class _Part(NamedTuple):
+    """What some drives left: errors [m] and what counts of them, (steps, drives); sums."""
+
+    errors: FloatArray
+    counted: Any
+    failures: int
+    changes: float
+    moves: int
+
+
 class Validator:
     """Drives the validation set; every call drives exactly the same."""
 
     def __init__(
-        self, problem: Problem, config: ValidationConfig, *, demonstrated: bool = False
+        self,
+        problem: Problem,
+        config: ValidationConfig,
+        shared: Shared | None = None,
+        *,
+        demonstrated: bool = False,
     ) -> None:
         """Build the drives: the training problem on other roads.
 
-        They are without demonstration, unless it is the demonstrator that is to be judged.
+        They are without demonstration, unless it is the demonstrator that is to be judged. With a
+        plant, which ``shared`` may be, they are driven one after the other.
         """
         alone = problem.demonstration.model_copy(update={"enabled": demonstrated})
         held_out = problem.model_copy(update={"roads": config.roads, "demonstration": alone})
-        self._driver = FleetDriver(held_out, config.vehicles)
+        at_once = config.vehicles if problem.plant.embedded and shared is None else 1
+        self._driver = FleetDriver(held_out, at_once, shared)
         self._config = config
         self._steps = round(problem.episode_time / self._driver.dt)
 
@@ -57,8 +76,26 @@ class Validator:
 
     def score(self, act: Callable[[Any], Any]) -> Score:
         """Drive with ``act``, which maps features (n, k) to actions (n,)."""
+        seeds = np.random.SeedSequence(self._config.seed).spawn(self._config.vehicles)
+        n = self._driver.n
+        parts = [self._drive(act, seeds[i : i + n]) for i in range(0, len(seeds), n)]
+        errors, counted = (np.concatenate(a, axis=1) for a in list(zip(*parts, strict=True))[:2])
+        errors = np.nan_to_num(errors, nan=self._driver.problem.corridor)
+        drives = [float(errors[counted[:, i], i].mean()) for i in range(errors.shape[1])]
+        typical = float(np.exp(np.log(np.maximum(drives, _FINEST)).mean()))
+        errors = errors[counted]
+        changes = sum(part.changes for part in parts)
+        activity = (changes / max(sum(part.moves for part in parts), 1)) ** 0.5
+        failures = sum(part.failures for part in parts)
+        rms = float(np.sqrt((errors**2).mean()))
+        base = rms if self._config.select == "rms" else typical * (1.0 + failures)
+        total = base + self._config.steer_weight * activity
+        return Score(float(errors.mean()), rms, failures, activity, total)
+
+    def _drive(self, act: Callable[[Any], Any], seeds: Sequence[np.random.SeedSequence]) -> _Part:
+        """The drives of these seeds, all at once."""
         driver, fleet = self._driver, self._driver.fleet
-        driver.seed(self._config.seed)
+        driver.seed_each(seeds)
         for i in range(driver.n):
             driver.reset(i)
         corridor = driver.problem.corridor
@@ -83,13 +120,4 @@ class Validator:
             counted[k + 1 :, ended & ~failed] = False
             if not alive.any():
                 break
-        errors = np.nan_to_num(errors, nan=corridor)
-        drives = [float(errors[counted[:, i], i].mean()) for i in range(driver.n)]
-        typical = float(np.exp(np.log(np.maximum(drives, _FINEST)).mean()))
-        errors = errors[counted]
-        activity = (changes / max(moves, 1)) ** 0.5
-        failures = int(failed.sum())
-        rms = float(np.sqrt((errors**2).mean()))
-        base = rms if self._config.select == "rms" else typical * (1.0 + failures)
-        total = base + self._config.steer_weight * activity
-        return Score(float(errors.mean()), rms, failures, activity, total)
+        return _Part(errors, counted, int(failed.sum()), changes, moves)

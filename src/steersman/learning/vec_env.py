@@ -126,7 +126,8 @@ class PathFollowingVecEnv(VecEnv):
             setattr(self, name, saved["counters"][name])
 
     def close(self) -> None:
-        """Nothing to release."""
+        """Release the plant, if there is one."""
+        self.driver.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """The same attribute for every vehicle."""

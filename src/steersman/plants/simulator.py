@@ -53,8 +53,9 @@ class Simulator:
     def __init__(self, config: SimulatorConfig, vehicle: Vehicle) -> None:
         """Prepare the simulator; ``reset`` before the first step."""
         self.vehicle = vehicle
+        self.source = "embedded simulator"
         self._substeps = config.substeps()
-        self._delay = config.delay_substeps()
+        self.delay = config.delay_substeps()
         self._h = config.integration_step
         self._dt = config.dt
         self._state = np.zeros(car.N_STATE)
@@ -92,6 +93,14 @@ class Simulator:
             self._gusts = Gusts(self._wind)
         return self._read()
 
+    def resume(self, state: VehicleState) -> None:
+        """Put the vehicle back; loads follow the accelerations, and no command is under way."""
+        s = state
+        self._state[: car.LOAD_AX] = (s.x, s.y, s.psi, s.v_x, s.v_y, s.yaw_rate)
+        self._state[car.LOAD_AX : car.STEER] = (s.a_x, s.a_y)
+        self._state[car.STEER :] = (s.steer, s.throttle, s.brake, s.a_x, s.a_y, s.wheel_angle)
+        self._delayed[:] = s.steer
+
     def step(self, command: Command) -> VehicleState:
         """Hold ``command`` for one control period, and the wind that blows at its start."""
         if self._wind is not None:
@@ -104,7 +113,7 @@ class Simulator:
             self._state,
             np.array(command, dtype=np.float64),
             self._delayed,
-            self._delay,
+            self.delay,
             self._h,
             self._substeps,
             self._work,

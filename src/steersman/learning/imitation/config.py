@@ -8,6 +8,7 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import model_validator
 
 from steersman.config import Of, Settings, param
+from steersman.errors import ConfigError
 from steersman.learning.config import TrainConfig, ValidationConfig
 from steersman.learning.problem import Problem
 from steersman.learning.schedules import Constant, HoldThenDecay, Schedule
@@ -68,6 +69,11 @@ class ImitationConfig(Settings):
 
     @model_validator(mode="after")
     def _rounds(self) -> ImitationConfig:
+        if not self.problem.plant.embedded:
+            raise ConfigError(
+                f"{self.problem.plant.kind!r} is not allowed; imitation learns on the simulator",
+                ("problem", "plant"),
+            )
         if not self.problem.demonstration.enabled:
             raise ValueError("problem.demonstration.enabled is false: there is nobody to imitate")
         if self.steps < self.rounds * self.vehicles:

@@ -1,0 +1,418 @@
+"""A client that owns the clock of a CARLA server: connect, recover, load, spawn, tick, leave.
+
+The module ``carla`` is handed in (:mod:`steersman.plants.carla` imports it). Whatever goes wrong
+becomes a :class:`~steersman.errors.PlantError` of one line that names the server and the cure.
+"""
+
+from __future__ import annotations
+
+import atexit
+import logging
+import re
+import socket
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import Any, NamedTuple, TypeVar
+
+from steersman.errors import PlantError, one_line, suggestion
+
+T = TypeVar("T")
+_log = logging.getLogger("steersman.carla")
+
+ROLE = "steersman"
+"""Role name of what we spawn, by which left-over actors are known again."""
+# Versions of the server whose protocol the client's version speaks.
+SPOKEN = ("0.9.15", "0.9.16")
+# Patience with a dead server while leaving it [s].
+_FAREWELL = 1.0
+# While somebody else drives a synchronous server, its ticks are no farther apart [s].
+_OTHERS_TICK = 1.0
+# First pause before trying again; each further one is twice as long [s].
+_FIRST_PAUSE = 0.3
+
+
+class Clock(NamedTuple):
+    """How time passes: period, longest physics step [s], most of them, and whether it is drawn."""
+
+    dt: float
+    substep: float
+    substeps: int
+    rendering: bool
+
+
+class Server(NamedTuple):
+    """Where it is, how long it may take to answer [s], and how often it is asked."""
+
+    host: str
+    port: int
+    timeout: float
+    attempts: int
+
+    def __str__(self) -> str:
+        return f"{self.host}:{self.port}"
+
+
+class Session:
+    """A synchronous server, from ``open`` to ``close``."""
+
+    def __init__(self, lib: Any, server: Server, clock: Clock) -> None:
+        """Nothing is asked of the server yet."""
+        self.lib = lib
+        self.server = server
+        self.clock = clock
+        self.client: Any = None
+        self.world: Any = None
+        self.version = ""
+        self.notes: list[str] = []
+        """What was found and mended on the way, for the reader."""
+        self._actors: list[int] = []
+        self._found: Any = None
+        self._driving = False
+
+    # ------------------------------------------------------------------------ coming, going
+
+    def open(self) -> None:
+        """Connect, mend what a crash left behind, and take over the clock.
+
+        Raises:
+            PlantError: there is no server, it is of another version, or somebody else drives it.
+        """
+        retried(self._knock, self.server.attempts)
+        atexit.register(self.close)  # for what nobody catches
+        with self.answers("connecting"):
+            self.client = self.lib.Client(self.server.host, self.server.port)
+            self.client.set_timeout(self.server.timeout)
+            self.version = str(self.client.get_server_version())
+        check_version(self.version, str(self.client.get_client_version()))
+        with self.answers("reading the world"):
+            self.world = self.client.get_world()
+            self._found = self.world.get_settings()
+        if self._found.synchronous_mode:
+            self._recover()
+        self.take_clock()
+
+    def _knock(self) -> None:
+        """Whether anybody listens; asking the client would take its whole time-out."""
+        try:
+            with socket.create_connection(self.server[:2], timeout=self.server.timeout):
+                return
+        except TimeoutError:
+            raise PlantError(
+                f"{self.server}: no answer within {self.server.timeout:g} s; is plant.host right?"
+            ) from None
+        except OSError as error:
+            why = (error.strerror or str(error)).lower()
+            raise PlantError(
+                f"{self.server}: no CARLA server ({why}); start it (./CarlaUE4.sh, or 'steersman "
+                "carla serve' for the stand-in) or give plant.host and plant.port"
+            ) from None
+
+    def _recover(self) -> None:
+        """A synchronous server waits for its client: is there one, or did it crash?
+
+        Raises:
+            PlantError: there is one.
+        """
+        wait = min(_OTHERS_TICK, self.server.timeout)
+        try:
+            self.world.wait_for_tick(wait)
+        except RuntimeError:
+            pass  # nobody ticks: it is stale
+        else:
+            raise PlantError(
+                f"{self.server}: another client is driving this server in synchronous mode; stop "
+                "it, or use a server of your own (plant.port)"
+            )
+        with self.answers("recovering a stale session"):
+            self.world.tick(self.server.timeout)
+            gone = self.remove_leftovers()
+            settings = self.world.get_settings()
+            settings.synchronous_mode, settings.fixed_delta_seconds = False, None
+            self._found = settings
+        self.notes.append(
+            f"{self.server} was left in synchronous mode by a client that is gone; recovered, "
+            f"{gone} of its vehicles destroyed"
+        )
+        _log.warning(self.notes[-1])
+
+    def remove_leftovers(self) -> int:
+        """Destroy vehicles of ours that are not this session's; how many."""
+        old = [
+            actor.id
+            for actor in self.world.get_actors().filter("vehicle.*")
+            if actor.attributes.get("role_name") == ROLE and actor.id not in self._actors
+        ]
+        self._destroy(old)
+        return len(old)
+
+    def take_clock(self) -> None:
+        """Synchronous mode with our period; loading a world undoes it."""
+        with self.answers("setting synchronous mode"):
+            settings = self.world.get_settings()
+            settings.synchronous_mode = True
+            settings.fixed_delta_seconds = self.clock.dt
+            settings.substepping = True
+            settings.max_substep_delta_time = self.clock.substep
+            settings.max_substeps = self.clock.substeps
+            settings.no_rendering_mode = not self.clock.rendering
+            self.world.apply_settings(settings)
+        self._driving = True
+
+    def release_clock(self) -> None:
+        """The settings that were found, so that the server goes on by itself."""
+        if self._driving:
+            self._driving = False
+            with self.answers("restoring the settings"):
+                self.world.apply_settings(self._found)
+
+    def close(self) -> None:
+        """Destroy what was spawned and give the clock back; a dead server is left in peace."""
+        atexit.unregister(self.close)
+        if self.client is None:
+            return
+        client, self.client = self.client, None
+        if self._alive():
+            with suppress(RuntimeError, PlantError):
+                client.set_timeout(min(self.server.timeout, 5.0))
+                self._destroy(self._actors, client)
+                self.release_clock()
+        self._actors, self._driving = [], False
+
+    def _alive(self) -> bool:
+        """Whether anybody still listens there."""
+        try:
+            with socket.create_connection(self.server[:2], timeout=_FAREWELL):
+                return True
+        except OSError:
+            return False
+
+    # ------------------------------------------------------------------------------- worlds
+
+    def load(self, name: str) -> None:
+        """The map of that name, unless it is there already.
+
+        Raises:
+            PlantError: there is none.
+        """
+        with self.answers("listing maps"):
+            if _stem(self.world.get_map().name) == _stem(name):
+                return
+            known = [_stem(found) for found in self.client.get_available_maps()]
+        if _stem(name) not in known:
+            raise PlantError(f"{self.server} has no map {name!r}{suggestion(_stem(name), known)}")
+        self._change(lambda: self.client.load_world(_stem(name)))
+        with self.answers(f"loading {name}"):
+            self._await_map(lambda found: bool(_stem(found.name) == _stem(name)))
+
+    def generate(self, text: str) -> None:
+        """The world of an OpenDRIVE text, unless it is there already.
+
+        Raises:
+            PlantError: it is refused, or not ready in time.
+        """
+        with self.answers("reading the map"):
+            if _alike(self.world.get_map().to_opendrive(), text):
+                return
+        # No walls: the road is a plane, and what leaves it is put back.
+        shape = self.lib.OpendriveGenerationParameters(
+            vertex_distance=2.0,
+            max_road_length=500.0,
+            wall_height=0.0,
+            additional_width=2.0,
+            smooth_junctions=True,
+            enable_mesh_visibility=True,
+        )
+        before = self.world.id
+        self._change(lambda: self.client.generate_opendrive_world(text, shape))
+        with self.answers("generating the world"):
+            self._await_map(lambda _: bool(self.world.id != before))
+
+    def _change(self, load: Callable[[], Any]) -> None:
+        """Replace the world; with it go our actors and settings."""
+        self.release_clock()
+        self._actors = []
+        with self.answers("loading a world"):
+            load()
+
+    def _await_map(self, ready: Callable[[Any], bool]) -> None:
+        """Ask until the new world answers, then take over its clock: loading does not wait.
+
+        Raises:
+            PlantError: not within the time-out.
+        """
+        until = time.monotonic() + self.server.timeout
+        pause = _FIRST_PAUSE / 10.0
+        while True:
+            with suppress(RuntimeError):
+                self.world = self.client.get_world()
+                if ready(self.world.get_map()):
+                    break
+            if time.monotonic() > until:
+                raise PlantError(
+                    f"{self.server}: the new world is not ready after {self.server.timeout:g} s; "
+                    "give it longer with plant.timeout"
+                )
+            time.sleep(pause)
+            pause = min(2.0 * pause, 1.0)
+        self.take_clock()
+
+    # ------------------------------------------------------------------------------- actors
+
+    def spawn(self, blueprint: str, transform: Any) -> Any:
+        """A vehicle of ours.
+
+        Raises:
+            PlantError: no such blueprint, or the place is taken.
+        """
+        with self.answers("reading the blueprints"):
+            library = self.world.get_blueprint_library()
+            known = [found.id for found in library.filter("vehicle.*")]
+            if blueprint not in known:
+                raise PlantError(
+                    f"plant.vehicle: {self.server} has no {blueprint!r}"
+                    f"{suggestion(blueprint, known)}"
+                )
+            found = library.find(blueprint)
+            if found.has_attribute("role_name"):
+                found.set_attribute("role_name", ROLE)
+            self.remove_leftovers()
+
+        def attempt() -> Any:
+            with self.answers("spawning"):
+                actor = self.world.try_spawn_actor(found, transform)
+                self.tick()  # what was destroyed is gone only then
+            if actor is None:
+                raise PlantError(self._in_the_way(transform))
+            return actor
+
+        actor = retried(attempt, self.server.attempts)
+        self._actors.append(actor.id)
+        return actor
+
+    def _in_the_way(self, transform: Any) -> str:
+        where = transform.location
+        others = self.world.get_actors().filter("vehicle.*")
+        near = min(others, key=lambda a: a.get_location().distance(where), default=None)
+        what = "something stands there"
+        if near is not None:
+            gap = near.get_location().distance(where)
+            what = f"nearest is actor {near.id}, {near.type_id}, {gap:.1f} m away"
+        return (
+            f"{self.server}: spawning at x {where.x:.1f}, y {where.y:.1f} (CARLA's axes) collides; "
+            f"{what}; destroy it ('steersman carla doctor --clean') or begin elsewhere with start="
+        )
+
+    def _destroy(self, actors: list[int], client: Any = None) -> None:
+        if actors:
+            commands = [self.lib.command.DestroyActor(number) for number in actors]
+            (client or self.client).apply_batch_sync(commands, False)
+
+    def forget(self, number: int) -> None:
+        """An actor of ours is no more."""
+        self._actors = [other for other in self._actors if other != number]
+
+    # --------------------------------------------------------------------------------- time
+
+    def tick(self) -> Any:
+        """One period; the snapshot at its end.
+
+        Raises:
+            PlantError: the server does not answer, or somebody else ticks it too.
+        """
+        with self.answers("ticking"):
+            frame = self.world.tick(self.server.timeout)
+            snapshot = self.world.get_snapshot()
+        if snapshot.frame != frame:
+            raise PlantError(
+                f"{self.server}: frame {snapshot.frame} came when {frame} was asked for; another "
+                "client ticks this server too: stop it, or use a server of your own"
+            )
+        return snapshot
+
+    def send(self, commands: list[Any]) -> None:
+        """Commands that are executed, in their order, before this returns.
+
+        Setters of the client return before the server has got them; a tick could overtake them,
+        and runs would differ.
+
+        Raises:
+            PlantError: one is refused.
+        """
+        with self.answers("sending commands"):
+            answers = self.client.apply_batch_sync(commands, False)
+        for answer in answers:
+            if answer.error:
+                raise PlantError(f"{self.server}: {answer.error}")
+
+    @contextmanager
+    def answers(self, what: str) -> Iterator[None]:
+        """Turn the client's RuntimeErrors into one line."""
+        try:
+            yield
+        except PlantError:
+            raise
+        except RuntimeError as error:
+            text = one_line(str(error))
+            if "time-out" in text:
+                text = (
+                    f"no answer within {self.server.timeout:g} s; it was stopped, hangs, or needs "
+                    "longer: plant.timeout"
+                )
+            raise PlantError(f"{self.server}: {what}: {text}") from None
+
+
+def retried(attempt: Callable[[], T], attempts: int) -> T:
+    """Try so often, with pauses that double; the last error stands."""
+    pause = _FIRST_PAUSE
+    for _ in range(attempts - 1):
+        try:
+            return attempt()
+        except PlantError:
+            time.sleep(pause)
+            pause *= 2.0
+    return attempt()
+
+
+def check_version(server: str, client: str) -> None:
+    """Whether client and server understand each other; the client itself only warns.
+
+    >>> check_version("0.9.16-stand-in", "0.9.16")
+    >>> check_version("0.9.13", "0.9.16")
+    Traceback (most recent call last):
+    steersman.errors.PlantError: ... pip install carla==0.9.13 ...
+
+    Raises:
+        PlantError: they do not.
+    """
+    theirs, ours = _number(server), _number(client)
+    if theirs in SPOKEN and theirs == ours:
+        return
+    if theirs in SPOKEN:
+        cure = f"pip install carla=={theirs}"
+    else:
+        cure = f"pip install carla=={theirs} is not enough: {' and '.join(SPOKEN)} are supported"
+    raise PlantError(f"the server is CARLA {server}, the client {client}; {cure}")
+
+
+def whose(version: str) -> str:
+    """Whose numbers a server's are; a stand-in's are never called CARLA's.
+
+    >>> whose("0.9.16"), whose("0.9.16-stand-in")
+    ('CARLA 0.9.16', 'stand-in for CARLA 0.9.16')
+    """
+    kind = "stand-in for CARLA" if "stand-in" in version else "CARLA"
+    return f"{kind} {_number(version)}"
+
+
+def _number(version: str) -> str:
+    found = re.match(r"\d+\.\d+\.\d+", version)
+    return found.group() if found else version
+
+
+def _stem(name: str) -> str:
+    return name.rpartition("/")[2]
+
+
+def _alike(one: str, other: str) -> bool:
+    return one.split() == other.split()

@@ -1,0 +1,1 @@
+"""Calibration: manoeuvres on any plant, and the vehicle whose figures explain them."""

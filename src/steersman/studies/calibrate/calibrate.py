@@ -1,0 +1,76 @@
+"""Drive the manoeuvres on a plant, fit a vehicle to them, and write it as a file."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from typing import Any, NamedTuple
+
+from steersman import core_yaml
+from steersman.files import write_text
+from steersman.paths.basic import Straight
+from steersman.protocols import Plant
+from steersman.provenance import provenance
+from steersman.studies.calibrate import identify, manoeuvres
+from steersman.studies.calibrate.identify import Fit
+from steersman.studies.calibrate.manoeuvres import Driver, Tell
+from steersman.vehicles import Vehicle
+
+# Enough for a throttle run to the top speed [m].
+PLANE = 900.0
+WIDTH = 160.0
+"""Room that the steps of the steering take to both sides together [m]."""
+
+
+class Calibration(NamedTuple):
+    """A vehicle that explains what a plant did."""
+
+    before: Vehicle
+    """What was known of it."""
+    vehicle: Vehicle
+    fits: dict[str, Fit]
+    """By what was fitted."""
+
+
+def calibrate(plant: Plant, tell: Tell) -> Calibration:
+    """Drive, and fit; about three minutes of simulated time.
+
+    The figures that are fitted: lock, rates and curve of the steering, throttle map, axle
+    stiffnesses, yaw inertia. All others are what the plant knows of its vehicle.
+
+    Args:
+        plant: anything with a wide straight road; it is left open.
+        tell: told what is driven.
+
+    Raises:
+        PlantError: the plant fails.
+    """
+    plant.enter(Straight(distance=PLANE))
+    driver = Driver(plant, tell)
+    rest = manoeuvres.lock_at_rest(driver)
+    before: Vehicle = plant.vehicle  # a server may tell its car only now
+    fits: dict[str, Fit] = {"steering rate": identify.steering_rates(rest, before)}
+    vehicle = before.replace(**fits["steering rate"].figures)
+    fits["steering curve"] = identify.steering_curve(
+        rest, manoeuvres.curve_runs(driver, vehicle), vehicle
+    )
+    vehicle = vehicle.replace(**fits["steering curve"].figures)
+    throttles = manoeuvres.throttle_runs(driver, vehicle)
+    fits["throttle map"] = identify.throttle_map(throttles, vehicle)
+    vehicle = vehicle.replace(**fits["throttle map"].figures)
+    steps = manoeuvres.step_runs(driver, vehicle)
+    fits["tyres and inertia"] = identify.tyres_and_inertia(steps, vehicle)
+    vehicle = vehicle.replace(**fits["tyres and inertia"].figures)
+    return Calibration(before, vehicle, fits)
+
+
+def write(found: Calibration, file: FilePath, source: str) -> None:
+    """Write the vehicle as a file that ``vehicle=file vehicle.file=...`` reads.
+
+    Raises:
+        DataError: it cannot be written.
+    """
+    head = [f"# Calibrated on {source}, commit {provenance()['commit']}. What the fits leave:"]
+    head += [f"#   {name}: {fit.error:.3g} {fit.unit}" for name, fit in found.fits.items()]
+    figures: dict[str, Any] = {"base": "custom", **found.vehicle.model_dump(mode="json")}
+    figures.pop("file", None)
+    write_text(file, "\n".join(head) + "\n" + core_yaml.dump(figures))
