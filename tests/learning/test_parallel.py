@@ -118,7 +118,7 @@ def test_all_go_with_their_parent(tmp_path: FilePath, end: signal.Signals) -> No
         assert process.poll() is None
         time.sleep(0.05)
     os.kill(process.pid, end)
-    _, errors = process.communicate(timeout=120)
+    _, errors = process.communicate(timeout=60)
     time.sleep(0.2)
     assert_quiet(tmp_path)
     if end == signal.SIGINT:
