@@ -13,6 +13,7 @@ import msgpack
 import pytest
 
 from steersman.standin.server import PortTaken, Server, serve
+from steersman.standin.settings import Settings
 from steersman.standin.wire import VERSION
 
 PATIENCE = 20.0
@@ -79,8 +80,13 @@ def test_calls_and_snapshots() -> None:
 def test_asynchronous_mode_ticks_by_itself() -> None:
     async def session() -> int:
         async with Server(port=0) as server:
+            # A long period that holds for a moment delays nothing.
+            server.world.settings = Settings(synchronous=True, fixed_delta=10.0)
+            await asyncio.sleep(0.05)
             begun = server.world.frame
-            for _ in range(1000):
+            assert begun == 1
+            server.world.settings = Settings()
+            for _ in range(300):
                 await asyncio.sleep(0.01)
                 if server.world.frame > begun + 3:
                     break

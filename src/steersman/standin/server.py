@@ -28,8 +28,8 @@ MAX_CLIENTS = 32
 # Replies nobody waits for are sent when there are so many [bytes].
 _REPLIES = 4096
 _STREAM_ID = struct.Struct("<I")
-# Longest pause of the loop that asynchronous mode makes up for [s].
-_CATCH_UP = 0.2
+# Longest pause of the loop that asynchronous mode makes up for, and longest sleep of its clock [s].
+_CATCH_UP, _NAP = 0.2, 0.02
 
 
 class PortTaken(SteersmanError, OSError):
@@ -113,14 +113,18 @@ class Server:
         return int(server.sockets[0].getsockname()[1])
 
     async def _run(self, desk: Desk) -> None:
-        """In asynchronous mode, tick in real time."""
+        """In asynchronous mode, tick in real time; the settings may change at any moment."""
         loop = asyncio.get_running_loop()
-        due = loop.time()
+        last = loop.time()
         while True:
-            period = self.world.settings.period
-            due = max(due + period, loop.time() - _CATCH_UP)
-            await asyncio.sleep(max(due - loop.time(), 0.0))
-            if not self.world.settings.synchronous:
+            await asyncio.sleep(
+                min(max(last + self.world.settings.period - loop.time(), 0.0), _NAP)
+            )
+            period, now = self.world.settings.period, loop.time()
+            if self.world.settings.synchronous:
+                last = now
+            elif now >= last + period:
+                last = max(last + period, now - _CATCH_UP)
                 desk.tick()
 
     def admit(self, session: Session) -> bool:
