@@ -11,17 +11,21 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path as FilePath
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
+from steersman.cli import app
 from steersman.errors import ConfigError, PlantError
 from steersman.paths.basic import Circle, Straight
 from steersman.plants import carla_session
 from steersman.plants.carla import CarlaConfig
 from steersman.plants.carla_plant import CarlaPlant
 from steersman.plants.carla_session import ROLE, check_version, retried
+from steersman.plants.carla_world import world_of
 from steersman.rollout import PlantFailure, run
 from steersman.types import Command, Pose
 from steersman.vehicles import CarlaModel3
@@ -345,3 +349,27 @@ def test_a_dead_server_is_not_waited_for_when_leaving(monkeypatch: pytest.Monkey
     assert called == []
     with suppress(PlantError):
         session.close()
+
+
+# ------------------------------------------------------------------------- a map of the server
+
+
+def test_a_route_on_a_map_of_the_server(lib: Any, tmp_path: FilePath) -> None:
+    """The server's map is fetched, a road of it is the path, and the same map is driven on."""
+    maps = tmp_path / "maps"
+    maps.mkdir()
+    text = world_of(Circle(radius=60.0), 6.0)
+    (maps / "Ring.xodr").write_text(text, encoding="utf-8")
+    with serving("--maps", str(maps)) as own:
+        plant = config(own.port, map="Ring")
+        words = (f"plant.port={own.port}", "plant.map=Ring", "--to", str(tmp_path / "got.xodr"))
+        CliRunner().invoke(app, ["carla", "map", *words], catch_exceptions=False)
+        path = {"kind": "opendrive", "file": str(tmp_path / "got.xodr"), "road": "1"}
+        speed = {"kind": "constant_speed", "speed": 8.0}
+        words_of: dict[str, Any] = {"path": path, "speed": speed, "duration": 8.0}
+        found = run(running(plant=plant, controller="pid", **words_of))
+        assert found.end == "duration"
+        world = lib.Client("127.0.0.1", own.port).get_world()
+        assert world.get_map().name.endswith("Ring")  # it was not replaced
+        expected = run(running(controller="pid", **words_of))
+        assert max(abs(found["x"] - expected["x"])) < 1e-3

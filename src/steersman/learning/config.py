@@ -10,7 +10,7 @@ from pydantic import field_validator, model_validator
 from steersman.config import Of, Settings, build, override, param, resolve
 from steersman.errors import ConfigError
 from steersman.learning.algorithms import AgentComponent, Ddpg
-from steersman.learning.problem import Problem
+from steersman.learning.problem import CARS_DIFFER, Problem
 from steersman.paths.base import PathComponent
 from steersman.paths.random_road import RandomRoad
 from steersman.plants.base import PlantComponent
@@ -107,7 +107,7 @@ def for_one_car(tree: Mapping[str, Any], plant: Any) -> list[str]:
         "agent.vehicles": (agent.vehicles, 1),
         "validation.vehicles": (many.validation.vehicles, min(many.validation.vehicles, _FEW)),
     }
-    for name in ("mass", "yaw_inertia", "stiffness", "friction"):
+    for name in CARS_DIFFER:
         wanted[f"problem.spread.{name}"] = (getattr(spread, name), 0)
     updates = getattr(agent, "updates", 0)
     if updates > 0:

@@ -29,6 +29,10 @@ from steersman.vehicles import CarlaModel3, Vehicle
 PAPER_RATE = 1.5708
 
 
+# What of a spread only the embedded simulator can do.
+CARS_DIFFER = ("mass", "yaw_inertia", "stiffness", "friction", "slippery")
+
+
 class Spread(Settings):
     """How far cars and starts differ from episode to episode; zero: not at all."""
 
@@ -144,7 +148,7 @@ class Problem(Settings):
     @model_validator(mode="after")
     def _car_as_it_is(self) -> Problem:
         """Only the embedded simulator has cars that differ."""
-        for name in ("mass", "yaw_inertia", "stiffness", "friction"):
+        for name in CARS_DIFFER:
             given = getattr(self.spread, name)
             if given > 0.0 and not self.plant.embedded:
                 raise ConfigError(
