@@ -41,8 +41,6 @@ if TYPE_CHECKING:
 _DROP = 0.5
 # A car that leans farther lies on its side or roof [deg].
 _ON_ITS_SIDE = 60.0
-
-
 # The columns of a state row in the order of a VehicleState behind its time.
 _STATE = [
     *(car.X, car.Y, car.PSI, car.VX, car.VY, car.YAW_RATE, car.AX, car.AY),
@@ -180,12 +178,13 @@ class CarlaPlant:
             self.session.forget(self._actor.id)
         self._offset = Offset()
         self._actor = self.session.spawn(self._config.vehicle, self._transform(pose, _DROP))
-        physics = self._actor.get_physics_control()
+        with self.session.answers("reading the physics control"):
+            physics = self._actor.get_physics_control()
+            extent = self._actor.bounding_box.extent
+            at = _placement(self._actor.get_transform())
         self._offset = offset_of(physics)
         if self._config.read_physics:
-            extent = self._actor.bounding_box.extent
             size = 2.0 * extent.x, 2.0 * extent.y
-            at = _placement(self._actor.get_transform())
             self.vehicle = vehicle_of(physics, self._given, at, size)
         first = self._lib.VehicleControl(manual_gear_shift=True, gear=1, brake=1.0)
         self.session.send([self._lib.command.ApplyVehicleControl(self._actor.id, first)])
@@ -290,9 +289,12 @@ class CarlaPlant:
         """Whether the server says so, or the vehicle lies on its side."""
         if self._actor is None:
             return False
-        if self._actor.get_failure_state() == self._lib.VehicleFailureState.Rollover:
+        with self.session.answers("reading the vehicle"):
+            failure = self._actor.get_failure_state()
+            roll = self._actor.get_transform().rotation.roll
+        if failure == self._lib.VehicleFailureState.Rollover:
             return True
-        return abs(math.remainder(self._actor.get_transform().rotation.roll, 360.0)) > _ON_ITS_SIDE
+        return abs(math.remainder(roll, 360.0)) > _ON_ITS_SIDE
 
     def accelerations(self) -> FloatArray:
         """CARLA tells them at ticks only: none."""
