@@ -6,7 +6,7 @@ For every lane that can be driven, points of our centre line every metre are com
 ``carla.Map.get_waypoint_xodr`` at the same road, lane and s: to the side, along, and in direction.
 If ``pyxodr-omega-prime`` is installed, its centre lines (resolution 0.1 m) are compared too, to the
 side of ours, and so are the lanes of exported paths, to the side of the paths. The record names the
-maps with their SHA-256.
+maps with their SHA-256. With ``asam-qc-opendrive``, the exports are held against the schema, too.
 """
 
 from __future__ import annotations
@@ -122,6 +122,18 @@ def exports() -> dict[str, float]:
     return out
 
 
+def valid() -> bool:
+    """Whether exports agree with ASAM's schema, which comes with asam-qc-opendrive."""
+    from lxml import etree
+
+    found = find_spec("qc_opendrive")
+    assert found is not None
+    file = Path(str(found.origin)).parent / "schema" / "1.4" / "OpenDRIVE_1.4H.xsd"
+    schema = etree.XMLSchema(etree.parse(file))
+    texts = [opendrive(resolve("path", kind)).encode() for kind in KINDS]  # type: ignore[arg-type]
+    return all(schema.validate(etree.fromstring(text)) for text in texts)
+
+
 def _aside(rows: Any, points: Any) -> Iterator[float]:
     """Distances of points from the curve through our samples, seen within their length."""
     _, first = np.unique(rows[:, 3], return_index=True)
@@ -153,13 +165,15 @@ def main() -> None:
     record: dict[str, Any] = {**provenance(), "readers": _versions(), "maps": maps}
     if find_spec("pyxodr_omega_prime") is not None:
         record["exports_in_pyxodr_aside_max_mm"] = exports()
+    if find_spec("qc_opendrive") is not None:
+        record["exports_valid_by_the_schema_of_1.4"] = valid()
     make_folder(arguments.out.parent)
     write_text(arguments.out, json.dumps(record, indent=1) + "\n")
 
 
 def _versions() -> dict[str, str]:
     versions = {}
-    for name in ("carla", "pyxodr-omega-prime"):
+    for name in ("carla", "pyxodr-omega-prime", "asam-qc-opendrive"):
         try:
             versions[name] = version(name)
         except PackageNotFoundError:

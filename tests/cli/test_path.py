@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Callable
 from pathlib import Path as FilePath
 from xml.etree import ElementTree as ET
@@ -11,6 +13,8 @@ from typer.testing import Result
 
 from steersman.paths.basic import Circle
 from steersman.paths.xodr.write import opendrive
+
+from ..paths import xodr_maps
 
 Steersman = Callable[..., Result]
 
@@ -34,7 +38,30 @@ def test_export_of_a_yaml_file(steersman: Steersman, tmp_path: FilePath) -> None
 
 
 def test_help_has_examples(steersman: Steersman) -> None:
-    assert "\n    steersman path export monza" in steersman("path", "export", "--help").stdout
+    for command in ("export monza", "roads Town07.xodr"):
+        result = steersman("path", command.split()[0], "--help")
+        assert f"\n    steersman path {command}" in result.stdout
+
+
+def test_roads_of_a_map(steersman: Steersman, tmp_path: FilePath) -> None:
+    xodr_maps.write(tmp_path / "town.xodr", xodr_maps.town())
+    listed = json.loads(steersman("path", "roads", "town.xodr", "--json").stdout)
+    assert listed["a"] == {
+        "length_m": 60.0,
+        "lanes": [1, -1],
+        "radius_m": None,
+        "leads_to": ["a-left", "a-on", "a-right"],
+    }
+    assert listed["a-right"]["radius_m"] == pytest.approx(12.0 - 1.75, abs=0.01)
+    assert listed["back"]["lanes"] == [1]
+    result = steersman("path", "roads", "town.xodr")
+    assert re.search(r"\na +1, -1 +60\.0 +a-left, a-on, a-right\n", result.stdout)
+
+
+def test_roads_without_lanes_are_left_out(steersman: Steersman, tmp_path: FilePath) -> None:
+    text = xodr_maps.town().replace('type="driving"', 'type="sidewalk"')
+    xodr_maps.write(tmp_path / "town.xodr", text)
+    assert json.loads(steersman("path", "roads", "town.xodr", "--json").stdout) == {}
 
 
 @pytest.mark.parametrize(
@@ -58,6 +85,11 @@ def test_help_has_examples(steersman: Steersman) -> None:
             " see 'steersman path export --help'",
         ),
         ("path export none.yaml --to a.xodr", "none.yaml: no such file"),
+        (
+            "path roads none.xodr",
+            "none.xodr: cannot be read (No such file or directory);"
+            " give an OpenDRIVE file (*.xodr)",
+        ),
         ("path export circle --to .", "--to: expected the name of a file, given '.'"),
     ],
 )

@@ -51,9 +51,10 @@ app.command("bench", epilog=bench.EXAMPLES)(bench.bench)
 app.command("reproduce", epilog=reproduce.EXAMPLES)(reproduce.reproduce)
 app.command("report", epilog=report.EXAMPLES)(report.report)
 paths = typer.Typer(
-    rich_markup_mode=None, help="Paths as files of other programs.", epilog=path.GROUP_EXAMPLES
+    rich_markup_mode=None, help="Paths and roads as OpenDRIVE.", epilog=path.GROUP_EXAMPLES
 )
 paths.command("export", epilog=path.EXAMPLES)(path.export)
+paths.command("roads", epilog=path.ROADS_EXAMPLES)(path.roads)
 app.add_typer(paths, name="path")
 servers = typer.Typer(
     rich_markup_mode=None, help="CARLA: checks, calibration, a stand-in for its server."

@@ -1,17 +1,19 @@
-"""``steersman path``: paths as files of other programs."""
+"""``steersman path``: paths as files of other programs, and the roads in such files."""
 
 from __future__ import annotations
 
+from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from steersman.cli import settings
-from steersman.cli.output import note
+from steersman.cli.output import note, show, show_json, table
 from steersman.errors import ConfigError
 
 if TYPE_CHECKING:
     from steersman.paths.base import PathComponent
+    from steersman.paths.xodr.ways import Ways
 
 EXAMPLES = (
     "\b\n"
@@ -22,7 +24,22 @@ EXAMPLES = (
     "\n"
     "What can be set: steersman show path circle"
 )
-GROUP_EXAMPLES = "\b\nExamples:\n  steersman path export monza --to monza.xodr"
+ROADS_EXAMPLES = (
+    "\b\n"
+    "Examples:\n"
+    "  steersman path roads Town07.xodr\n"
+    "  steersman path roads Town07.xodr --json\n"
+    "\n"
+    "Then: steersman drive path=opendrive path.file=Town07.xodr path.route=[59,61]"
+)
+GROUP_EXAMPLES = (
+    "\b\n"
+    "Examples:\n"
+    "  steersman path export monza --to monza.xodr\n"
+    "  steersman path roads Town07.xodr"
+)
+# A radius that says no more than that the road is straight [m].
+_STRAIGHT = 1e4
 
 
 def export(
@@ -52,6 +69,43 @@ def export(
     write_text(file, text)
     lap = "closed" if path.closed else "open"
     note(f"written: {file} ({path.kind}, {path.length:.1f} m, {lap})")
+
+
+def roads(
+    file: Annotated[str, typer.Argument(metavar="FILE.xodr", help="An OpenDRIVE map.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """List the roads of an OpenDRIVE map that have lanes to drive on."""
+    from steersman.paths.xodr.read import read_network
+    from steersman.paths.xodr.ways import Ways
+
+    ways = Ways(read_network(FilePath(file)))
+    found = {name: row for name in ways.network.roads if (row := _road(ways, name))}
+    if as_json:
+        show_json(found)
+        return
+    columns = ("length [m]", "radius [m]")
+    rows = table("road", "lanes", *columns, "leads to", right=columns)
+    for name, row in found.items():
+        radius = "" if row["radius_m"] is None else f"{row['radius_m']:.1f}"
+        lanes, onward = (", ".join(map(str, row[key])) for key in ("lanes", "leads_to"))
+        rows.add_row(name, lanes, f"{row['length_m']:.1f}", radius, onward)
+    show(rows, "", "radius: that of the sharpest bend of its lanes")
+
+
+def _road(ways: Ways, name: str) -> dict[str, Any] | None:
+    """A road's length, lanes, sharpest bend and what its lanes lead to; None without lanes."""
+    places = ways.graph.of_road(name)
+    if not places:
+        return None
+    radius = min(ways.radius(place) for place in places)
+    onward = {other.road: None for place in places for other in ways.next(place)}
+    return {
+        "length_m": ways.network.roads[name].length,
+        "lanes": sorted({place.lane for place in places}, reverse=True),
+        "radius_m": radius if radius < _STRAIGHT else None,
+        "leads_to": [other for other in onward if other != name],
+    }
 
 
 def _path(words: list[str]) -> PathComponent:

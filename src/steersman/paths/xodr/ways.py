@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import itertools
+import math
 from collections.abc import Callable, Sequence
 from functools import partial
 
@@ -53,9 +54,12 @@ class Ways:
 
     def fits(self, place: Place) -> bool:
         """Whether the place bends nowhere more sharply than is wanted."""
-        if self.min_radius <= 0.0:
-            return True
-        return all(_sharpest(curve) * self.min_radius <= 1.0 for curve in self.line(place))
+        return self.min_radius <= 0.0 or self.radius(place) >= self.min_radius
+
+    def radius(self, place: Place) -> float:
+        """Radius of the sharpest bend of a place [m]; infinite on straights."""
+        sharpest = max((_sharpest(curve) for curve in self.line(place)), default=0.0)
+        return 1.0 / sharpest if sharpest > 0.0 else math.inf
 
     def next(self, place: Place) -> list[Place]:
         """What goes on from a place without a step aside, gap or kink, and fits."""
