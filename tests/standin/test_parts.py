@@ -200,6 +200,20 @@ def test_no_damaged_argument_breaks_the_world(data: Any) -> None:
     assert Settings.read(counter.world.settings.wire()) == counter.world.settings
 
 
+def test_errors_do_not_quote_all_that_was_sent() -> None:
+    counter, _ = desk()
+    ((_, (number, *_)),) = counter.answer("spawn_actor", SPAWN)
+    long = "x" * 3_000_000
+    for name, arguments in (
+        ("spawn_actor", [[1, long, []], SPAWN[1]]),
+        ("spawn_actor_with_parent", [[1, IMU, [["sensor_tick", 3, long]]], SPAWN[1], number]),
+        ("load_new_episode", [long]),
+        ("get_physics_control", [long]),
+        ("apply_batch", [[[[0, [[1, long, []], SPAWN[1], [False], []]]], [[1, [number, long]]]]]),
+    ):
+        assert len(repr(counter.answer(name, arguments))) < 1000
+
+
 def test_undamaged_arguments_are_taken() -> None:
     counter, _ = desk()
     ((_, (number, *_)),) = counter.answer("spawn_actor", SPAWN)

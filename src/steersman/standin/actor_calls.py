@@ -7,7 +7,7 @@ from typing import Any
 from steersman.standin import physics
 from steersman.standin.actors import Actor, read_transform, read_vector
 from steersman.standin.blueprints import definitions
-from steersman.standin.calls import Desk, answers
+from steersman.standin.calls import Desk, answers, told
 from steersman.standin.episode_calls import tick_cue
 from steersman.standin.log import warn_once
 from steersman.standin.wire import Refused, Reply
@@ -198,7 +198,7 @@ def _spawn_in_batch(
         owner = parent[1] if parent[0] else None
         number = _spawned(desk, description, transform, owner).number
     except (Refused, TypeError, IndexError, ValueError) as error:
-        return [[0, [f"stand-in: spawn_actor: {error}"]]]
+        return [[0, [told("spawn_actor", str(error))]]]
     following = rest[-1] if rest and isinstance(rest[-1], list) else []
     for command in following:
         _execute(desk, command, number)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from steersman.errors import suggestion
-from steersman.standin.wire import Refused
+from steersman.standin.wire import MAX_NAME, Refused
 from steersman.vehicles import CarlaMkz2020, CarlaModel3, Vehicle
 
 MODEL3 = "vehicle.tesla.model3"
@@ -82,4 +82,5 @@ def check(name: str, vehicles: dict[str, Model]) -> None:
     """
     known = [*vehicles, IMU, COLLISION]
     if name not in known:
-        raise Refused(f"{name!r} is not in the blueprint library{suggestion(name, known)}")
+        short = name[:MAX_NAME]
+        raise Refused(f"{short!r} is not in the blueprint library{suggestion(short, known)}")

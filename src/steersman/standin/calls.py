@@ -40,6 +40,9 @@ _WRONG_ARGUMENTS = (
     struct.error,
 )
 
+# Longest text of an error [characters].
+_LONGEST = 300
+
 _answers: dict[str, tuple[Reply, Answer]] = {}
 
 
@@ -56,6 +59,11 @@ def answers(reply: Reply) -> Callable[[Answer], Answer]:
 def answered() -> list[str]:
     """Names of all calls that are answered."""
     return sorted(_answers)
+
+
+def told(name: str, what: str) -> str:
+    """The error of a call, no longer than people read: it may quote what the client sent."""
+    return f"stand-in: {name}: {what:.{_LONGEST}}"
 
 
 class Desk:
@@ -78,9 +86,9 @@ class Desk:
         try:
             return result(function(self, *arguments), reply)
         except Refused as error:
-            text = f"stand-in: {name}: {error}"
+            text = told(name, str(error))
         except _WRONG_ARGUMENTS as error:
-            text = f"stand-in: {name}: wrong arguments ({error})"
+            text = told(name, f"wrong arguments ({error})")
         warn_once(text)
         return failure(text, reply)
 
@@ -89,9 +97,9 @@ class Desk:
         try:
             _answers[name][1](self, *arguments)
         except Refused as error:
-            return f"stand-in: {name}: {error}"
+            return told(name, str(error))
         except _WRONG_ARGUMENTS as error:
-            return f"stand-in: {name}: wrong arguments ({error})"
+            return told(name, f"wrong arguments ({error})")
         return ""
 
     def token(self, stream: int) -> bytes:

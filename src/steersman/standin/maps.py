@@ -10,7 +10,7 @@ from xml.parsers import expat
 from steersman.errors import DataError, suggestion
 from steersman.standin.axes import Transform
 from steersman.standin.spawn_points import spawn_points
-from steersman.standin.wire import Refused
+from steersman.standin.wire import MAX_NAME, Refused
 
 # What CARLA calls a world that a client has generated.
 GENERATED = "OpenDriveMap"
@@ -122,11 +122,11 @@ class Atlas:
         Raises:
             Refused: there is none, or its file cannot be read.
         """
-        stem = name.rpartition("/")[2]
+        stem = name.rpartition("/")[2][:MAX_NAME]
         if stem == _DEFAULT:
             return default_map()
         if stem not in self._files:
-            raise Refused(f"there is no map {name!r}{suggestion(stem, [_DEFAULT, *self._files])}")
+            raise Refused(f"there is no map {stem!r}{suggestion(stem, [_DEFAULT, *self._files])}")
         try:
             return read_map(stem, self._files[stem].read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError) as error:

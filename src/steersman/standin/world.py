@@ -191,11 +191,15 @@ class World:
 
     def _hits(self) -> list[Hit]:
         """Vehicles that overlap. Nothing is done about it: they pass through each other."""
-        cars = [actor for actor in self.actors.values() if actor.car is not None]
+        cars = [
+            (*actor.transform[:2], math.hypot(*actor.extent[:2]), actor)
+            for actor in self.actors.values()
+            if actor.car is not None
+        ]
         return [
             Hit(one, other, _impulse(one, other))
-            for one, other in combinations(cars, 2)
-            if overlap(one, other)
+            for (x, y, r, one), (u, v, s, other) in combinations(cars, 2)
+            if math.hypot(x - u, y - v) <= r + s and overlap(one, other)
         ]
 
 
