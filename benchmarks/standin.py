@@ -30,7 +30,7 @@ from steersman.files import write_text
 from steersman.provenance import provenance
 
 ROUNDS = 15
-COUNT = 1000
+COUNT = 4000
 COMMAND = (sys.executable, "-c", "from steersman.cli import main; main()", "carla", "serve")
 
 
