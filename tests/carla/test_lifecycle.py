@@ -21,10 +21,11 @@ from typer.testing import CliRunner
 from steersman.cli import app
 from steersman.errors import ConfigError, PlantError
 from steersman.paths.basic import Circle, Straight
-from steersman.plants import carla_session
+from steersman.plants import carla_server, carla_session
 from steersman.plants.carla import CarlaConfig
 from steersman.plants.carla_plant import CarlaPlant
-from steersman.plants.carla_session import ROLE, check_version, retried
+from steersman.plants.carla_server import check_version, retried
+from steersman.plants.carla_session import ROLE
 from steersman.plants.carla_world import world_of
 from steersman.rollout import PlantFailure, run
 from steersman.types import Command, Pose
@@ -111,7 +112,7 @@ def test_another_version_is_refused(server: str, cure: str) -> None:
 def test_the_version_of_the_server_is_checked(
     carla: CarlaConfig, monkeypatch: pytest.MonkeyPatch, raw: Any
 ) -> None:
-    monkeypatch.setattr(carla_session, "SPOKEN", ("0.9.99",))
+    monkeypatch.setattr(carla_server, "SPOKEN", ("0.9.99",))
     with pytest.raises(PlantError, match=r"0\.9\.16-stand-in, the client 0\.9\.16; "):
         carla.make(CarlaModel3())
     assert left_behind(raw) == (False, 0)
@@ -341,7 +342,7 @@ def test_wrong_settings(words: dict[str, Any], message: str) -> None:
 
 
 def test_a_dead_server_is_not_waited_for_when_leaving(monkeypatch: pytest.MonkeyPatch) -> None:
-    server = carla_session.Server("127.0.0.1", 1, 60.0, 1)
+    server = carla_server.Server("127.0.0.1", 1, 60.0, 1)
     session = carla_session.Session(None, server, carla_session.Clock(0.05, 0.01, 10, True))
     called: list[str] = []
     session.client = SimpleNamespace(set_timeout=lambda _: called.append("asked"))

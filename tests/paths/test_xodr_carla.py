@@ -1,6 +1,7 @@
 """Lanes' centres beside those of CARLA's own reader.
 
-Maps of others are no part of this project: the folder in STEERSMAN_MAPS is looked through.
+Maps of others are no part of this project: the folder in STEERSMAN_MAPS is looked through, or
+``shared/data/opendrive`` beside the project.
 """
 
 from __future__ import annotations
@@ -21,8 +22,10 @@ from steersman.paths.xodr.ways import Ways
 from .. import carla_wheel
 from . import xodr_maps as maps
 
-FOLDER = os.environ.get("STEERSMAN_MAPS", "")
-FILES = sorted(FilePath(FOLDER).glob("*.xodr")) if FOLDER else []
+BESIDE = FilePath(__file__).resolve().parents[3] / "shared" / "data" / "opendrive"
+FOLDER = FilePath(os.environ.get("STEERSMAN_MAPS") or BESIDE)
+FILES = sorted(FOLDER.glob("*.xodr"))
+WHY = f"no maps to compare in {FOLDER}: set STEERSMAN_MAPS to a folder of them"
 # The place of a lane's end in CARLA is that of the next section's lane: stay within [m].
 INSIDE = 1e-4
 
@@ -65,13 +68,13 @@ def test_own_maps(tmp_path: FilePath, name: str) -> None:
     assert max(distances) < 1e-3
 
 
-@pytest.mark.skipif(not FILES, reason="no maps to compare: set STEERSMAN_MAPS to a folder of them")
+@pytest.mark.skipif(not FILES, reason=WHY)
 @pytest.mark.parametrize("file", FILES, ids=[file.stem for file in FILES])
 def test_maps_of_others(file: FilePath) -> None:
     assert max(compared(file)) < 0.01
 
 
-@pytest.mark.skipif(not FILES, reason="no maps to compare: set STEERSMAN_MAPS to a folder of them")
+@pytest.mark.skipif(not FILES, reason=WHY)
 @pytest.mark.parametrize("file", FILES, ids=[file.stem for file in FILES])
 def test_random_ways_on_maps_of_others(file: FilePath) -> None:
     for seed in range(5):

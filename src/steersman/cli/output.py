@@ -40,7 +40,10 @@ def console(stream: TextIO, like: TextIO) -> Console:
 
 
 def table(*columns: str, right: tuple[str, ...] = ()) -> Table:
-    """An empty table with these columns, the first unbroken; those in ``right`` hold numbers."""
+    """An empty table with these columns; those in ``right`` hold numbers, which never break.
+
+    Half a number reads like another one. Without numbers the first column stays unbroken.
+    """
     from rich import box
     from rich.table import Table
 
@@ -53,7 +56,8 @@ def table(*columns: str, right: tuple[str, ...] = ()) -> Table:
     )
     for i, name in enumerate(columns):
         justify: Literal["left", "right"] = "right" if name in right else "left"
-        out.add_column(name, justify=justify, overflow="fold", no_wrap=i == 0)
+        whole = name in right or (i == 0 and not right)
+        out.add_column(name, justify=justify, overflow="fold", no_wrap=whole)
     return out
 
 

@@ -14,7 +14,8 @@ from steersman.config import param, register
 from steersman.errors import ConfigError
 from steersman.plants.base import PlantComponent
 from steersman.plants.carla_plant import CarlaPlant
-from steersman.plants.carla_session import Clock, Server, Session
+from steersman.plants.carla_server import Server
+from steersman.plants.carla_session import Clock, Session
 from steersman.vehicles import Vehicle
 
 _SAME = 1e-9

@@ -12,7 +12,8 @@ from steersman.errors import PlantError
 from steersman.paths.basic import Circle
 from steersman.plants.carla import CarlaConfig
 from steersman.plants.carla_plant import CarlaPlant
-from steersman.plants.carla_session import ROLE, Session, whose
+from steersman.plants.carla_server import whose
+from steersman.plants.carla_session import ROLE, Session
 from steersman.types import Command, Pose, VehicleState
 from steersman.vehicles import Vehicle
 

@@ -27,7 +27,8 @@ from steersman.kernels.step import DELAY_LINE
 from steersman.plants import carla_frame as frame
 from steersman.plants.carla_frame import Offset, Placement
 from steersman.plants.carla_physics import offset_of, steering, vehicle_of
-from steersman.plants.carla_session import Session, whose
+from steersman.plants.carla_server import whose
+from steersman.plants.carla_session import Session
 from steersman.plants.carla_world import world_of
 from steersman.plants.simulator import place
 from steersman.protocols import Path
@@ -178,7 +179,7 @@ class CarlaPlant:
             self.session.forget(self._actor.id)
         self._offset = Offset()
         self._actor = self.session.spawn(self._config.vehicle, self._transform(pose, _DROP))
-        with self.session.answers("reading the physics control"):
+        with self.session.server.answers("reading the physics control"):
             physics = self._actor.get_physics_control()
             extent = self._actor.bounding_box.extent
             at = _placement(self._actor.get_transform())
@@ -281,7 +282,7 @@ class CarlaPlant:
 
     def _left_wheel(self) -> float:
         """Angle of the left front wheel [rad]."""
-        with self.session.answers("reading the wheel"):
+        with self.session.server.answers("reading the wheel"):
             angle = self._actor.get_wheel_steer_angle(self._lib.VehicleWheelLocation.FL_Wheel)
         return frame.radians_left(angle)
 
@@ -289,7 +290,7 @@ class CarlaPlant:
         """Whether the server says so, or the vehicle lies on its side."""
         if self._actor is None:
             return False
-        with self.session.answers("reading the vehicle"):
+        with self.session.server.answers("reading the vehicle"):
             failure = self._actor.get_failure_state()
             roll = self._actor.get_transform().rotation.roll
         if failure == self._lib.VehicleFailureState.Rollover:

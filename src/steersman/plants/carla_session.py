@@ -8,28 +8,22 @@ from __future__ import annotations
 
 import atexit
 import logging
-import re
-import socket
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
-from typing import Any, NamedTuple, TypeVar
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, NamedTuple
 
-from steersman.errors import PlantError, one_line, suggestion
+from steersman.errors import PlantError, suggestion
+from steersman.plants.carla_server import Server, check_version, retried
 
-T = TypeVar("T")
 _log = logging.getLogger("steersman.carla")
 
 ROLE = "steersman"
 """Role name of what we spawn, by which left-over actors are known again."""
-# Versions of the server whose protocol the client's version speaks.
-SPOKEN = ("0.9.15", "0.9.16")
-# Patience with a dead server while leaving it [s].
-_FAREWELL = 1.0
 # While somebody else drives a synchronous server, its ticks are no farther apart [s].
 _OTHERS_TICK = 1.0
-# First pause before trying again; each further one is twice as long [s].
-_FIRST_PAUSE = 0.3
+# First pause before looking again whether a new world is there; the next are longer [s].
+_FIRST_LOOK = 0.03
 
 
 class Clock(NamedTuple):
@@ -39,18 +33,6 @@ class Clock(NamedTuple):
     substep: float
     substeps: int
     rendering: bool
-
-
-class Server(NamedTuple):
-    """Where it is, how long it may take to answer [s], and how often it is asked."""
-
-    host: str
-    port: int
-    timeout: float
-    attempts: int
-
-    def __str__(self) -> str:
-        return f"{self.host}:{self.port}"
 
 
 class Session:
@@ -78,35 +60,19 @@ class Session:
         Raises:
             PlantError: there is no server, it is of another version, or somebody else drives it.
         """
-        retried(self._knock, self.server.attempts)
+        retried(self.server.knock, self.server.attempts)
         atexit.register(self.close)  # for what nobody catches
-        with self.answers("connecting"):
+        with self.server.answers("connecting"):
             self.client = self.lib.Client(self.server.host, self.server.port)
             self.client.set_timeout(self.server.timeout)
             self.version = str(self.client.get_server_version())
         check_version(self.version, str(self.client.get_client_version()))
-        with self.answers("reading the world"):
+        with self.server.answers("reading the world"):
             self.world = self.client.get_world()
             self._found = self.world.get_settings()
         if self._found.synchronous_mode:
             self._recover()
         self.take_clock()
-
-    def _knock(self) -> None:
-        """Whether anybody listens; asking the client would take its whole time-out."""
-        try:
-            with socket.create_connection(self.server[:2], timeout=self.server.timeout):
-                return
-        except TimeoutError:
-            raise PlantError(
-                f"{self.server}: no answer within {self.server.timeout:g} s; is plant.host right?"
-            ) from None
-        except OSError as error:
-            why = (error.strerror or str(error)).lower()
-            raise PlantError(
-                f"{self.server}: no CARLA server ({why}); start it (./CarlaUE4.sh, or 'steersman "
-                "carla serve' for the stand-in) or give plant.host and plant.port"
-            ) from None
 
     def _recover(self) -> None:
         """A synchronous server waits for its client: is there one, or did it crash?
@@ -124,7 +90,7 @@ class Session:
                 f"{self.server}: another client is driving this server in synchronous mode; stop "
                 "it, or use a server of your own (plant.port)"
             )
-        with self.answers("recovering a stale session"):
+        with self.server.answers("recovering a stale session"):
             self.world.tick(self.server.timeout)
             gone = self.remove_leftovers()
             settings = self.world.get_settings()
@@ -148,7 +114,7 @@ class Session:
 
     def take_clock(self) -> None:
         """Synchronous mode with our period; loading a world undoes it."""
-        with self.answers("setting synchronous mode"):
+        with self.server.answers("setting synchronous mode"):
             settings = self.world.get_settings()
             settings.synchronous_mode = True
             settings.fixed_delta_seconds = self.clock.dt
@@ -163,7 +129,7 @@ class Session:
         """The settings that were found, so that the server goes on by itself."""
         if self._driving:
             self._driving = False
-            with self.answers("restoring the settings"):
+            with self.server.answers("restoring the settings"):
                 self.world.apply_settings(self._found)
 
     def close(self) -> None:
@@ -172,20 +138,12 @@ class Session:
         if self.client is None:
             return
         client, self.client = self.client, None
-        if self._alive():
+        if self.server.alive():
             with suppress(RuntimeError, PlantError):
                 client.set_timeout(min(self.server.timeout, 5.0))
                 self._destroy(self._actors, client)
                 self.release_clock()
         self._actors, self._driving = [], False
-
-    def _alive(self) -> bool:
-        """Whether anybody still listens there."""
-        try:
-            with socket.create_connection(self.server[:2], timeout=_FAREWELL):
-                return True
-        except OSError:
-            return False
 
     # ------------------------------------------------------------------------------- worlds
 
@@ -195,14 +153,14 @@ class Session:
         Raises:
             PlantError: there is none.
         """
-        with self.answers("listing maps"):
+        with self.server.answers("listing maps"):
             if _stem(self.world.get_map().name) == _stem(name):
                 return
             known = [_stem(found) for found in self.client.get_available_maps()]
         if _stem(name) not in known:
             raise PlantError(f"{self.server} has no map {name!r}{suggestion(_stem(name), known)}")
         self._change(lambda: self.client.load_world(_stem(name)))
-        with self.answers(f"loading {name}"):
+        with self.server.answers(f"loading {name}"):
             self._await_map(lambda found: bool(_stem(found.name) == _stem(name)))
 
     def generate(self, text: str) -> None:
@@ -211,7 +169,7 @@ class Session:
         Raises:
             PlantError: it is refused, or not ready in time.
         """
-        with self.answers("reading the map"):
+        with self.server.answers("reading the map"):
             if _alike(self.world.get_map().to_opendrive(), text):
                 return
         # No walls: the road is a plane, and what leaves it is put back.
@@ -225,14 +183,14 @@ class Session:
         )
         before = self.world.id
         self._change(lambda: self.client.generate_opendrive_world(text, shape))
-        with self.answers("generating the world"):
+        with self.server.answers("generating the world"):
             self._await_map(lambda _: bool(self.world.id != before))
 
     def _change(self, load: Callable[[], Any]) -> None:
         """Replace the world; with it go our actors and settings."""
         self.release_clock()
         self._actors = []
-        with self.answers("loading a world"):
+        with self.server.answers("loading a world"):
             load()
 
     def _await_map(self, ready: Callable[[Any], bool]) -> None:
@@ -242,7 +200,7 @@ class Session:
             PlantError: not within the time-out.
         """
         until = time.monotonic() + self.server.timeout
-        pause = _FIRST_PAUSE / 10.0
+        pause = _FIRST_LOOK
         while True:
             with suppress(RuntimeError):
                 self.world = self.client.get_world()
@@ -265,7 +223,7 @@ class Session:
         Raises:
             PlantError: no such blueprint, or the place is taken.
         """
-        with self.answers("reading the blueprints"):
+        with self.server.answers("reading the blueprints"):
             library = self.world.get_blueprint_library()
             known = [found.id for found in library.filter("vehicle.*")]
             if blueprint not in known:
@@ -279,7 +237,7 @@ class Session:
             self.remove_leftovers()
 
         def attempt() -> Any:
-            with self.answers("spawning"):
+            with self.server.answers("spawning"):
                 actor = self.world.try_spawn_actor(found, transform)
                 self.tick()  # what was destroyed is gone only then
             if actor is None:
@@ -320,7 +278,7 @@ class Session:
         Raises:
             PlantError: the server does not answer, or somebody else ticks it too.
         """
-        with self.answers("ticking"):
+        with self.server.answers("ticking"):
             frame = self.world.tick(self.server.timeout)
             snapshot = self.world.get_snapshot()
         if snapshot.frame != frame:
@@ -339,75 +297,11 @@ class Session:
         Raises:
             PlantError: one is refused.
         """
-        with self.answers("sending commands"):
+        with self.server.answers("sending commands"):
             answers = self.client.apply_batch_sync(commands, False)
         for answer in answers:
             if answer.error:
                 raise PlantError(f"{self.server}: {answer.error}")
-
-    @contextmanager
-    def answers(self, what: str) -> Iterator[None]:
-        """Turn the client's RuntimeErrors into one line."""
-        try:
-            yield
-        except PlantError:
-            raise
-        except RuntimeError as error:
-            text = one_line(str(error))
-            if "time-out" in text:
-                text = (
-                    f"no answer within {self.server.timeout:g} s; it was stopped, hangs, or needs "
-                    "longer: plant.timeout"
-                )
-            raise PlantError(f"{self.server}: {what}: {text}") from None
-
-
-def retried(attempt: Callable[[], T], attempts: int) -> T:
-    """Try so often, with pauses that double; the last error stands."""
-    pause = _FIRST_PAUSE
-    for _ in range(attempts - 1):
-        try:
-            return attempt()
-        except PlantError:
-            time.sleep(pause)
-            pause *= 2.0
-    return attempt()
-
-
-def check_version(server: str, client: str) -> None:
-    """Whether client and server understand each other; the client itself only warns.
-
-    >>> check_version("0.9.16-stand-in", "0.9.16")
-    >>> check_version("0.9.13", "0.9.16")
-    Traceback (most recent call last):
-    steersman.errors.PlantError: ... pip install carla==0.9.13 ...
-
-    Raises:
-        PlantError: they do not.
-    """
-    theirs, ours = _number(server), _number(client)
-    if theirs in SPOKEN and theirs == ours:
-        return
-    if theirs in SPOKEN:
-        cure = f"pip install carla=={theirs}"
-    else:
-        cure = f"pip install carla=={theirs} is not enough: {' and '.join(SPOKEN)} are supported"
-    raise PlantError(f"the server is CARLA {server}, the client {client}; {cure}")
-
-
-def whose(version: str) -> str:
-    """Whose numbers a server's are; a stand-in's are never called CARLA's.
-
-    >>> whose("0.9.16"), whose("0.9.16-stand-in")
-    ('CARLA 0.9.16', 'stand-in for CARLA 0.9.16')
-    """
-    kind = "stand-in for CARLA" if "stand-in" in version else "CARLA"
-    return f"{kind} {_number(version)}"
-
-
-def _number(version: str) -> str:
-    found = re.match(r"\d+\.\d+\.\d+", version)
-    return found.group() if found else version
 
 
 def _stem(name: str) -> str:

@@ -1,0 +1,129 @@
+"""A CARLA server as its clients know it: where it is, whether it answers, which version it has."""
+
+from __future__ import annotations
+
+import re
+import socket
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import NamedTuple, TypeVar
+
+from steersman.errors import PlantError, one_line
+
+T = TypeVar("T")
+
+# Versions of the server whose protocol the client's version speaks.
+SPOKEN = ("0.9.15", "0.9.16")
+# Patience with a dead server while leaving it [s].
+_FAREWELL = 1.0
+# First pause before trying again; each further one is twice as long [s].
+_FIRST_PAUSE = 0.3
+
+
+class Server(NamedTuple):
+    """Where it is, how long it may take to answer [s], and how often it is asked."""
+
+    host: str
+    port: int
+    timeout: float
+    attempts: int
+
+    def __str__(self) -> str:
+        return f"{self.host}:{self.port}"
+
+    def knock(self) -> None:
+        """Whether anybody listens; asking the client would take its whole time-out.
+
+        Raises:
+            PlantError: nobody does.
+        """
+        try:
+            with socket.create_connection(self[:2], timeout=self.timeout):
+                return
+        except TimeoutError:
+            raise PlantError(
+                f"{self}: no answer within {self.timeout:g} s; is plant.host right?"
+            ) from None
+        except OSError as error:
+            why = (error.strerror or str(error)).lower()
+            raise PlantError(
+                f"{self}: no CARLA server ({why}); start it (./CarlaUE4.sh, or 'steersman "
+                "carla serve' for the stand-in) or give plant.host and plant.port"
+            ) from None
+
+    def alive(self) -> bool:
+        """Whether anybody still listens there."""
+        try:
+            with socket.create_connection(self[:2], timeout=_FAREWELL):
+                return True
+        except OSError:
+            return False
+
+    @contextmanager
+    def answers(self, what: str) -> Iterator[None]:
+        """Turn the client's RuntimeErrors into one line.
+
+        Raises:
+            PlantError: the client raised one while it did ``what``.
+        """
+        try:
+            yield
+        except PlantError:
+            raise
+        except RuntimeError as error:
+            text = one_line(str(error))
+            if "time-out" in text:
+                text = (
+                    f"no answer within {self.timeout:g} s; it was stopped, hangs, or needs "
+                    "longer: plant.timeout"
+                )
+            raise PlantError(f"{self}: {what}: {text}") from None
+
+
+def retried(attempt: Callable[[], T], attempts: int) -> T:
+    """Try so often, with pauses that double; the last error stands."""
+    pause = _FIRST_PAUSE
+    for _ in range(attempts - 1):
+        try:
+            return attempt()
+        except PlantError:
+            time.sleep(pause)
+            pause *= 2.0
+    return attempt()
+
+
+def check_version(server: str, client: str) -> None:
+    """Whether client and server understand each other; the client itself only warns.
+
+    >>> check_version("0.9.16-stand-in", "0.9.16")
+    >>> check_version("0.9.13", "0.9.16")
+    Traceback (most recent call last):
+    steersman.errors.PlantError: ... pip install carla==0.9.13 ...
+
+    Raises:
+        PlantError: they do not.
+    """
+    theirs, ours = _number(server), _number(client)
+    if theirs in SPOKEN and theirs == ours:
+        return
+    if theirs in SPOKEN:
+        cure = f"pip install carla=={theirs}"
+    else:
+        cure = f"pip install carla=={theirs} is not enough: {' and '.join(SPOKEN)} are supported"
+    raise PlantError(f"the server is CARLA {server}, the client {client}; {cure}")
+
+
+def whose(version: str) -> str:
+    """Whose numbers a server's are; a stand-in's are never called CARLA's.
+
+    >>> whose("0.9.16"), whose("0.9.16-stand-in")
+    ('CARLA 0.9.16', 'stand-in for CARLA 0.9.16')
+    """
+    kind = "stand-in for CARLA" if "stand-in" in version else "CARLA"
+    return f"{kind} {_number(version)}"
+
+
+def _number(version: str) -> str:
+    found = re.match(r"\d+\.\d+\.\d+", version)
+    return found.group() if found else version
