@@ -11,6 +11,7 @@ from importlib.metadata import version
 from pathlib import Path as FilePath
 from typing import Any
 
+import numba
 import pytest
 import typer
 from typer.testing import Result
@@ -36,6 +37,9 @@ TIMES = [name for name in METRICS if name.startswith("control_time")]
 
 def without_times(metrics: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in metrics.items() if name not in TIMES}
+
+
+NARROW = ("3.579e-05", "0.0001244")
 
 
 class Terminal:
@@ -424,6 +428,26 @@ class TestOutput:
         assert "reward [m] 0.5" in printed.err
         assert "seed 1: reward 0.7" in printed.err
         assert printed.out == ""
+
+    def test_compiling_is_told_once_in_a_terminal(
+        self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        output.tell_compiling()  # no terminal: nobody waits and wonders
+        numba.njit(lambda x: x + 1)(1)
+        assert capsys.readouterr().err == ""
+        monkeypatch.setattr(sys, "stderr", Terminal(sys.stderr))
+        output.tell_compiling()
+        numba.njit(lambda x: x + 2)(1)
+        numba.njit(lambda x: x + 3)(1)
+        assert capsys.readouterr().err.count("compiling") == 1
+
+    def test_numbers_never_break(self, capsys: pytest.CaptureFixture[str]) -> None:
+        table = output.table("measured", "unit", "run", "late", right=("run", "late"))
+        table.add_row("a meaning of many words that is far too long for the line", "m/s^2", *NARROW)
+        output.show(table)
+        shown = capsys.readouterr().out
+        assert all(number in shown for number in NARROW)
+        assert max(len(line) for line in shown.splitlines()) <= 80
 
     def test_a_closed_pipe_ends_quietly(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(sys, "stdout", Failing(BrokenPipeError(32, "Broken pipe")))

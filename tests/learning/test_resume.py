@@ -138,7 +138,8 @@ def test_stopped_in_the_middle_of_a_step(whole: FilePath, tmp_path: FilePath, st
     told: list[str] = []
     train(config(), tmp_path, resume=True, notify=told.append)
     # The step in which it stopped was not stored yet, so the checkpoint is of the one before.
-    assert told == [f"{tmp_path}: going on after {steps - 100} steps"]
+    policy = f"{tmp_path}/policy.onnx: after 3000 of 3000 steps, the best in validation"
+    assert told == [f"{tmp_path}: going on after {steps - 100} steps", policy]
     assert_same(tmp_path, whole)
 
 

@@ -13,7 +13,7 @@ import typer
 
 from steersman.cli import settings
 from steersman.cli.outcome import INTERRUPTED
-from steersman.cli.output import note, share_bar, show, show_json, table
+from steersman.cli.output import note, share_bar, show, show_json, table, tell_compiling
 from steersman.errors import ConfigError, suggestion
 
 if TYPE_CHECKING:
@@ -102,6 +102,7 @@ def bench(
     jobs = _jobs(plan, jobs, engine)
     found = entrants(named)
     folder = settings.out_folder(out)
+    tell_compiling()
     scenarios, left_out = plan.scenarios(numbers), plan.left_out(numbers)
     _tell(plan, scenarios, left_out)
     rows = _drive(scenarios, found, folder, jobs, engine)

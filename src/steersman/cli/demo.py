@@ -9,7 +9,7 @@ import typer
 
 from steersman.cli import settings, train
 from steersman.cli.outcome import INTERRUPTED
-from steersman.cli.output import note, show, table
+from steersman.cli.output import note, show, table, tell_compiling
 
 EXAMPLES = (
     "\b\n"
@@ -58,6 +58,7 @@ def demo(
     """
     given = settings.existing(policy) if policy else None
     folder = settings.out_folder(out)
+    tell_compiling()
     try:
         file = given or _train(words or [], folder)
         rows = _drive(file, folder)

@@ -10,7 +10,7 @@ import typer
 
 from steersman.cli import settings
 from steersman.cli.outcome import INTERRUPTED
-from steersman.cli.output import note, share_bar, show, show_json, table
+from steersman.cli.output import note, share_bar, show, show_json, table, tell_compiling
 
 if TYPE_CHECKING:
     from steersman.episode import Episode
@@ -56,6 +56,7 @@ def drive(
 
     config = build(RunConfig, tree)
     folder = None if out is None else settings.out_folder(out)
+    tell_compiling()
     try:
         with share_bar("driving") as progress:
             episode = run(config, progress)

@@ -8,7 +8,7 @@ import typer
 
 from steersman.cli import settings
 from steersman.cli.outcome import INTERRUPTED
-from steersman.cli.output import note, show, show_json, steps_bar, table
+from steersman.cli.output import note, show, show_json, steps_bar, table, tell_compiling
 
 EXAMPLES = (
     "\b\n"
@@ -51,6 +51,7 @@ def falsify(
     given = [] if trials is None else [f"trials={trials}"]
     config = build(FalsifyConfig, override(tree, given))
     folder = settings.out_folder(out)
+    tell_compiling()
     try:
         with steps_bar(most_drives(config), "falsifying") as update:
             result = run(config, folder, lambda done, _, found: update(done, found))

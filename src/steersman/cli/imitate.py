@@ -10,7 +10,7 @@ import typer
 
 from steersman.cli import settings, train
 from steersman.cli.outcome import INTERRUPTED
-from steersman.cli.output import note, steps_bar, write
+from steersman.cli.output import note, steps_bar, tell_compiling, write
 
 if TYPE_CHECKING:
     from steersman.learning.imitation.config import ImitationConfig
@@ -61,6 +61,7 @@ def imitate(
 
     config = imitation_config(tree)
     folder = settings.out_folder(out)
+    tell_compiling()
     try:
         policy = imitate_with_bar(config, folder, overwrite=overwrite, resume=resume)
     except KeyboardInterrupt:

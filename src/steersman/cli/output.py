@@ -112,6 +112,27 @@ def note(text: str) -> None:
     sys.stderr.flush()
 
 
+def tell_compiling() -> None:
+    """From now on say so, once, if kernels have to be compiled: nothing else shows meanwhile."""
+    if not sys.stderr.isatty():
+        return
+    from numba.core import event
+
+    class Teller(event.Listener):
+        def __init__(self) -> None:
+            self.told = False
+
+        def on_start(self, _: Any) -> None:
+            if not self.told:
+                self.told = True
+                note("compiling, once for this version: some ten seconds")
+
+        def on_end(self, _: Any) -> None:
+            pass
+
+    event.register("numba:compile", Teller())  # type: ignore[no-untyped-call]
+
+
 @contextmanager
 def share_bar(title: str) -> Iterator[Callable[[float], None] | None]:
     """A progress bar on stderr that is told the share done; None unless it is a terminal."""

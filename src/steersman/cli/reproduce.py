@@ -12,7 +12,7 @@ import typer
 
 from steersman.cli import settings
 from steersman.cli.outcome import INTERRUPTED
-from steersman.cli.output import note, steps_bar, write
+from steersman.cli.output import note, steps_bar, tell_compiling, write
 
 EXAMPLES = (
     "\b\n"
@@ -48,6 +48,7 @@ def reproduce(
     from steersman.studies import reproduce as study
 
     folder = settings.out_folder(out)
+    tell_compiling()
     plan = study.quick() if quick else study.full()
     work = study.estimate(plan)
     note(

@@ -10,7 +10,7 @@ import typer
 
 from steersman.cli import seeds, settings
 from steersman.cli.outcome import INTERRUPTED
-from steersman.cli.output import note, steps_bar, write
+from steersman.cli.output import note, steps_bar, tell_compiling, write
 from steersman.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -67,6 +67,7 @@ def train(
 
     config = train_config(tree)
     folder = settings.out_folder(out)
+    tell_compiling()
     if chosen is not None:
         seeds.train_seeds(config, chosen, folder, jobs, overwrite=overwrite, resume=resume)
         return

@@ -10,7 +10,7 @@ import typer
 
 from steersman.cli import settings
 from steersman.cli.outcome import INTERRUPTED
-from steersman.cli.output import note, steps_bar, write
+from steersman.cli.output import note, steps_bar, tell_compiling, write
 
 EXAMPLES = (
     "\b\n"
@@ -47,6 +47,7 @@ def tune(
 
     config = build(TuneConfig, override(tree, [f"trials={trials}"] if trials else []))
     folder = settings.out_folder(out)
+    tell_compiling()
     try:
         with steps_bar(config.trials, "tuning") as update:
             best = run(config, folder, lambda n, cost: update(n, f"cost {1e3 * cost:.4g} mm"))

@@ -20,6 +20,7 @@ from steersman.learning.average import WeightAverage
 from steersman.learning.config import TrainConfig
 from steersman.learning.record import COLUMNS, Record
 from steersman.learning.snapshot import Tree
+from steersman.policy_file import read_policy
 
 # SB3's own log, which is not wanted: its interval in episodes.
 _NEVER = 2**62
@@ -66,7 +67,7 @@ def train(
         out: folder, made if need be.
         reporter: called at every validation with the new row of ``progress.csv``.
         tick: called about twice a second with the environment steps done.
-        notify: told in a sentence where it resumes, or why not.
+        notify: told in a sentence where it resumes, or why not, and which policy is exported.
         overwrite: replace an earlier training in ``out``.
         resume: go on from the last checkpoint in ``out``, or begin if there is none.
 
@@ -84,7 +85,17 @@ def train(
         done = None if saved is None else int(saved["agent"]["counters"]["num_timesteps"])
         if done is not None:
             say(f"{out}: going on after {done} steps")
-        return _Training(config, out, reporter, tick, done).run(saved)
+        policy = _Training(config, out, reporter, tick, done).run(saved)
+    say(_chosen(policy, config))
+    return policy
+
+
+def _chosen(policy: FilePath, config: TrainConfig) -> str:
+    """Which of the policies that were validated is the exported one."""
+    steps = read_policy(policy)[1].training["steps"]
+    if steps == 0:
+        return f"{policy}: the base alone; no correction was better in validation"
+    return f"{policy}: after {steps} of {config.steps} steps, the best in validation"
 
 
 def _silent(_: str) -> None:
