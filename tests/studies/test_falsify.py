@@ -78,7 +78,9 @@ def test_the_mildest_is_no_worse_than_any_and_all_milder_ones_held(tmp_path: Fil
     one = config()
     again = run(one.ranges.disturbed(one.run(), mildest["point"]))
     assert again.end == mildest["end"]
-    assert mildest["values"]["delay_s"] == pytest.approx(0.4 * mildest["point"]["delay"])
+    assert mildest["values"]["delay_s"] == pytest.approx(
+        0.4 * mildest["point"]["delay"], abs=0.005
+    )  # whole substeps of 10 ms
     assert {most for _, most in seen} == {most_drives(config(trials=12))}
     assert [done for done, _ in seen] == sorted(done for done, _ in seen)
 

@@ -16,6 +16,7 @@ EXAMPLES = (
     "  steersman falsify controller=mpc_pid --out runs/falsify\n"
     "  steersman falsify controller=lqr path=figure_eight speed.speed=11 duration=30 \\\n"
     "      --out runs/lqr\n"
+    "  steersman falsify controller=policy plant=carla plant.port=2000 --out runs/carla\n"
     "  steersman falsify runs/tune/tuned.yaml ranges.mass=0 ranges.delay=0.3 --out runs/two\n"
     "\n"
     "The same command goes on where an interrupted search stopped."
@@ -40,7 +41,7 @@ def falsify(
     Mass, friction, steering delay, waypoint noise and speed are disturbed, each within its range.
     Writes config.yaml, drives.jsonl (a line for each drive), falsify.json and report.html.
     """
-    tree = settings.read(words or [])
+    tree = _for_one_car(settings.read(words or []), words or [])
 
     from steersman.config import build, override
     from steersman.report.falsification import sentences, single_rows, write_falsification
@@ -66,6 +67,16 @@ def falsify(
     if result["singles"]:
         show(_table(single_rows(result)), "")
     show(*sentences(result), f"written to {folder}")
+
+
+def _for_one_car(tree: dict[str, Any], words: list[str]) -> dict[str, Any]:
+    """The same, made fit for a plant of its own."""
+    if tree.get("plant") is None:
+        return tree  # no other plant than the default
+
+    from steersman.studies.falsify import for_one_car
+
+    return settings.for_one_car(tree, tree["plant"], words, for_one_car(tree["plant"]))
 
 
 def _table(rows: list[dict[str, str]]) -> Any:

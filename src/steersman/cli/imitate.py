@@ -22,6 +22,7 @@ EXAMPLES = (
     "  steersman imitate demo method=bc noise.at=0.1 steps=100000 --out runs/bc\n"
     "  steersman imitate runs/dagger/config.yaml fit.hidden=[256,256] --out runs/wide\n"
     "  steersman imitate --out runs/dagger --resume\n"
+    "  steersman imitate demo plant=carla plant.port=2000 steps=20000 --out runs/carla\n"
     "\n"
     "What can be set: steersman show imitate"
 )
@@ -73,17 +74,26 @@ def imitate(
 def read(words: list[str]) -> dict[str, Any]:
     """The preset or file, with the assignments laid over it.
 
+    ``plant=...`` is short for ``problem.plant=...``, as in a training.
+
     Raises:
         ConfigError: there is no such preset, or the words contradict each other.
         DataError: the file is missing or no YAML.
     """
     from steersman.config import override
 
-    name, assignments = settings.split(words)
+    name, assignments = settings.split(train.plant_of_problem(words))
     tree = train.read([] if name is None else [name])
     if "agent" in tree:
         tree = {key: tree[key] for key in _SHARED if key in tree}
-    return override(tree, assignments)
+    tree = override(tree, assignments)
+    plant = tree.get("problem", {}).get("plant")
+    if plant is None:
+        return tree  # no other plant than the default
+
+    from steersman.learning.imitation.config import for_one_car
+
+    return settings.for_one_car(tree, plant, assignments, for_one_car(tree, plant))
 
 
 def imitate_with_bar(

@@ -8,6 +8,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from steersman import tuned
+from steersman.cli.output import note
 from steersman.errors import ConfigError, DataError, suggestion
 
 HELP = "A YAML file, and settings over it; a setting of a part is written part.key=value."
@@ -57,6 +58,32 @@ def read(words: Sequence[str]) -> dict[str, Any]:
     if name is None:
         return override({}, assignments)
     return override(read_yaml(existing(name, "; settings are written key=value")), assignments)
+
+
+def for_one_car(
+    tree: dict[str, Any], plant: Any, assignments: Sequence[str], changes: Sequence[str]
+) -> dict[str, Any]:
+    """The tree made fit for a plant that has one car; a note says what was changed.
+
+    Args:
+        tree: plain data.
+        plant: the plant in it, by name or by fields.
+        assignments: those of the user, which stay.
+        changes: assignments that make it fit.
+    """
+    from steersman.config import override
+
+    given = {key(word) for word in assignments}
+    changes = [change for change in changes if key(change) not in given]
+    if changes:
+        kind = plant.get("kind") if isinstance(plant, dict) else plant
+        note(f"plant={kind} drives one car: {' '.join(changes)}")
+    return override(tree, changes)
+
+
+def key(word: str) -> str:
+    """What an assignment assigns to; empty for a name."""
+    return word.partition("=")[0].strip() if "=" in word else ""
 
 
 def existing(name: str, hint: str = "") -> FilePath:

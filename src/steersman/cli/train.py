@@ -99,10 +99,10 @@ def read(words: list[str]) -> dict[str, Any]:
         ConfigError: there is no such preset, or the words contradict each other.
         DataError: the file is missing or no YAML.
     """
-    words = [f"problem.{word}" if _key(word).split(".")[0] == "plant" else word for word in words]
-    name, assignments = settings.split(words)
+    name, assignments = settings.split(plant_of_problem(words))
     if name is None or _is_file(name):
-        return _for_one_car(settings.read(words), assignments)
+        named = [] if name is None else [name]
+        return _for_one_car(settings.read([*named, *assignments]), assignments)
 
     from steersman.config import override
     from steersman.learning.train import load_preset
@@ -110,26 +110,21 @@ def read(words: list[str]) -> dict[str, Any]:
     return _for_one_car(override(load_preset(name), assignments), assignments)
 
 
-def _key(word: str) -> str:
-    return word.partition("=")[0].strip() if "=" in word else ""
+def plant_of_problem(words: list[str]) -> list[str]:
+    """The same words; ``plant=...`` is short for ``problem.plant=...``."""
+    return [f"problem.{w}" if settings.key(w).split(".")[0] == "plant" else w for w in words]
 
 
 def _for_one_car(tree: dict[str, Any], assignments: list[str]) -> dict[str, Any]:
     """The same, made fit for a plant of its own."""
     problem = tree.get("problem")
     plant = problem.get("plant") if isinstance(problem, dict) else None
-    kind = plant.get("kind") if isinstance(plant, dict) else plant
-    if kind is None:
+    if plant is None:
         return tree  # no other plant than the default
 
-    from steersman.config import override
     from steersman.learning.config import for_one_car
 
-    given = {_key(word) for word in assignments}
-    changes = [change for change in for_one_car(tree, plant) if _key(change) not in given]
-    if changes:
-        note(f"plant={kind} drives one car: {' '.join(changes)}")
-    return override(tree, changes)
+    return settings.for_one_car(tree, plant, assignments, for_one_car(tree, plant))
 
 
 def _is_file(name: str) -> bool:

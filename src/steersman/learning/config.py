@@ -102,14 +102,27 @@ def for_one_car(tree: Mapping[str, Any], plant: Any) -> list[str]:
     if not isinstance(found, PlantComponent) or found.embedded:
         return []
     many = build(TrainConfig, override(tree, ["problem.plant=simulator"]))
-    agent, spread = many.agent, many.problem.spread
-    wanted: dict[str, tuple[float, float]] = {
+    agent = many.agent
+    wanted = {
         "agent.vehicles": (agent.vehicles, 1),
-        "validation.vehicles": (many.validation.vehicles, min(many.validation.vehicles, _FEW)),
+        **one_car(many.problem, many.validation),
     }
-    for name in CARS_DIFFER:
-        wanted[f"problem.spread.{name}"] = (getattr(spread, name), 0)
     updates = getattr(agent, "updates", 0)
     if updates > 0:
         wanted["agent.updates"] = (updates, max(round(updates / agent.vehicles), 1))
+    return differing(wanted)
+
+
+def one_car(problem: Problem, validation: ValidationConfig) -> dict[str, tuple[float, float]]:
+    """What every way of learning has to change for one car: its present value, and the new one."""
+    wanted: dict[str, tuple[float, float]] = {
+        "validation.vehicles": (validation.vehicles, min(validation.vehicles, _FEW))
+    }
+    for name in CARS_DIFFER:
+        wanted[f"problem.spread.{name}"] = (getattr(problem.spread, name), 0)
+    return wanted
+
+
+def differing(wanted: Mapping[str, tuple[float, float]]) -> list[str]:
+    """Assignments of the new values, where they are not the present ones."""
     return [f"{key}={new}" for key, (old, new) in wanted.items() if old != new]

@@ -12,12 +12,14 @@ from typing import Annotated, Any
 
 from pydantic import model_validator
 
-from steersman.config import Of, Settings, build, dump, param
+from steersman.config import Of, Settings, build, dump, param, resolve
 from steersman.controllers.base import ControllerComponent
 from steersman.controllers.mpc_pid import MpcPid
 from steersman.errors import ConfigError
 from steersman.files import make_folder, write_text
 from steersman.paths.base import PathComponent
+from steersman.plants.base import PlantComponent
+from steersman.plants.simulator import SimulatorConfig
 from steersman.rollout import RunConfig
 from steersman.sensing import WaypointSensor
 from steersman.speed import ConstantSpeed, SpeedComponent
@@ -28,9 +30,14 @@ from steersman.studies.perturbation import Ranges, scaled_fields
 from steersman.studies.tried import Kept
 from steersman.vehicles import CarlaModel3, Vehicle
 
+# Ranges of what only the simulator's cars can be: of another mass, on another road.
+CARS_DIFFER = ("mass", "friction")
 # Fields that may differ when a search goes on: they say how much is driven, not what.
 _BUDGET = ("trials", "checks", "bisections")
-_RUN = ("controller", "path", "speed", "vehicle", "sensor", "duration", "laps", "corridor", "seed")
+_RUN = (
+    *("controller", "path", "speed", "vehicle", "plant", "sensor"),
+    *("duration", "laps", "corridor", "seed"),
+)
 
 
 class FalsifyConfig(Settings):
@@ -45,6 +52,9 @@ class FalsifyConfig(Settings):
     )
     vehicle: Annotated[Vehicle, Of("vehicle")] = param(
         CarlaModel3(), "-", "Vehicle, undisturbed; the controller is told of this one."
+    )
+    plant: Annotated[PlantComponent, Of("plant")] = param(
+        SimulatorConfig(), "-", "What is driven; only the simulator's cars can be disturbed."
     )
     sensor: Annotated[WaypointSensor, Of("sensor")] = param(WaypointSensor(), "-", "Sensor.")
     duration: float | None = param(
@@ -64,6 +74,13 @@ class FalsifyConfig(Settings):
     @model_validator(mode="after")
     def _fits(self) -> FalsifyConfig:
         run, ranges = self.run(), self.ranges
+        for name in () if run.plant.embedded else CARS_DIFFER:
+            if getattr(ranges, name):
+                raise ConfigError(
+                    f"{getattr(ranges, name):g} is not allowed; plant={run.plant.kind} has the one "
+                    "car that it has: 0",
+                    ("ranges", name),
+                )
         if ranges.speed:
             scaled_fields(self.speed)
         if ranges.friction >= self.vehicle.friction:
@@ -82,6 +99,14 @@ class FalsifyConfig(Settings):
     def run(self) -> RunConfig:
         """The undisturbed run."""
         return build(RunConfig, {name: getattr(self, name) for name in _RUN})
+
+
+def for_one_car(plant: Any) -> list[str]:
+    """Assignments that leave the car as it is, if ``plant`` (a name or fields) has just one."""
+    found = resolve("plant", plant)
+    if not isinstance(found, PlantComponent) or found.embedded:
+        return []
+    return [f"ranges.{name}=0" for name in CARS_DIFFER]
 
 
 def falsify(
@@ -119,7 +144,7 @@ def falsify(
         search.explore()
         search.pull_in()
         search.check()
-    result = findings(config.ranges, config.vehicle, list(search.tried.values()), singles)
+    result = findings(config.ranges, config.run(), list(search.tried.values()), singles)
     result["config"] = dump(config)
     write_text(out / "falsify.json", json.dumps(result, indent=1, allow_nan=False) + "\n")
     return result

@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from steersman.provenance import provenance
+from steersman.rollout import RunConfig
 from steersman.studies.perturbation import AXES, Ranges, shown
 from steersman.studies.tried import Tried
-from steersman.vehicles import Vehicle
 
 
 def findings(
     ranges: Ranges,
-    vehicle: Vehicle,
+    run: RunConfig,
     tried: Sequence[Tried],
     singles: Sequence[Mapping[str, Any]],
 ) -> dict[str, Any]:
@@ -21,7 +21,7 @@ def findings(
 
     Args:
         ranges: how far was disturbed.
-        vehicle: the undisturbed one.
+        run: the undisturbed one.
         tried: everything that was driven, the nominal first.
         singles: of :meth:`steersman.studies.hunt.Search.singles`.
 
@@ -39,10 +39,10 @@ def findings(
     return {
         "falsified": mildest is not None,
         "nominal_failed": tried[0].failed,
-        "mildest": None if mildest is None else _described(mildest, ranges, vehicle),
+        "mildest": None if mildest is None else _described(mildest, ranges, run),
         "safe_radius": radius,
         "tried_within": within,
-        "singles": [_single(one, ranges, vehicle) for one in singles],
+        "singles": [_single(one, ranges, run) for one in singles],
         "failures": len(failed),
         "simulated_seconds": sum(row.seconds for row in tried),
         "ends": {end: sum(r.end == end for r in failed) for end in sorted({r.end for r in failed})},
@@ -51,15 +51,15 @@ def findings(
     }
 
 
-def _described(row: Tried, ranges: Ranges, vehicle: Vehicle) -> dict[str, Any]:
-    values = ranges.values(row.point, vehicle)
+def _described(row: Tried, ranges: Ranges, run: RunConfig) -> dict[str, Any]:
+    values = ranges.values(row.point, run)
     return {**row._asdict(), "values": shown(values)}
 
 
-def _single(one: Mapping[str, Any], ranges: Ranges, vehicle: Vehicle) -> dict[str, Any]:
+def _single(one: Mapping[str, Any], ranges: Ranges, run: RunConfig) -> dict[str, Any]:
     name = str(one["name"])
     values = {
-        f"{key}_value": None if one[key] is None else ranges.values({name: one[key]}, vehicle)[name]
+        f"{key}_value": None if one[key] is None else ranges.values({name: one[key]}, run)[name]
         for key in ("failing", "holding")
     }
     return {**one, **values, "unit": AXES[name].unit}

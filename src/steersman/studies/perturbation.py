@@ -18,7 +18,6 @@ from steersman.config import Settings, param
 from steersman.errors import ConfigError
 from steersman.rollout import RunConfig
 from steersman.speed import SpeedComponent
-from steersman.vehicles import Vehicle
 
 Point: TypeAlias = dict[str, float]
 
@@ -71,19 +70,23 @@ class Ranges(Settings):
         """The quantities that are disturbed."""
         return [name for name in AXES if getattr(self, name) > 0.0]
 
-    def values(self, point: Mapping[str, float], vehicle: Vehicle) -> dict[str, float]:
+    def values(self, point: Mapping[str, float], run: RunConfig) -> dict[str, float]:
         """The physical values of a point: factors, friction coefficient, delay [s], noise [m].
 
-        >>> from steersman.vehicles import CarlaModel3
-        >>> Ranges().values({"mass": -0.5, "delay": 1.0}, CarlaModel3())
+        A delay is a whole number of the steps at which the plant's commands can begin to act.
+
+        >>> Ranges().values({"mass": -0.5, "delay": 0.995}, RunConfig())
         {'mass': 0.75, 'delay': 0.5}
         """
-        return {name: self._value(name, u, vehicle.friction) for name, u in point.items()}
+        return {name: self._value(name, u, run) for name, u in point.items()}
 
-    def _value(self, name: str, u: float, friction: float) -> float:
+    def _value(self, name: str, u: float, run: RunConfig) -> float:
         end: float = getattr(self, name)
         if name == "friction":
+            friction = run.vehicle.friction
             return float(friction * (end / friction) ** u)
+        if name == "delay":
+            return round(u * end / run.plant.h) * run.plant.h
         return 1.0 + u * end if name in ("mass", "speed") else u * end
 
     def disturbed(self, run: RunConfig, point: Mapping[str, float]) -> RunConfig:
@@ -92,7 +95,7 @@ class Ranges(Settings):
         Raises:
             ConfigError: the run's speed cannot be scaled.
         """
-        values = self.values(point, run.vehicle)
+        values = self.values(point, run)
         mass = values.get("mass", 1.0)
         # The car's own friction is no disturbance: speeds are only as careful as they were.
         friction = values["friction"] if point.get("friction") else None

@@ -11,7 +11,7 @@ from pathlib import Path as FilePath
 from typing import Annotated, Any
 
 import yaml
-from pydantic import field_validator
+from pydantic import ValidationInfo, field_validator
 
 from steersman.bench.suite import derived_seed
 from steersman.bench.suites import suite
@@ -19,6 +19,8 @@ from steersman.config import Of, Settings, build, dump, override, param
 from steersman.controllers.base import ControllerComponent
 from steersman.errors import ConfigError
 from steersman.files import make_folder, write_text
+from steersman.plants.base import PlantComponent
+from steersman.plants.simulator import SimulatorConfig
 from steersman.provenance import provenance
 from steersman.rollout import RunConfig
 from steersman.studies.folder import same_study
@@ -31,6 +33,11 @@ class TuneConfig(Settings):
 
     controller: Annotated[ControllerComponent, Of("controller")] = param(
         "mpc_pid", "-", "Controller to tune; its other fields stay as given here."
+    )
+    plant: Annotated[PlantComponent, Of("plant")] = param(
+        SimulatorConfig(),
+        "-",
+        "Plant of the runs; those of a suite that it cannot do are left out.",
     )
     suite: tuple[RunConfig, ...] = param(
         (
@@ -51,8 +58,13 @@ class TuneConfig(Settings):
 
     @field_validator("suite", mode="before")
     @classmethod
-    def _named(cls, value: Any) -> Any:
-        return [s.run for s in suite(value).scenarios()] if isinstance(value, str) else value
+    def _driven(cls, value: Any, info: ValidationInfo) -> Any:
+        plant = info.data.get("plant")  # absent if it was refused, which is told by itself
+        if isinstance(value, str):
+            return [s.run for s in suite(value).model_copy(update={"plant": plant}).scenarios()]
+        if not isinstance(value, (list, tuple)):
+            return value
+        return [{"plant": plant, **run} if isinstance(run, dict) else run for run in value]
 
     @field_validator("suite")
     @classmethod

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, TypeAlias
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import model_validator
 
-from steersman.config import Of, Settings, param
+from steersman.config import Of, Settings, build, override, param, resolve
 from steersman.errors import ConfigError
-from steersman.learning.config import TrainConfig, ValidationConfig
+from steersman.learning.config import TrainConfig, ValidationConfig, differing, one_car
 from steersman.learning.problem import Problem
 from steersman.learning.schedules import Constant, HoldThenDecay, Schedule
+from steersman.plants.base import PlantComponent
 
 
 class FitConfig(Settings):
@@ -69,10 +71,11 @@ class ImitationConfig(Settings):
 
     @model_validator(mode="after")
     def _rounds(self) -> ImitationConfig:
-        if not self.problem.plant.embedded:
+        if not self.problem.plant.embedded and self.vehicles != 1:
+            kind = self.problem.plant.kind
             raise ConfigError(
-                f"{self.problem.plant.kind!r} is not allowed; imitation learns on the simulator",
-                ("problem", "plant"),
+                f"{self.vehicles} is not allowed; plant={kind} drives one vehicle: 1 [-]",
+                ("vehicles",),
             )
         if not self.problem.demonstration.enabled:
             raise ValueError("problem.demonstration.enabled is false: there is nobody to imitate")
@@ -92,6 +95,23 @@ class ImitationConfig(Settings):
     def round_steps(self) -> int:
         """Control steps of each vehicle in a round."""
         return math.ceil(self.steps / (self.rounds * self.vehicles))
+
+
+def for_one_car(tree: Mapping[str, Any], plant: Any) -> list[str]:
+    """Assignments that make an imitation of many cars one of the one car of a plant.
+
+    Args:
+        tree: the imitation as plain data, which may be incomplete.
+        plant: its plant, by name or by fields.
+
+    Returns:
+        What differs from ``tree``; nothing for the embedded simulator.
+    """
+    found = resolve("plant", plant)
+    if not isinstance(found, PlantComponent) or found.embedded:
+        return []
+    many = build(ImitationConfig, override(tree, ["problem.plant=simulator"]))
+    return differing({"vehicles": (many.vehicles, 1), **one_car(many.problem, many.validation)})
 
 
 LearningConfig: TypeAlias = TrainConfig | ImitationConfig

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -83,7 +84,9 @@ def imitate(
     if finished:
         return out / "policy.onnx"
     with arithmetic(config.threads):
-        return _Imitation(config, out, reporter, tick, say).run(saved)
+        imitation = _Imitation(config, out, reporter, tick, say)
+        with closing(imitation.driver):
+            return imitation.run(saved)
 
 
 def imitation_config(data: dict[str, Any]) -> ImitationConfig:
@@ -129,7 +132,7 @@ class _Imitation:
         world = self.driver.world
         mirror = problem.encoding.mirror(world.encoding)
         self.regression = Regression(config.fit, mirror, self._seed(0, _INITIAL))
-        self.validator = Validator(problem, config.validation)
+        self.validator = Validator(problem, config.validation, self.driver.mover.shared)
         self.data = Dataset.empty(len(mirror))
         self.best, self.off_track = math.inf, 0
         self.demonstrator: Score
@@ -166,7 +169,9 @@ class _Imitation:
     def _judge_demonstrator(self) -> Score:
         """How the demonstrator drives the validation, through the same action as the network."""
         config = self.config
-        return Validator(config.problem, config.validation, demonstrated=True).score_demonstrator()
+        shared = self.driver.mover.shared
+        judge = Validator(config.problem, config.validation, shared, demonstrated=True)
+        return judge.score_demonstrator()
 
     def _round(self, k: int) -> None:
         config, regression = self.config, self.regression
