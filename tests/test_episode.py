@@ -171,3 +171,36 @@ def test_fine_accelerations_survive(tmp_path):
     rewrite(tmp_path / "one.npz", "fine", np.zeros(7))
     with pytest.raises(DataError, match="accelerations have the shape"):
         load_episode(tmp_path / "one.npz")
+
+
+def supervised(**meta):
+    """Eight rows: a fallback for two reasons, then nobody, then the controller, then the last."""
+    columns = {name: np.zeros(8) for name in COLUMNS}
+    columns["time"] = 0.05 * np.arange(8)
+    columns["driver"] = np.array([0.0, 1.0, 1.0, 1.0, 3.0, 0.0, 0.0, 2.0])
+    columns["reason"] = np.array([0.0, 5.0, 5.0, 11.0, 3.0, 0.0, 0.0, 6.0])
+    return Episode(columns, "laps", 1.0, 0.05, 1.0, False, meta)
+
+
+def test_interventions_have_begin_end_reason_and_driver():
+    supervisor = {"kind": "supervisor", "fallback": {"kind": "mpc_pid"}, "last": {"kind": "pid"}}
+    found = supervised(config={"controller": {"kind": "wrap", "of": supervisor}}).interventions()
+    assert [one.reason for one in found] == [
+        "exception", "corridor", "input_not_finite", "deadline"
+    ]  # fmt: skip
+    assert [one.controller for one in found] == ["mpc_pid", "mpc_pid", "hold", "pid"]
+    assert [one.begin for one in found] == pytest.approx([0.05, 0.15, 0.2, 0.35])
+    assert [one.end for one in found] == pytest.approx([0.15, 0.2, 0.25, 0.4])
+    assert supervised().interventions()[0].controller == "fallback"
+    assert episode(0).interventions() == []
+
+
+def test_episodes_of_before_there_were_supervisors_can_be_read(tmp_path):
+    supervised().save(tmp_path / "new.npz")
+    with np.load(tmp_path / "new.npz") as data:
+        old = {name: data[name] for name in data if name not in ("driver", "reason")}
+    np.savez(tmp_path / "old.npz", **old)
+    again = load_episode(tmp_path / "old.npz")
+    assert set(again.columns) == set(COLUMNS)
+    assert again.interventions() == []
+    assert len(load_episode(tmp_path / "new.npz").interventions()) == 4

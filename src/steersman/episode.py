@@ -11,14 +11,15 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from steersman.errors import DataError
 from steersman.files import replacing
-from steersman.types import FloatArray
+from steersman.types import Driver, FloatArray, Reason
 
 # Every column of an episode and its unit, in the order of the file.
 COLUMNS: dict[str, str] = {
@@ -45,12 +46,30 @@ COLUMNS: dict[str, str] = {
     "brake": "-",
     "status": "-",
     "control_time": "s",
+    "driver": "-",
+    "reason": "-",
 }
+# Columns that episodes did not always have; without them nobody intervened.
+_LATER = ("driver", "reason")
+_REASONS = {float(reason): reason.name.lower() for reason in Reason}
 # Ways a run can end.
 DURATION, LAPS, END_OF_PATH = "duration", "laps", "end_of_path"
 OFF_TRACK, ROLL_OVER, TIMEOUT = "off_track", "roll_over", "timeout"
 ERROR, INTERRUPTED = "error", "interrupted"
 COMPLETED = frozenset({DURATION, LAPS, END_OF_PATH})
+
+
+class Intervention(NamedTuple):
+    """A stretch of a run in which a supervisor let somebody else steer, for one reason."""
+
+    begin: float
+    """Time of the first step of it [s]."""
+    end: float
+    """Time of the first step after it, or of the run's end [s]."""
+    reason: str
+    """Name of the ``Reason`` in small letters, e.g. ``"input_not_finite"``."""
+    controller: str
+    """Who steered: the kind of the fallback, or ``"hold"``."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +108,25 @@ class Episode:
         """Whether the run reached its planned end."""
         return self.end in COMPLETED
 
+    def interventions(self) -> list[Intervention]:
+        """Every intervention of a supervisor, in order of time; empty without a supervisor."""
+        driver, reason, time = self["driver"], self["reason"], self["time"]
+        if not len(self):
+            return []
+        changed = (np.diff(driver) != 0.0) | (np.diff(reason) != 0.0)
+        edges = [0, *(np.flatnonzero(changed) + 1).tolist(), len(self)]
+        names = _drivers(self.meta.get("config", {}))
+        return [
+            Intervention(
+                float(time[first]),
+                float(time[last] if last < len(self) else time[-1] + self.dt),
+                _REASONS.get(reason[first], "unknown"),
+                names.get(driver[first], "unknown"),
+            )
+            for first, last in pairwise(edges)
+            if driver[first] != Driver.INNER
+        ]
+
     def save(self, file: FilePath) -> None:
         """Write the episode as ``.npz`` (no pickles), replacing the file only when complete."""
         head = {
@@ -105,6 +143,28 @@ class Episode:
             arrays["fine"] = self.fine
         with replacing(file) as stream:
             np.savez_compressed(stream, **arrays)
+
+
+def _drivers(config: Any) -> dict[float, str]:
+    """Who steers, by the column's value: the kinds that a configuration names, as far as it does.
+
+    Without one, their roles.
+    """
+    fields, names = _supervisor(config) or {}, {}
+    for driver in Driver:
+        role = driver.name.lower()
+        given = fields.get(role)
+        names[float(driver)] = str(given["kind"]) if isinstance(given, Mapping) else role
+    return names
+
+
+def _supervisor(data: Any) -> Mapping[str, Any] | None:
+    """The fields of the first supervisor in a dumped configuration, however deep."""
+    if not isinstance(data, Mapping):
+        return None
+    if data.get("kind") == "supervisor":
+        return data
+    return next((found for v in data.values() if (found := _supervisor(v)) is not None), None)
 
 
 def is_episode(file: FilePath) -> bool:
@@ -132,7 +192,13 @@ def load_episode(file: FilePath) -> Episode:
         # Opened here because numpy leaves its own handle open when the archive is damaged.
         with file.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
             head = json.loads(bytes(data["head"]).decode())
-            columns = {name: np.asarray(data[name], dtype=np.float64) for name in COLUMNS}
+            columns = {
+                name: np.asarray(data[name], dtype=np.float64)
+                for name in COLUMNS
+                if name in data or name not in _LATER
+            }
+            for name in _LATER:
+                columns.setdefault(name, np.zeros_like(columns["time"]))
             fine = np.asarray(data["fine"] if "fine" in data else np.zeros((0, 2)), np.float64)
         episode = Episode(columns=columns, fine=fine, **head)
         _check(episode)

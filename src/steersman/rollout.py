@@ -81,6 +81,7 @@ class _Recorder:
                 *place,
                 *(decision.steer, s.steer, s.wheel_angle, *pedals),
                 *(float(decision.status), took),
+                *(float(decision.driver), float(decision.reason)),
             )
         )
 

@@ -95,11 +95,56 @@ class Status(IntEnum):
     """The controller's own method failed (or its input was not finite); its fallback answered."""
 
 
+class Driver(IntEnum):
+    """Who steers under a supervisor; the own controller of everybody else."""
+
+    INNER = 0
+    """The supervised controller."""
+    FALLBACK = 1
+    LAST = 2
+    """The fallback of the fallback."""
+    HOLD = 3
+    """Nobody: the steering is held, then straightened."""
+
+
+class Reason(IntEnum):
+    """Why a supervisor intervened."""
+
+    NONE = 0
+    MISSING = 1
+    """There was no observation."""
+    STALE = 2
+    """The observation stayed the same while the car moved."""
+    INPUT_NOT_FINITE = 3
+    INPUT_RANGE = 4
+    """The observation holds what no car on a road can measure."""
+    EXCEPTION = 5
+    """The controller raised."""
+    DEADLINE = 6
+    """The controller answered too late."""
+    COMMAND = 7
+    """The command is not a finite number."""
+    COMMAND_LIMIT = 8
+    """The command is beyond the steering's limits."""
+    COMMAND_RATE = 9
+    """For some time the command changed faster than the steering may."""
+    UNSOLVED = 10
+    """The controller's own method failed."""
+    CORRIDOR = 11
+    """The car was about to leave the corridor."""
+    OSCILLATION = 12
+    """The steering swung to and fro."""
+
+
 class Decision(NamedTuple):
     """A controller's answer: normalised steering command in [-1, 1] and how it came about."""
 
     steer: float
     status: Status = Status.SOLVED
+    driver: Driver = Driver.INNER
+    """Who steers, if a supervisor decided that."""
+    reason: Reason = Reason.NONE
+    """Why it is not the supervised controller."""
 
 
 class Pose(NamedTuple):

@@ -111,8 +111,9 @@ class Policy(ControllerComponent):
         start = 0.0
         if state.base is not None:
             told = to_observation(row, observation.time, table.spacing)
-            (start, how), base_state = state.base.step(base_state, told)
-            status = how if how is Status.FALLBACK else status
+            decision, base_state = state.base.step(base_state, told)
+            start = decision.steer
+            status = decision.status if decision.status is Status.FALLBACK else status
             kernel.tell_base(memory, start, features)
         with np.errstate(over="ignore"):  # the network clips: infinity is as good as 1e300
             single = features.astype(np.float32)
