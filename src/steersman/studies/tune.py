@@ -37,7 +37,7 @@ class TuneConfig(Settings):
     plant: Annotated[PlantComponent, Of("plant")] = param(
         SimulatorConfig(),
         "-",
-        "Plant of the runs; those of a suite that it cannot do are left out.",
+        "Plant of the runs; what of a suite it cannot do is left out.",
     )
     suite: tuple[RunConfig, ...] = param(
         (
