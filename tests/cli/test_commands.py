@@ -29,7 +29,7 @@ from steersman.types import Decision
 Steersman = Callable[..., Result]
 COMMANDS = (
     *("list", "show", "drive", "train", "imitate", "demo", "tune", "falsify", "bench", "reproduce"),
-    *("report", "path"),
+    *("report", "path", "export"),
 )
 # Figures that differ from run to run.
 TIMES = [name for name in METRICS if name.startswith("control_time")]

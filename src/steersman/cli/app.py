@@ -14,6 +14,7 @@ from steersman.cli import (
     components,
     demo,
     drive,
+    export,
     falsify,
     imitate,
     path,
@@ -48,6 +49,7 @@ app.command("demo", epilog=demo.EXAMPLES)(demo.demo)
 app.command("tune", epilog=tune.EXAMPLES)(tune.tune)
 app.command("falsify", epilog=falsify.EXAMPLES)(falsify.falsify)
 app.command("bench", epilog=bench.EXAMPLES)(bench.bench)
+app.command("export", epilog=export.EXAMPLES)(export.export)
 app.command("reproduce", epilog=reproduce.EXAMPLES)(reproduce.reproduce)
 app.command("report", epilog=report.EXAMPLES)(report.report)
 paths = typer.Typer(

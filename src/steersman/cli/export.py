@@ -1,0 +1,84 @@
+"""``steersman export``: a result in the format in which somebody else takes it.
+
+A target is a line in :data:`TARGETS`. To add one: a function that takes what the user named and
+a folder that exists and is writable, writes into it and returns the files written (the one to name
+first), and its line in the table. The function imports what it needs when it is called, and
+raises a :class:`~steersman.errors.SteersmanError` about an input that is not what it takes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path as FilePath
+from typing import Annotated, NamedTuple
+
+import typer
+
+from steersman.cli import settings
+from steersman.cli.output import note, write
+from steersman.errors import ConfigError, suggestion
+
+EXAMPLES = (
+    "\b\n"
+    "Examples:\n"
+    "  steersman export precision --to onnx\n"
+    "  steersman export runs/agent/policy.onnx --to onnx --out delivery\n"
+    "\n"
+    "\b\n"
+)
+POLICY = "a training's folder, a policy of the package, or an .onnx or .json file"
+
+
+class Target(NamedTuple):
+    """A format that something can be exported to."""
+
+    name: str
+    """What --to says."""
+    takes: str
+    """What RUN may be, as the help says it."""
+    makes: str
+    """What is written, as the help says it."""
+    write: Callable[[str, FilePath], Sequence[FilePath]]
+    """From RUN and a folder to the files written into it, the one to name first."""
+
+
+def _onnx(source: str, folder: FilePath) -> Sequence[FilePath]:
+    from steersman.delivery.package import write_onnx
+
+    return write_onnx(source, folder, note)
+
+
+TARGETS = (Target("onnx", POLICY, "the network as a checked ONNX file with its card", _onnx),)
+EXAMPLES += "\n".join(f"  --to {t.name}: from {t.takes}: {t.makes}" for t in TARGETS)
+
+
+def target(name: str) -> Target:
+    """The target of that name.
+
+    Raises:
+        ConfigError: there is none.
+    """
+    known = {each.name: each for each in TARGETS}
+    if name not in known:
+        raise ConfigError(f"--to: unknown target {name!r}{suggestion(name, known)}")
+    return known[name]
+
+
+def export(
+    run: Annotated[str, typer.Argument(metavar="RUN", help="What to export.")],
+    to: Annotated[
+        str, typer.Option("--to", metavar="|".join(t.name for t in TARGETS), help="The format.")
+    ],
+    out: Annotated[
+        str | None,
+        typer.Option("--out", metavar="DIR", help="Folder to write into; else ./NAME_TARGET."),
+    ] = None,
+) -> None:
+    """Write a result in the format in which somebody else takes it.
+
+    What is written is checked against what it was made from. The path of the main file is printed
+    on stdout.
+    """
+    chosen = target(to)
+    folder = settings.out_folder(f"{FilePath(run).resolve().stem}_{to}" if out is None else out)
+    write(f"{chosen.write(run, folder)[0]}\n")

@@ -1,0 +1,1 @@
+"""What leaves Steersman: a policy as C source or as a checked ONNX file, each with a card."""

@@ -1,0 +1,61 @@
+"""What a user names when a policy is to be delivered."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from typing import NamedTuple
+
+from steersman.controllers.policy import Policy, card_base, card_table, load_network
+from steersman.errors import ConfigError, DataError
+from steersman.policy_file import PolicyCard, locate, read_policy
+
+# What a training calls its policy; the folder's name tells more.
+_ANY = "policy"
+
+
+class Source(NamedTuple):
+    """A policy that was read and checked."""
+
+    name: str
+    """Short name, as the user wrote it."""
+    file: FilePath
+    """The ONNX file."""
+    data: bytes
+    """Its content."""
+    card: PolicyCard
+
+
+def read_source(words: str) -> Source:
+    """The policy of a training's folder, of the package, or of an ONNX file or its card.
+
+    Raises:
+        DataError: there is none, or it is damaged or contradicts itself.
+    """
+    file = _file(words)
+    data, card = read_policy(file)
+    try:
+        card_table(card)
+        card_base(card)
+    except (ConfigError, DataError) as error:
+        raise DataError(f"{file}: card: {error}") from None
+    load_network(data, str(file), len(card.scale))
+    whole = file.resolve()
+    name = whole.parent.name if whole.stem == _ANY else whole.stem
+    return Source(name or _ANY, file, data, card)
+
+
+def _file(words: str) -> FilePath:
+    given = FilePath(words)
+    if given.is_dir():
+        file = given / f"{_ANY}.onnx"
+        if not file.is_file():
+            raise DataError(f"{words}: no policy.onnx in this folder; name a training's folder")
+        return file
+    if given.suffix == ".json":
+        return given.with_suffix(".onnx")
+    return locate(words)
+
+
+def controller(source: Source) -> Policy:
+    """The policy as a controller."""
+    return Policy(file=str(source.file))

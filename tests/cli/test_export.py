@@ -1,0 +1,48 @@
+"""``steersman export``: what is written, and wrong words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path as FilePath
+
+import pytest
+from typer.testing import Result
+
+from steersman.cli.export import TARGETS
+from steersman.policy_file import locate, read_policy
+
+Steersman = Callable[..., Result]
+
+
+def test_the_help_names_every_target(steersman: Steersman) -> None:
+    said = " ".join(steersman("export", "--help").stdout.split())
+    for target in TARGETS:
+        assert f"--to {target.name}: from {target.takes}: {target.makes}" in said
+
+
+def test_onnx_of_a_policy_of_the_package(steersman: Steersman, tmp_path: FilePath) -> None:
+    result = steersman("export", "precision", "--to", "onnx")
+    file = tmp_path / "precision_onnx" / "precision.onnx"
+    assert result.stdout.strip() == str(FilePath("precision_onnx", "precision.onnx"))
+    assert "to the bit" in result.stderr
+    assert read_policy(file)[0] == locate("precision").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("precision --to onx", "--to: unknown target 'onx'; did you mean 'onnx'?"),
+        ("precison --to onnx --out o", "did you mean 'precision'?"),
+        ("folder --to onnx --out o", "folder: no policy.onnx in this folder"),
+        ("other.onnx --to onnx --out o", "other.onnx"),
+        ("scales.json --to onnx --out o", "scales.onnx: card: 1 scales for"),
+        ("broken.json --to onnx --out o", "broken.json: not a policy card"),
+        ("nonsense.onnx --to onnx --out o", "nonsense.onnx: not a network that ONNX Runtime"),
+    ],
+)
+@pytest.mark.usefixtures("wrong_files")
+def test_wrong_words(steersman: Steersman, words: str, message: str) -> None:
+    result = steersman("export", *words.split())
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert len(result.stderr.splitlines()) == 1
