@@ -102,6 +102,16 @@ def empty_fleet(n: int, encoding: EncodingTable, waypoints: int) -> Fleet:
 
 
 @kernel
+def _hold_back(steer: float, delayed: FloatArray, delay: int, substeps: int) -> tuple[int, int]:
+    """Put a command into the delay line; returns the whole periods of the delay and the rest."""
+    for i in range(delayed.shape[0] - 1, 0, -1):
+        delayed[i] = delayed[i - 1]
+    delayed[0] = steer
+    whole = delay // substeps
+    return whole, delay - whole * substeps
+
+
+@kernel
 def drive(  # noqa: PLR0917 - numba takes no keyword-only arguments
     vehicles: VehicleTable,
     n: int,
@@ -114,11 +124,7 @@ def drive(  # noqa: PLR0917 - numba takes no keyword-only arguments
     work: FloatArray,
 ) -> None:
     """Advance one vehicle by one control period; steering takes effect ``delay`` substeps late."""
-    for i in range(delayed.shape[0] - 1, 0, -1):
-        delayed[i] = delayed[i - 1]
-    delayed[0] = command[car.CMD_STEER]
-    whole = delay // substeps
-    late = delay - whole * substeps
+    whole, late = _hold_back(command[car.CMD_STEER], delayed, delay, substeps)
     if late > 0:
         command[car.CMD_STEER] = delayed[whole + 1]
         car.advance(vehicles, n, state, command, h, late, work)
@@ -140,11 +146,7 @@ def drive_recorded(  # noqa: PLR0917 - numba takes no keyword-only arguments
     out: FloatArray,
 ) -> None:
     """As :func:`drive`, to the bit, keeping a_x and a_y of every substep: ``out`` (substeps, 2)."""
-    for i in range(delayed.shape[0] - 1, 0, -1):
-        delayed[i] = delayed[i - 1]
-    delayed[0] = command[car.CMD_STEER]
-    whole = delay // substeps
-    late = delay - whole * substeps
+    whole, late = _hold_back(command[car.CMD_STEER], delayed, delay, substeps)
     for i in range(substeps):
         command[car.CMD_STEER] = delayed[whole + 1] if i < late else delayed[whole]
         car.advance(vehicles, n, state, command, h, 1, work)

@@ -7,13 +7,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import field_validator, model_validator
 
-from steersman.config import Of, Settings, build, override, param, resolve
+from steersman.config import Of, Settings, build, override, param
 from steersman.errors import ConfigError
 from steersman.learning.algorithms import AgentComponent, Ddpg
 from steersman.learning.problem import CARS_DIFFER, Problem
 from steersman.paths.base import PathComponent
 from steersman.paths.random_road import RandomRoad
-from steersman.plants.base import PlantComponent
+from steersman.plants.base import has_one_car
 
 
 class ValidationConfig(Settings):
@@ -98,8 +98,7 @@ def for_one_car(tree: Mapping[str, Any], plant: Any) -> list[str]:
     Returns:
         What differs from ``tree``; nothing for the embedded simulator.
     """
-    found = resolve("plant", plant)
-    if not isinstance(found, PlantComponent) or found.embedded:
+    if not has_one_car(plant):
         return []
     many = build(TrainConfig, override(tree, ["problem.plant=simulator"]))
     agent = many.agent

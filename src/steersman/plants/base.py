@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from steersman.config import Component, param
+from steersman.config import Component, param, resolve
 from steersman.errors import ConfigError
 from steersman.kernels import step as kernel
 from steersman.protocols import Plant
@@ -13,6 +13,16 @@ from steersman.vehicles import Vehicle
 
 # Periods that differ by less are the same, but for rounding [s].
 _SAME = 1e-9
+
+
+def has_one_car(plant: Any) -> bool:
+    """Whether a plant, by name or by fields, drives one car of its own, and not the simulator's.
+
+    Raises:
+        ConfigError: there is no such plant, or its fields are wrong.
+    """
+    found = resolve("plant", plant)
+    return isinstance(found, PlantComponent) and not found.embedded
 
 
 class PlantComponent(Component):

@@ -12,13 +12,13 @@ from typing import Annotated, Any
 
 from pydantic import model_validator
 
-from steersman.config import Of, Settings, build, dump, param, resolve
+from steersman.config import Of, Settings, build, dump, param
 from steersman.controllers.base import ControllerComponent
 from steersman.controllers.mpc_pid import MpcPid
 from steersman.errors import ConfigError
 from steersman.files import make_folder, write_text
 from steersman.paths.base import PathComponent
-from steersman.plants.base import PlantComponent
+from steersman.plants.base import PlantComponent, has_one_car
 from steersman.plants.simulator import SimulatorConfig
 from steersman.rollout import RunConfig
 from steersman.sensing import WaypointSensor
@@ -103,10 +103,7 @@ class FalsifyConfig(Settings):
 
 def for_one_car(plant: Any) -> list[str]:
     """Assignments that leave the car as it is, if ``plant`` (a name or fields) has just one."""
-    found = resolve("plant", plant)
-    if not isinstance(found, PlantComponent) or found.embedded:
-        return []
-    return [f"ranges.{name}=0" for name in CARS_DIFFER]
+    return [f"ranges.{name}=0" for name in CARS_DIFFER if has_one_car(plant)]
 
 
 def falsify(

@@ -8,12 +8,12 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import model_validator
 
-from steersman.config import Of, Settings, build, override, param, resolve
+from steersman.config import Of, Settings, build, override, param
 from steersman.errors import ConfigError
 from steersman.learning.config import TrainConfig, ValidationConfig, differing, one_car
 from steersman.learning.problem import Problem
 from steersman.learning.schedules import Constant, HoldThenDecay, Schedule
-from steersman.plants.base import PlantComponent
+from steersman.plants.base import has_one_car
 
 
 class FitConfig(Settings):
@@ -107,8 +107,7 @@ def for_one_car(tree: Mapping[str, Any], plant: Any) -> list[str]:
     Returns:
         What differs from ``tree``; nothing for the embedded simulator.
     """
-    found = resolve("plant", plant)
-    if not isinstance(found, PlantComponent) or found.embedded:
+    if not has_one_car(plant):
         return []
     many = build(ImitationConfig, override(tree, ["problem.plant=simulator"]))
     return differing({"vehicles": (many.vehicles, 1), **one_car(many.problem, many.validation)})
