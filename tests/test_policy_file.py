@@ -48,7 +48,15 @@ def correct(file: FilePath, base: dict[str, Any]) -> None:
 def replace(file: FilePath, data: bytes) -> None:
     """Another network, with the card made to match."""
     file.write_bytes(data)
-    edit(file, sha256=sha256(data))
+    edit(file, files={file.name: sha256(data)})
+
+
+def more(file: FilePath, name: str, data: bytes | None) -> None:
+    """Say that the policy was delivered with another file, whose content was b"old"."""
+    _, card = read_policy(file)
+    if data is not None:
+        file.with_name(name).write_bytes(data)
+    edit(file, files={**card.files, name: sha256(b"old")})
 
 
 def test_a_sound_policy_loads(file: FilePath) -> None:
@@ -62,8 +70,18 @@ FAULTS: dict[str, tuple[Callable[[FilePath], object], str]] = {
     "no network": (lambda f: f.unlink(), r"policy\.onnx: cannot be read \(No such file"),
     "no card": (lambda f: f.with_suffix(".json").unlink(), r"policy\.json: cannot be read"),
     "folder": (lambda f: (f.unlink(), f.mkdir()), "cannot be read"),
-    "damaged": (lambda f: f.write_bytes(f.read_bytes()[:-7]), "SHA-256 differs"),
-    "other policy's card": (lambda f: edit(f, sha256="0" * 64), "SHA-256 differs"),
+    "damaged": (lambda f: f.write_bytes(f.read_bytes()[:-7]), "its SHA-256 is"),
+    "other policy's card": (
+        lambda f: edit(f, files={"policy.onnx": "0" * 64}),
+        "policy.onnx: its SHA-256 is [0-9a-f]{64}, but its card policy.json says 0{64}; the file",
+    ),
+    "no digest": (lambda f: edit(f, files={"policy.onnx": "secret"}), "'secret' is not allowed"),
+    "no such file": (
+        lambda f: edit(f, files={"a.onnx": "0" * 64, "b.onnx": "0" * 64}), "not among the files",
+    ),
+    "another file is missing": (lambda f: more(f, "policy.c", None), "policy.c: cannot be read"),
+    "another file was changed": (lambda f: more(f, "policy.c", b"new"), "policy.c: its SHA-256 is"),
+    "a file elsewhere": (lambda f: more(f, "../a.c", None), "files"),
     "no onnx": (lambda f: replace(f, b"no network"), "not a network that ONNX Runtime reads"),
     "empty": (lambda f: replace(f, b""), "policy.onnx: "),
     "other inputs": (
@@ -76,7 +94,7 @@ FAULTS: dict[str, tuple[Callable[[FilePath], object], str]] = {
     "unknown field": (lambda f: edit(f, colour="red"), "colour"),
     "wrong type": (lambda f: edit(f, spacing="wide"), "spacing"),
     "negative period": (lambda f: edit(f, dt=-0.05), "dt"),
-    "later format": (lambda f: edit(f, format=2), "format 2 is not known; this version reads 1"),
+    "later format": (lambda f: edit(f, format=3), "format 3 is not known; this version reads 1"),
     "contradiction": (lambda f: edit(f, scale=[1.0]), "1 scales for"),
     "base without authority": (lambda f: edit(f, base={"kind": "pid"}), "base and authority go"),
     "authority without base": (lambda f: edit(f, authority=0.2), "base and authority go together"),
@@ -110,6 +128,26 @@ def test_a_card_from_before_there_were_bases_loads(file: FilePath) -> None:
     after = load(file)
     assert after.base is None
     assert (after.rate_step, after.features) == (before.rate_step, before.features)
+
+
+def test_a_card_of_the_first_format_loads(file: FilePath) -> None:
+    data, card = read_policy(file)
+    edit(file, format=1, files=None, signs=None, sha256=sha256(data))
+    assert read_policy(file) == (data, card)
+    edit(file, sha256="0" * 64)
+    with pytest.raises(DataError, match="its SHA-256 is"):
+        read_policy(file)
+
+
+def test_a_policy_may_be_renamed_with_its_card(file: FilePath) -> None:
+    data, card = read_policy(file)
+    file.with_suffix(".json").rename(file.with_name("best.json"))
+    assert read_policy(file.rename(file.with_name("best.onnx"))) == (data, card)
+
+
+def test_every_file_of_a_delivery_is_checked(file: FilePath) -> None:
+    more(file, "policy.c", b"old")
+    assert sorted(read_policy(file)[1].files) == ["policy.c", "policy.onnx"]
 
 
 def test_other_control_period_is_refused(file: FilePath) -> None:

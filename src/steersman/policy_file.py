@@ -6,23 +6,46 @@ import hashlib
 import json
 from importlib.resources import files
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from steersman.errors import DataError, suggestion
 from steersman.messages import config_error
 
-FORMAT = 1
+FORMAT = 2
+UNITS = {
+    "time": "s",
+    "length": "m",
+    "angle": "rad",
+    "steer": "1 = full lock, left positive",
+    "action": "[-1, 1]: steering, steering rate over rate_limit, or correction over authority",
+}
+SIGNS = {
+    "frame": "ISO 8855: x forward, y left, z up; waypoints are in the vehicle's frame",
+    "steer": "positive to the left",
+    "lateral_error": "positive where the vehicle is left of the path",
+    "heading_error": "yaw less the path's tangent, positive anticlockwise",
+    "v_y": "positive to the left",
+    "yaw_rate": "positive anticlockwise",
+    "curvature": "positive where the path bends to the left",
+}
+# A file beside the card: its name and no way to another folder.
+FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_+-][A-Za-z0-9_.+ -]*$")]
+Digest = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
 
 class PolicyCard(BaseModel):
-    """Everything needed to run ``policy.onnx``; written beside it as ``policy.json``."""
+    """Everything needed to run ``policy.onnx``; written beside it as ``policy.json``.
+
+    ``dt`` is the control period [s]; ``observation`` names each input of the network in its order.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     format: int = FORMAT
-    sha256: str
+    files: dict[FileName, Digest]
+    """SHA-256 of each file that the card was delivered with."""
     action: str
     rate_limit: float | None
     """Largest rate of normalised steering [1/s] if the action is ``rate``, else null."""
@@ -39,6 +62,7 @@ class PolicyCard(BaseModel):
     observation: list[str]
     scale: list[float]
     units: dict[str, str]
+    signs: dict[str, str]
     limits: dict[str, list[float]]
     seed: int
     training: dict[str, Any]
@@ -83,35 +107,60 @@ def locate(file: str) -> FilePath:
 
 
 def read_policy(file: FilePath) -> tuple[bytes, PolicyCard]:
-    """An ONNX file and its card, after checking that they belong together.
+    """An ONNX file and its card, after checking every file that the card was delivered with.
 
     Raises:
         DataError: one of them is missing, corrupt, or of another policy.
     """
     card_file = file.with_suffix(".json")
+    data, text = _read(file), _read(card_file)
     try:
-        data = file.read_bytes()
-        text = card_file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        name = getattr(error, "filename", None) or card_file
-        reason = getattr(error, "strerror", None) or "not text"
-        raise DataError(f"{name}: cannot be read ({reason})") from None
-    try:
-        content = json.loads(text)
+        content = json.loads(text.decode("utf-8"))
+    except UnicodeDecodeError:
+        raise DataError(f"{card_file}: cannot be read (not text)") from None
     except (ValueError, RecursionError) as error:
         raise DataError(f"{card_file}: not a policy card: not valid JSON ({error})") from None
     if not isinstance(content, dict):
         raise DataError(f"{card_file}: not a policy card: expected an object of fields")
     try:
-        card = PolicyCard.model_validate(content)
+        card = PolicyCard.model_validate(_of_today(content, file.name))
     except ValidationError as error:
         fault = config_error(PolicyCard, error)
         raise DataError(f"{card_file}: not a policy card: {fault}") from None
     if card.format != FORMAT:
-        raise DataError(f"{card_file}: format {card.format} is not known; this version reads 1")
-    if sha256(data) != card.sha256:
-        raise DataError(
-            f"{file}: does not match its card {card_file.name} (SHA-256 differs); "
-            "the file is damaged or belongs to another policy"
-        )
+        raise DataError(f"{card_file}: format {card.format} is not known; this version reads 1, 2")
+    _verify(file, data, card)
     return data, card
+
+
+def _read(file: FilePath) -> bytes:
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise DataError(f"{file}: cannot be read ({error.strerror})") from None
+
+
+def _of_today(content: dict[str, Any], network: str) -> dict[str, Any]:
+    """A card of format 1 in today's words: it held the digest of the network alone."""
+    if content.get("format") != 1 or "sha256" not in content:
+        return content
+    new = {"format": FORMAT, "files": {network: content["sha256"]}, "signs": SIGNS}
+    return {name: value for name, value in content.items() if name != "sha256"} | new
+
+
+def _verify(file: FilePath, network: bytes, card: PolicyCard) -> None:
+    """Compare the digest of every file that the card names; the network may have a new name."""
+    expected = dict(card.files)
+    old = [name for name in expected if name.endswith(".onnx")]
+    if file.name not in expected and len(old) == 1:
+        expected[file.name] = expected.pop(old[0])
+    if file.name not in expected:
+        raise DataError(f"{file}: not among the files of its card {file.stem}.json")
+    for name, digest in expected.items():
+        data = network if name == file.name else _read(file.with_name(name))
+        given = sha256(data)
+        if given != digest:
+            raise DataError(
+                f"{file.with_name(name)}: its SHA-256 is {given}, but its card {file.stem}.json "
+                f"says {digest}; the file was changed or belongs to another policy"
+            )

@@ -51,7 +51,7 @@ def wrong_files(tmp_path: FilePath) -> None:
     (tmp_path / "binary.yaml").write_bytes(b"\x00\xff\xfe")
     _policy(tmp_path / "nonsense", {})
     _policy(tmp_path / "period", {"dt": 0.1})
-    _policy(tmp_path / "other", {"sha256": "0" * 64})
+    _policy(tmp_path / "other", {"files": {"other.onnx": "0" * 64}})
     _policy(tmp_path / "newer", {"format": 9})
     _policy(tmp_path / "scales", {"scale": [1.0]})
     _policy(tmp_path / "encoding", {"encoding": {"kind": "wayponts"}})
@@ -66,8 +66,8 @@ def _policy(stem: FilePath, changes: dict[str, Any]) -> None:
     data, encoding = b"no network", ExtendedEncoding()
     table = encoding.table(2.0, 0.05, True)
     card = {
-        "format": 1,
-        "sha256": hashlib.sha256(data).hexdigest(),
+        "format": 2,
+        "files": {f"{stem.name}.onnx": hashlib.sha256(data).hexdigest()},
         "action": "rate",
         "rate_limit": 1.5,
         "dt": 0.05,
@@ -77,6 +77,7 @@ def _policy(stem: FilePath, changes: dict[str, Any]) -> None:
         "observation": encoding.names(table),
         "scale": [1.0] * encode.feature_count(table),
         "units": {},
+        "signs": {},
         "limits": {},
         "seed": 0,
         "training": {},

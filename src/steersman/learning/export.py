@@ -12,16 +12,8 @@ from steersman.files import replacing, write_text
 from steersman.kernels.encode import FEATURE_LIMIT
 from steersman.learning.imitation.config import LearningConfig
 from steersman.learning.updates import Net
-from steersman.policy_file import PolicyCard, sha256
+from steersman.policy_file import SIGNS, UNITS, PolicyCard, sha256
 from steersman.provenance import provenance
-
-_UNITS = {
-    "time": "s",
-    "length": "m",
-    "angle": "rad",
-    "steer": "1 = full lock, left positive",
-    "action": "[-1, 1]: steering, steering rate over rate_limit, or correction over authority",
-}
 
 
 def network(net: Net, scale: Any, operators: tuple[str, str] = ("Relu", "Tanh")) -> bytes:
@@ -85,8 +77,9 @@ def export_policy(
     scale = problem.encoding.scale(table)
     data = network(net, scale, operators)
     origin = provenance()
+    file = folder / "policy.onnx"
     card = PolicyCard(
-        sha256=sha256(data),
+        files={file.name: sha256(data)},
         action=problem.action,
         rate_limit=problem.rate_limit if problem.indirect else None,
         base=dump(problem.base),
@@ -98,14 +91,18 @@ def export_policy(
         encoding=dump(problem.encoding) or {},
         observation=problem.encoding.names(table),
         scale=scale.tolist(),
-        units=_UNITS,
-        limits={"action": [-1.0, 1.0], "steer": [-1.0, 1.0]},
+        units=UNITS,
+        signs=SIGNS,
+        limits={
+            "action": [-1.0, 1.0],
+            "steer": [-1.0, 1.0],
+            "scaled feature": [-FEATURE_LIMIT, FEATURE_LIMIT],
+        },
         seed=config.seed,
         training={**note, "config": dump(config)},
         versions=origin["versions"],
         commit=origin["commit"],
     )
-    file = folder / "policy.onnx"
     with replacing(file) as stream:
         stream.write(data)
     write_text(file.with_suffix(".json"), card.model_dump_json(indent=1) + "\n")
