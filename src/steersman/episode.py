@@ -201,7 +201,7 @@ def load_episode(file: FilePath) -> Episode:
                 columns.setdefault(name, np.zeros_like(columns["time"]))
             fine = np.asarray(data["fine"] if "fine" in data else np.zeros((0, 2)), np.float64)
         episode = Episode(columns=columns, fine=fine, **head)
-        _check(episode)
+        check(episode)
     except OSError as error:
         raise DataError(f"{file}: cannot be read ({error.strerror or error})") from None
     except (KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
@@ -209,8 +209,12 @@ def load_episode(file: FilePath) -> Episode:
     return episode
 
 
-def _check(episode: Episode) -> None:
-    """Refuse what a flipped byte or another program's file would smuggle in."""
+def check(episode: Episode) -> None:
+    """Refuse what a flipped byte or another program's file would smuggle in.
+
+    Raises:
+        ValueError: columns or ``dt`` are none that a run makes; TypeError: so is another field.
+    """
     shapes = {np.shape(column) for column in episode.columns.values()}
     if len(shapes) != 1 or len(next(iter(shapes))) != 1:
         raise ValueError("its columns differ in length")

@@ -21,10 +21,12 @@ _UsageError: type[Any] = typer.BadParameter.__mro__[1]
 _EXTRAS = {
     "carla": "carla",
     "jinja2": "report",
+    "mcap": "logs",
     "msgpack": "carla",
     "onnx": "train",
     "pyarrow": "bench",
     "ray": "ray",
+    "rosbags": "logs",
     "optuna": "tune",
     "plotly": "report",
     "stable_baselines3": "train",

@@ -1,0 +1,241 @@
+"""What a car did, out of any ROS 2 recording, as columns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steersman.errors import DataError
+from steersman.logs import schemas
+from steersman.logs.bag import Message, Recording, opened
+from steersman.types import FloatArray
+
+# Every column of a log and its unit. The first eight are always there.
+COLUMNS: dict[str, str] = {
+    "time": "s",
+    "x": "m",
+    "y": "m",
+    "yaw": "rad",
+    "v_x": "m/s",
+    "v_y": "m/s",
+    "speed": "m/s",
+    "yaw_rate": "rad/s",
+    "angle_command": "rad",
+    "angle": "rad",
+    "steer_command": "-",
+    "steer": "-",
+    "throttle": "-",
+    "brake": "-",
+}
+_FARTHEST = 1e8
+_UNIT = 0.01
+_NS = 1e-9
+
+
+@dataclass(frozen=True)
+class Log:
+    """What was recorded of a drive; a row for each Odometry message, in the order of time.
+
+    Attributes:
+        columns: float64 arrays of one length by the names of ``COLUMNS``. Always there: ``time``
+            since the first row [s], position ``x``, ``y`` [m] and ``yaw`` [rad] (unwrapped) in the
+            map's frame, ``v_x``, ``v_y`` [m/s] in the vehicle's, ``speed``, the magnitude of the
+            velocity [m/s], and ``yaw_rate`` [rad/s]. If the recording has them:
+            ``angle_command``, the wheel angle that was commanded (single-track, left positive)
+            [rad]; ``angle``, the measured one [rad]; ``steer_command``, ``steer``, the commanded
+            and the actual normalised steering in [-1, 1]; ``throttle``, ``brake`` in [0, 1].
+            Commands are held from message to message, as actuators do; measured angles are
+            interpolated. NaN before the first command.
+        topics: the topic that each group came from: ``odometry``, ``command``, ``angle``,
+            ``diagnostics``.
+        start: Unix time of the first row [ns].
+
+    The point is the one that the Odometry describes: the centre of mass in our own recordings,
+    usually the rear axle in others' (``ahead`` of :func:`read` moves it).
+    """
+
+    columns: Mapping[str, FloatArray]
+    topics: Mapping[str, str]
+    start: int
+
+    def __getitem__(self, name: str) -> FloatArray:
+        return self.columns[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.columns
+
+    def __len__(self) -> int:
+        return len(self.columns["time"])
+
+
+class _Series(NamedTuple):
+    """Messages of a topic: when each was stamped [ns] and what it says, (n, k)."""
+
+    stamps: NDArray[np.int64]
+    values: FloatArray
+
+
+def read(
+    file: FilePath,
+    *,
+    odometry: str | None = None,
+    command: str | None = None,
+    angle: str | None = None,
+    ahead: float = 0.0,
+) -> Log:
+    """The columns of a recording: an MCAP or SQLite file, or the folder of a ROS 2 bag.
+
+    Args:
+        file: the recording.
+        odometry: topic of nav_msgs/msg/Odometry; None: the only one.
+        command: topic of autoware_control_msgs/msg/Lateral or .../Control; None: the only one, if
+            there is one.
+        angle: topic of autoware_vehicle_msgs/msg/SteeringReport; None: likewise. Our own
+            diagnostics go first.
+        ahead: the rows describe the point this far ahead of the Odometry's [m]: ``l_r`` of the
+            vehicle, to go from the rear axle to the centre of mass.
+
+    Raises:
+        DataError: the file cannot be read, has no such topic, or holds what no car does.
+        ModuleNotFoundError: the extra ``logs`` is not installed.
+    """
+    with opened(file) as recording:
+        topics = _topics(recording, odometry, command, angle)
+        messages = {group: recording.messages(topic) for group, topic in topics.items()}
+    stamped = all(_stamp(m) > 0 for found in messages.values() for m in found)
+    series = {group: _series(found, _EXTRACT[group], stamped) for group, found in messages.items()}
+    motion = series["odometry"]
+    _check(file, topics["odometry"], motion)
+    columns = _moved(_motion(motion), ahead)
+    _add_steering(columns, series)
+    return Log(columns, topics, int(motion.stamps[0]))
+
+
+def _topics(
+    recording: Recording, odometry: str | None, command: str | None, angle: str | None
+) -> dict[str, str]:
+    """The topic of each group of columns that the recording has."""
+    commands = (schemas.LATERAL_TYPE, schemas.CONTROL_TYPE)
+    found = {
+        "odometry": recording.find((schemas.ODOMETRY_TYPE,), odometry),
+        "command": recording.find(commands, command, optional=True),
+        "diagnostics": recording.find((schemas.DIAGNOSTICS_TYPE,), None, optional=True),
+    }
+    if found["diagnostics"] is None or angle is not None:
+        found["angle"] = recording.find((schemas.STEERING_REPORT_TYPE,), angle, optional=True)
+    return {group: topic for group, topic in found.items() if topic is not None}
+
+
+def _stamp(message: Message) -> int:
+    """When a message was stamped [ns]; zero: it was not."""
+    content = message.content
+    stamp = content.header.stamp if hasattr(content, "header") else content.stamp
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+def _series(
+    found: list[Message], extract: Callable[[Any], tuple[float, ...]], stamped: bool
+) -> _Series:
+    """In the order of time, the first message of each stamp."""
+    times = [_stamp(m) if stamped else m.logged for m in found]
+    stamps, first = np.unique(np.array(times, dtype=np.int64), return_index=True)
+    values = np.array([extract(found[i].content) for i in first.tolist()], dtype=np.float64)
+    return _Series(stamps, values)
+
+
+def _of_odometry(m: Any) -> tuple[float, ...]:
+    p, q, v = m.pose.pose.position, m.pose.pose.orientation, m.twist.twist
+    return p.x, p.y, q.x, q.y, q.z, q.w, v.linear.x, v.linear.y, v.angular.z
+
+
+def _of_command(m: Any) -> tuple[float, ...]:
+    return (getattr(m, "lateral", m).steering_tire_angle,)
+
+
+def _of_angle(m: Any) -> tuple[float, ...]:
+    return (m.steering_tire_angle,)
+
+
+_DIAGNOSTICS = ("wheel_angle", "steer_command", "steer", "throttle", "brake")
+
+
+def _of_diagnostics(m: Any) -> tuple[float, ...]:
+    return tuple(getattr(m, name, np.nan) for name in _DIAGNOSTICS)
+
+
+_EXTRACT: dict[str, Callable[[Any], tuple[float, ...]]] = {
+    "odometry": _of_odometry,
+    "command": _of_command,
+    "angle": _of_angle,
+    "diagnostics": _of_diagnostics,
+}
+
+
+def _check(file: FilePath, topic: str, motion: _Series) -> None:
+    """Refuse positions and directions that no car has."""
+    bad = ~np.all(np.isfinite(motion.values), axis=1)
+    bad |= np.any(np.abs(motion.values) > _FARTHEST, axis=1)
+    if bad.any():
+        row = int(np.flatnonzero(bad)[0])
+        raise DataError(f"{file}: {topic}: message {row + 1} holds numbers that no car has")
+    size = np.sqrt(np.sum(motion.values[:, 2:6] ** 2, axis=1))
+    if np.max(np.abs(size - 1.0)) > _UNIT:
+        row = int(np.argmax(np.abs(size - 1.0)))
+        raise DataError(
+            f"{file}: {topic}: message {row + 1} has the orientation {motion.values[row, 2:6]}, "
+            "which is no unit quaternion"
+        )
+
+
+def _motion(motion: _Series) -> dict[str, FloatArray]:
+    x, y, qx, qy, qz, qw, v_x, v_y, yaw_rate = motion.values.T.copy()
+    yaw = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+    return {
+        "time": (motion.stamps - motion.stamps[0]) * _NS,
+        "x": x,
+        "y": y,
+        "yaw": np.unwrap(yaw),
+        "v_x": v_x,
+        "v_y": v_y,
+        "speed": np.hypot(v_x, v_y),
+        "yaw_rate": yaw_rate,
+    }
+
+
+def _moved(columns: dict[str, FloatArray], ahead: float) -> dict[str, FloatArray]:
+    """The motion of the point ``ahead`` [m] of the one that was recorded."""
+    if ahead != 0.0:
+        columns["x"] = columns["x"] + ahead * np.cos(columns["yaw"])
+        columns["y"] = columns["y"] + ahead * np.sin(columns["yaw"])
+        columns["v_y"] = columns["v_y"] + ahead * columns["yaw_rate"]
+        columns["speed"] = np.hypot(columns["v_x"], columns["v_y"])
+    return columns
+
+
+def _add_steering(columns: dict[str, FloatArray], series: Mapping[str, _Series]) -> None:
+    """Add what else was recorded, at the rows' times."""
+    at = series["odometry"].stamps
+    if "command" in series:
+        columns["angle_command"] = _held(series["command"], at)[:, 0]
+    if "diagnostics" in series:
+        held = _held(series["diagnostics"], at)
+        names = ("angle", *_DIAGNOSTICS[1:])
+        columns.update({name: held[:, i].copy() for i, name in enumerate(names)})
+    if "angle" in series:
+        measured = series["angle"]
+        columns["angle"] = np.interp(
+            (at - at[0]) * _NS, (measured.stamps - at[0]) * _NS, measured.values[:, 0]
+        )
+
+
+def _held(series: _Series, at: NDArray[np.int64]) -> FloatArray:
+    """The last values at each of the times; NaN before the first."""
+    last = np.searchsorted(series.stamps, at, side="right") - 1
+    out = series.values[np.maximum(last, 0)].copy()
+    out[last < 0] = np.nan
+    return out

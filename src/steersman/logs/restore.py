@@ -1,0 +1,68 @@
+"""An episode back from the MCAP file that it was written to."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from steersman.episode import COLUMNS, Episode, check
+from steersman.errors import DataError
+from steersman.logs import schemas
+from steersman.logs.bag import opened
+from steersman.types import FloatArray
+
+_HEAD = ("end", "distance", "dt", "path_length", "closed", "meta")
+
+
+def read_episode(file: FilePath) -> Episode:
+    """The episode that :func:`steersman.logs.write.write_episode` wrote.
+
+    All columns are equal to the bit but ``time``, which is rounded to 1 ns. ``fine`` is empty, as
+    are columns that the episode did not have yet when it was written.
+
+    Raises:
+        DataError: the file cannot be read, or holds a recording that is no episode.
+        ModuleNotFoundError: the extra ``logs`` is not installed.
+    """
+    head = _head(file)
+    with opened(file) as recording:
+        odometry = recording.messages(schemas.ODOMETRY)
+        diagnostics = recording.messages(schemas.DIAGNOSTICS)
+    motion = np.array([_motion(m.logged, m.content) for m in odometry])
+    names = ("time", "x", "y", "v_x", "v_y", "yaw_rate")
+    columns = {name: motion[:, i].copy() for i, name in enumerate(names)}
+    for name in schemas.DIAGNOSTIC_FIELDS:
+        columns[name] = _column([m.content for m in diagnostics], name)
+    try:
+        fields = {name: head[name] for name in _HEAD}
+        episode = Episode({name: columns[name] for name in COLUMNS}, **fields)
+        check(episode)
+    except (KeyError, TypeError, ValueError) as error:
+        raise DataError(f"{file}: not an episode of Steersman ({error})") from None
+    return episode
+
+
+def _motion(logged: int, m: Any) -> tuple[float, ...]:
+    p, v = m.pose.pose.position, m.twist.twist
+    time = (logged - schemas.EPOCH * 1_000_000_000) * 1e-9
+    return time, p.x, p.y, v.linear.x, v.linear.y, v.angular.z
+
+
+def _column(found: list[Any], name: str) -> FloatArray:
+    return np.array([float(getattr(m, name, np.nan)) for m in found])
+
+
+def _head(file: FilePath) -> dict[str, Any]:
+    """What the metadata say of the episode."""
+    from mcap.reader import make_reader
+
+    with opened(file), file.expanduser().open("rb") as stream:  # opened() tells what is wrong
+        records = make_reader(stream).iter_metadata()
+        found = [record.metadata for record in records if record.name == schemas.METADATA]
+        head = json.loads(found[0]["episode"]) if found else None
+    if not isinstance(head, dict):
+        raise DataError(f"{file}: holds no episode of Steersman, only topics")
+    return head

@@ -1,0 +1,215 @@
+"""An episode as an MCAP file that ROS 2's tools, Foxglove and ``rosbags`` read; docs/logs.md."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from steersman.episode import Episode
+from steersman.errors import DataError
+from steersman.files import replacing
+from steersman.kernels import vehicle as car
+from steersman.kernels.vehicle import VehicleTable
+from steersman.logs import schemas
+from steersman.protocols import Path
+from steersman.types import FloatArray
+
+if TYPE_CHECKING:
+    from mcap.writer import Writer
+    from rosbags.typesys.store import Typestore
+
+PATH_SPACING = 1.0
+"""Distance between the poses of the path topic, at most [m]."""
+_NS = 1_000_000_000
+_LONGEST, _LARGEST = 1e8, 255.0
+
+
+class _Sent(NamedTuple):
+    topic: str
+    time: int
+    """[ns] of Unix time."""
+    content: Any
+
+
+def write_episode(
+    file: FilePath, episode: Episode, vehicle: VehicleTable, path: Path | None = None
+) -> None:
+    """Write an episode, replacing the file only when complete.
+
+    The same episode gives the same bytes. Odometry holds position and velocity of the centre of
+    mass, Lateral the commanded wheel angle (single-track, left positive) in single precision, the
+    diagnostics every other column. ``fine`` is not written.
+
+    Args:
+        file: the file to write, usually ``*.mcap``.
+        episode: the run.
+        vehicle: the vehicle that was driven; it says which wheel angle a steering command means.
+        path: what was followed; None: the points beside the car, as far as they were driven.
+
+    Raises:
+        DataError: the file cannot be written, or the episode holds what no run makes.
+        ModuleNotFoundError: the extra ``logs`` is not installed.
+    """
+    from mcap.writer import Writer
+
+    _check(file, episode)
+    store = schemas.typestore()
+    road = _beside(episode) if path is None else sampled(path)
+    with replacing(file) as stream:
+        writer = Writer(stream)
+        writer.start(profile="ros2", library=f"steersman {version('steersman')}")
+        channels = {topic: _channel(writer, store, topic) for topic in schemas.TYPES}
+        sequence = dict.fromkeys(schemas.TYPES, 0)
+        for sent in _messages(store, episode, wheel_angles(episode, vehicle), road):
+            data = bytes(store.serialize_cdr(sent.content, schemas.TYPES[sent.topic]))
+            writer.add_message(
+                channels[sent.topic], sent.time, data, sent.time, sequence[sent.topic]
+            )
+            sequence[sent.topic] += 1
+        writer.add_metadata(schemas.METADATA, _metadata(episode))
+        writer.finish()  # type: ignore[no-untyped-call]
+
+
+def _check(file: FilePath, episode: Episode) -> None:
+    """Refuse what cannot be told in the messages: times and states that are not."""
+    time = episode["time"]
+    if not (np.all(np.isfinite(time)) and np.all(np.abs(time) < _LONGEST)):
+        raise DataError(f"{file}: cannot be written, the episode's times are not finite")
+    for name in schemas.ENUMS:
+        numbers = episode[name]
+        if not np.all((numbers >= 0.0) & (numbers <= _LARGEST) & (numbers == np.floor(numbers))):
+            raise DataError(f"{file}: cannot be written, the episode's {name} is no whole number")
+
+
+def sampled(path: Path) -> FloatArray:
+    """Points of a path x, y [m] and psi [rad], (n, 3); a closed one ends where it begins."""
+    count = max(math.ceil(path.length / PATH_SPACING), 8)
+    points = [path.at(path.length * i / count)[:3] for i in range(count)]
+    end = points[0] if path.closed else path.at(path.length)[:3]
+    return np.array([*points, end])
+
+
+def _beside(episode: Episode) -> FloatArray:
+    psi = episode["psi"] - episode["heading_error"]
+    return np.stack((episode["path_x"], episode["path_y"], psi), axis=1)
+
+
+def wheel_angles(episode: Episode, vehicle: VehicleTable) -> FloatArray:
+    """The single-track wheel angle [rad] that each steering command means, at the speed it had.
+
+    A misalignment of the steering is a fault of the vehicle, not part of what was commanded.
+    """
+    bias = float(vehicle.rows[0, car.STEER_BIAS])
+    pairs = zip(episode["steer_command"].tolist(), episode["v_x"].tolist(), strict=True)
+    return np.array(
+        [math.atan(car.wheel_tangents(vehicle, 0, u - bias, abs(v))[2]) for u, v in pairs]
+    )
+
+
+def nanoseconds(time: float) -> int:
+    """Unix time [ns] of a simulated time [s]."""
+    return schemas.EPOCH * _NS + round(time * _NS)
+
+
+def _channel(writer: Writer, store: Typestore, topic: str) -> int:
+    name = schemas.TYPES[topic]
+    text = schemas.schema_text(store, name).encode()
+    schema = writer.register_schema(name, "ros2msg", text)
+    return int(writer.register_channel(topic, "cdr", schema))
+
+
+def _metadata(episode: Episode) -> dict[str, str]:
+    head = {
+        "end": episode.end,
+        "distance": episode.distance,
+        "dt": episode.dt,
+        "path_length": episode.path_length,
+        "closed": episode.closed,
+        "meta": dict(episode.meta),
+    }
+    return {
+        "format": "1",
+        "base_link": "centre of mass",
+        "time_zero": "2000-01-01T00:00:00Z",
+        "episode": json.dumps(head),
+    }
+
+
+def _messages(
+    store: Typestore, episode: Episode, angles: FloatArray, road: FloatArray
+) -> Iterator[_Sent]:
+    """All messages in the order of time."""
+    make = _Maker(store)
+    times = [nanoseconds(t) for t in episode["time"].tolist()] or [nanoseconds(0.0)]
+    yield _Sent(schemas.PATH, times[0], make.path(times[0], road))
+    motion = [episode[name].tolist() for name in ("x", "y", "psi", "v_x", "v_y", "yaw_rate")]
+    columns = {name: episode[name].tolist() for name in schemas.DIAGNOSTIC_FIELDS}
+    for k in range(len(episode)):
+        now = times[k]
+        yield _Sent(schemas.ODOMETRY, now, make.odometry(now, *(row[k] for row in motion)))
+        yield _Sent(schemas.LATERAL, now, make.lateral(now, float(angles[k])))
+        values = {name: column[k] for name, column in columns.items()}
+        yield _Sent(schemas.DIAGNOSTICS, now, make.diagnostics(now, values))
+
+
+class _Maker:
+    """Messages from numbers."""
+
+    def __init__(self, store: Typestore) -> None:
+        self._types = store.types
+        self._unknown = np.zeros(36)
+
+    def _new(self, kind: str, *fields: Any) -> Any:
+        return self._types[kind](*fields)
+
+    def _time(self, ns: int) -> Any:
+        return self._new("builtin_interfaces/msg/Time", ns // _NS, ns % _NS)
+
+    def _header(self, ns: int) -> Any:
+        return self._new("std_msgs/msg/Header", self._time(ns), schemas.MAP)
+
+    def _pose(self, x: float, y: float, psi: float) -> Any:
+        turn = self._new(
+            "geometry_msgs/msg/Quaternion", 0.0, 0.0, math.sin(0.5 * psi), math.cos(0.5 * psi)
+        )
+        place = self._new("geometry_msgs/msg/Point", x, y, 0.0)
+        return self._new("geometry_msgs/msg/Pose", place, turn)
+
+    def _vector(self, x: float, y: float, z: float) -> Any:
+        return self._new("geometry_msgs/msg/Vector3", x, y, z)
+
+    def path(self, ns: int, points: FloatArray) -> Any:
+        header = self._header(ns)
+        poses = [
+            self._new("geometry_msgs/msg/PoseStamped", header, self._pose(*point))
+            for point in points.tolist()
+        ]
+        return self._new(schemas.PATH_TYPE, header, poses)
+
+    def odometry(
+        self, ns: int, x: float, y: float, psi: float, v_x: float, v_y: float, yaw_rate: float
+    ) -> Any:
+        twist = self._new(
+            "geometry_msgs/msg/Twist", self._vector(v_x, v_y, 0.0), self._vector(0.0, 0.0, yaw_rate)
+        )
+        return self._new(
+            schemas.ODOMETRY_TYPE,
+            self._header(ns),
+            schemas.BASE_LINK,
+            self._new("geometry_msgs/msg/PoseWithCovariance", self._pose(x, y, psi), self._unknown),
+            self._new("geometry_msgs/msg/TwistWithCovariance", twist, self._unknown),
+        )
+
+    def lateral(self, ns: int, angle: float) -> Any:
+        time = self._time(ns)
+        return self._new(schemas.LATERAL_TYPE, time, time, angle, 0.0, False)
+
+    def diagnostics(self, ns: int, values: dict[str, float]) -> Any:
+        fields = {name: int(v) if name in schemas.ENUMS else v for name, v in values.items()}
+        return self._types[schemas.DIAGNOSTICS_TYPE](header=self._header(ns), **fields)
