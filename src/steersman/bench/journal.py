@@ -14,6 +14,32 @@ from steersman.files import make_folder
 NAME = "rows.jsonl"
 
 
+def read_rows(folder: FilePath) -> dict[str, Row]:
+    """The finished rows of a folder by their key; nothing in it is changed.
+
+    Raises:
+        DataError: the file is no journal.
+    """
+    return _read(folder / NAME)[0]
+
+
+def _read(file: FilePath) -> tuple[dict[str, Row], int, int]:
+    """Rows by key, the bytes of the lines that are whole, and those of the file."""
+    try:
+        text = file.read_bytes() if file.exists() else b""
+    except OSError as error:
+        raise DataError(f"{file}: cannot be read ({error.strerror})") from None
+    whole = text[: text.rfind(b"\n") + 1]
+    rows: dict[str, Row] = {}
+    for number, line in enumerate(whole.splitlines(), start=1):
+        try:
+            row = json.loads(line)
+            rows[row["key"]] = row
+        except (ValueError, TypeError, KeyError):
+            raise DataError(f"{file}, line {number}: not a row of a benchmark") from None
+    return rows, len(whole), len(text)
+
+
 class Journal:
     """Rows by their key in a file of one JSON object a line.
 
@@ -28,23 +54,9 @@ class Journal:
             DataError: the folder cannot be made, or the file is no journal.
         """
         self.file = make_folder(folder) / NAME
-        self.rows: dict[str, Row] = {}
-        try:
-            text = self.file.read_bytes() if self.file.exists() else b""
-        except OSError as error:
-            raise DataError(f"{self.file}: cannot be read ({error.strerror})") from None
-        whole = text[: text.rfind(b"\n") + 1]
-        for number, line in enumerate(whole.splitlines(), start=1):
-            self._take(line, number)
-        if whole != text:
-            os.truncate(self.file, len(whole))
-
-    def _take(self, line: bytes, number: int) -> None:
-        try:
-            row = json.loads(line)
-            self.rows[row["key"]] = row
-        except (ValueError, TypeError, KeyError):
-            raise DataError(f"{self.file}, line {number}: not a row of a benchmark") from None
+        self.rows, whole, size = _read(self.file)
+        if whole != size:
+            os.truncate(self.file, whole)
 
     def add(self, rows: Iterable[Row]) -> None:
         """Append rows.

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -88,6 +88,17 @@ def bootstrap(
     return Interval(float(statistic(*arrays)), float(low), float(high))
 
 
+# From a function that gives the mean of any values in each draw to the statistic of each draw.
+Statistic: TypeAlias = Callable[[Callable[[ArrayLike], FloatArray]], Any]
+
+
+def of_draws(found: ArrayLike, level: float = LEVEL) -> Interval:
+    """The interval of a statistic whose first value is the sample's, and the others the draws'."""
+    value, *draws = np.asarray(found, dtype=np.float64)
+    low, high = np.quantile(draws, [0.5 * (1.0 - level), 0.5 * (1.0 + level)])
+    return Interval(float(value), float(low), float(high))
+
+
 class Clusters:
     """Percentile intervals for statistics of means over items that come in clusters.
 
@@ -117,7 +128,7 @@ class Clusters:
             draws = rng.multinomial(count, np.full(count, 1.0 / count), size=repetitions)
             self._drawn = np.vstack([self._drawn, draws])
 
-    def interval(self, statistic: Callable[[Callable[[ArrayLike], FloatArray]], Any]) -> Interval:
+    def interval(self, statistic: Statistic) -> Interval:
         """The statistic and its interval.
 
         Args:
@@ -126,9 +137,7 @@ class Clusters:
         """
         if not self._cluster.size:
             return Interval(math.nan, math.nan, math.nan)
-        value, *draws = np.asarray(statistic(self._means), dtype=np.float64)
-        low, high = np.quantile(draws, [0.5 * (1.0 - self._level), 0.5 * (1.0 + self._level)])
-        return Interval(float(value), float(low), float(high))
+        return of_draws(statistic(self._means), self._level)
 
     def _means(self, values: ArrayLike) -> FloatArray:
         sums = np.bincount(

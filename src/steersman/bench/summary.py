@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from steersman.bench.disturbance import Disturbance
 from steersman.bench.drive import Row
-from steersman.bench.entrants import Entrant
 from steersman.bench.standards import MOST_ACCELERATION
 from steersman.bench.statistics import Clusters, Interval
 from steersman.bench.suite import CLEAN
@@ -30,7 +29,19 @@ FACTORS_OF_BEST = tuple(round(2.0 ** (k / 4.0), 4) for k in range(29))
 _FINEST = 1e-5
 
 
-def summarise_rows(rows: Sequence[Row], entrants: Sequence[Entrant]) -> dict[str, Any]:
+class Named(Protocol):
+    """Whoever has rows: an entrant."""
+
+    @property
+    def name(self) -> str:
+        """What its rows call it."""
+
+    @property
+    def learned(self) -> bool:
+        """Whether a policy is part of it."""
+
+
+def summarise_rows(rows: Sequence[Row], entrants: Sequence[Named]) -> dict[str, Any]:
     """Figures of every controller, in the order of their error over all scenarios.
 
     Intervals are those of a bootstrap over paths: scenarios on one path are alike, so a path is

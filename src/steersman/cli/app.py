@@ -11,6 +11,7 @@ from steersman.cli import (
     bench,
     carla,
     carla_client,
+    compare,
     components,
     demo,
     drive,
@@ -50,6 +51,7 @@ app.command("tune", epilog=tune.EXAMPLES)(tune.tune)
 app.command("falsify", epilog=falsify.EXAMPLES)(falsify.falsify)
 app.command("bench", epilog=bench.EXAMPLES)(bench.bench)
 app.command("export", epilog=export.EXAMPLES)(export.export)
+app.command("compare", epilog=compare.EXAMPLES)(compare.compare)
 app.command("reproduce", epilog=reproduce.EXAMPLES)(reproduce.reproduce)
 app.command("report", epilog=report.EXAMPLES)(report.report)
 paths = typer.Typer(

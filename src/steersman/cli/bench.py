@@ -99,7 +99,7 @@ def bench(
     name, assignments = settings.split(words or [])
     suite = name or "standard"
     plan, read = _plan(suite, assignments, maps)
-    jobs = _jobs(plan, jobs, engine)
+    jobs = jobs_for(plan, jobs, engine)
     found = entrants(named)
     folder = settings.out_folder(out)
     tell_compiling()
@@ -133,7 +133,7 @@ def _plan(suite: str, assignments: Sequence[str], folder: str | None) -> tuple[S
     return laid_over(with_maps(base, found), assignments), found
 
 
-def _jobs(plan: Any, jobs: int | None, engine: str) -> int | None:
+def jobs_for(plan: Any, jobs: int | None, engine: str) -> int | None:
     """Processes at a time; a plant that is not embedded is one server with one car."""
     if plan.plant.embedded:
         return jobs
@@ -180,7 +180,7 @@ def _drive(scenarios: Any, found: Any, folder: FilePath, jobs: int | None, engin
 
     title = f"{len(scenarios)} scenarios x {len(found)} controllers"
     try:
-        with _progress(title) as progress:
+        with suite_progress(title) as progress:
             return run(scenarios, found, folder, engine=engine, jobs=jobs, progress=progress)
     except KeyboardInterrupt:
         note(f"interrupted; the same command goes on from {folder}")
@@ -188,7 +188,7 @@ def _drive(scenarios: Any, found: Any, folder: FilePath, jobs: int | None, engin
 
 
 @contextmanager
-def _progress(title: str) -> Iterator[Callable[[float, float], None]]:
+def suite_progress(title: str) -> Iterator[Callable[[float, float], None]]:
     """Told (simulated seconds done, in all): a bar in a terminal, else now and then a line."""
     note(title)
     if sys.stderr.isatty():

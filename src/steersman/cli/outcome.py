@@ -34,7 +34,7 @@ _EXTRAS = {
     "torch": "train",
 }
 # Commands whose settings are assignments, so that "--duration 5" deserves a hint.
-_WITH_SETTINGS = frozenset({"drive", "train", "tune", "falsify", "demo"})
+_WITH_SETTINGS = frozenset({"compare", "drive", "train", "tune", "falsify", "demo"})
 
 
 class OneLineGroup(TyperGroup):

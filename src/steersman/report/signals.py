@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steersman.bench.along import distance, same_path
 from steersman.episode import Episode
 from steersman.report.runs import Run
 from steersman.types import FloatArray
@@ -18,8 +19,6 @@ PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7
 DASHES = ("solid", "dash", "dot", "dashdot")
 # Points a page may hold in all, and the least and most for one run.
 BUDGET, LEAST, MOST = 90_000, 600, 4000
-# Runs are on the same path if their points at the same arc length are closer than this [m].
-SAME_PATH = 0.5
 
 
 class Signal(NamedTuple):
@@ -70,32 +69,6 @@ def rounded(values: FloatArray, digits: int) -> list[float | None]:
         None if not ok else int(v) if v == int(v) else v
         for v, ok in zip(out.tolist(), np.isfinite(out), strict=True)
     ]
-
-
-def distance(episode: Episode) -> FloatArray:
-    """Arc length along the path, counted on over the laps of a loop [m]."""
-    s = episode["s"]
-    return np.unwrap(s, period=episode.path_length) if episode.closed and s.size else s
-
-
-def same_path(a: Episode, b: Episode) -> bool:
-    """Whether two runs followed the same path: same length, same points at the same s."""
-    if a.closed != b.closed or not np.isclose(a.path_length, b.path_length, rtol=1e-6, atol=1e-3):
-        return False
-    if not len(a) or not len(b):
-        return True
-    s_a, s_b = a["s"], b["s"]
-    if a.closed:
-        s_a, s_b = s_a % a.path_length, s_b % b.path_length
-    common = (s_a >= s_b.min()) & (s_a <= s_b.max())
-    if not common.any():
-        return True
-    order = np.argsort(s_b)
-    gaps = [
-        np.interp(s_a[common], s_b[order], b[name][order]) - a[name][common]
-        for name in ("path_x", "path_y")
-    ]
-    return float(np.median(np.hypot(*gaps))) < SAME_PATH
 
 
 class Drive(NamedTuple):

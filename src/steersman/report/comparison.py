@@ -1,0 +1,213 @@
+"""The page of a comparison, and its tables as text for page and terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path as FilePath
+from typing import Any
+
+from steersman.bench.along import ALONG, STEP
+from steersman.bench.pairs import FIGURES, Figure
+from steersman.episode import Episode
+from steersman.report import benchmark
+from steersman.report.article import write_article
+from steersman.report.html import write_report
+from steersman.report.runs import Run, Table, read_progress
+from steersman.report.tables import text
+
+TITLE = "Side by side"
+_CURVES = {
+    "validation_error_mm": "validation error [mm]",
+    "off_track_resets": "off-track resets",
+}
+_SHOWN = 4
+
+
+def legend(found: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Letter, name and source of everybody."""
+    return [(one["letter"], one["name"], one["source"]) for one in found["contestants"]]
+
+
+def headers(found: Mapping[str, Any], k: int) -> dict[str, str]:
+    """The columns of the k-th comparison with the first contestant."""
+    a, b = found["contestants"][0]["letter"], found["contestants"][k + 1]["letter"]
+    return {"figure": "figure", "base": a, "own": b, "difference": f"{b} - {a}",
+            "ratio": f"{b} / {a}"}  # fmt: skip
+
+
+def rows(compared: Mapping[str, Any], gap: str = " ") -> list[dict[str, str]]:
+    """A comparison as text: a row for each figure; ``gap`` stands between value and interval."""
+    along = compared.get("along")
+    figures, found = (ALONG, along) if along is not None else (FIGURES, compared)
+    return [
+        {
+            "figure": f"{figure.label} [{figure.unit}]",
+            **{key: _number(found["figures"][name][key], figure.scale) for key in ("base", "own")},
+            "difference": _interval(found["figures"][name]["difference"], figure.scale, gap),
+            "ratio": _interval(found["figures"][name]["ratio"], 1.0, gap),
+        }
+        for name, figure in _known(figures, found.get("figures", {}))
+    ]
+
+
+def _known(figures: Mapping[str, Figure], found: Mapping[str, Any]) -> Iterator[tuple[str, Figure]]:
+    return ((name, figure) for name, figure in figures.items() if name in found)
+
+
+def _number(value: float | None, scale: float) -> str:
+    return text(None if value is None else scale * value, 3)
+
+
+def _interval(found: Mapping[str, float | None], scale: float, gap: str) -> str:
+    value, low, high = (_number(found[key], scale) for key in ("value", "low", "high"))
+    known = found["low"] is not None and found["high"] is not None
+    return f"{value}{gap}[{low}, {high}]" if known else value
+
+
+def sentences(found: Mapping[str, Any], k: int) -> list[str]:
+    """What the k-th comparison rests on."""
+    compared = found["comparisons"][k]
+    a, b = found["contestants"][0], found["contestants"][k + 1]
+    title = f"{b['letter']} ({b['name']}) against {a['letter']} ({a['name']})"
+    if found["sort"] == "scenarios":
+        return [
+            f"{title}: {compared['scenarios']} scenarios on {compared['paths']} paths, pair by"
+            f" pair; {b['letter']} has the smaller RMS error in {compared['better']} of them."
+        ]
+    return [f"{title}: {_stretch(compared['along'])}", *_differing(compared["differ"])]
+
+
+def _stretch(along: Mapping[str, Any] | None) -> str:
+    if along is None:
+        return "nothing that could be compared place by place."
+    return (
+        f"{along['places']} places {STEP:g} m apart, from {along['from_m']:.0f} m to"
+        f" {along['to_m']:.0f} m of the path; intervals from blocks of {along['block_m']:g} m."
+    )
+
+
+def _differing(differ: Sequence[Mapping[str, Any]]) -> list[str]:
+    """One sentence on the conditions that were not the same."""
+    if not differ:
+        return ["Path, vehicle, speed and all other conditions are the same."]
+    told = [f"{d['field']} ({_plain(d['base'])}, {_plain(d['own'])})" for d in differ[:_SHOWN]]
+    more = f" and {len(differ) - _SHOWN} more" if len(differ) > _SHOWN else ""
+    return [f"Not under the same conditions: {', '.join(told)}{more}."]
+
+
+def _plain(value: Any) -> str:
+    return "..." if isinstance(value, (list, dict)) else text(value)
+
+
+def write_comparison(
+    found: Mapping[str, Any],
+    out: FilePath,
+    *,
+    cases: Sequence[Mapping[str, Any]] = (),
+    episodes: Mapping[str, Episode] | None = None,
+) -> FilePath:
+    """Write the page of a comparison.
+
+    Args:
+        found: of :func:`steersman.studies.compare.compare.result`.
+        out: file of the page; a comparison over scenarios puts figures into ``plots/`` beside it.
+        cases: worst drives, of :func:`steersman.bench.replay.worst_cases`.
+        episodes: of a comparison of drives: the drives by name.
+
+    Raises:
+        SteersmanError: the extra ``report`` is not installed.
+        DataError: the files cannot be written.
+    """
+    if found["sort"] == "drives":
+        return write_report(_runs(found, episodes or {}), out, TITLE)
+    summary = benchmark.sections({"summary": found["summary"]}, cases)
+    page = [*_against(found), *_trainings(found), *summary]
+    seeds = ", ".join(map(str, found["seeds"]))
+    return write_article(page, out, TITLE, f"{found['scenarios']}, seeds {seeds}.")
+
+
+def _runs(found: Mapping[str, Any], episodes: Mapping[str, Episode]) -> list[Run]:
+    """Every drive, and every comparison as a table."""
+    drives = [
+        Run(name, episode=episode, metrics=found["metrics"][name], config=dict(episode.meta))
+        for name, episode in episodes.items()
+    ]
+    tables = [
+        Run(f"comparison {k}", table=Table(" ".join(sentences(found, k)), headers(found, k), lines))
+        for k, compared in enumerate(found["comparisons"])
+        if (lines := rows(compared))
+    ]
+    return [*drives, *tables]
+
+
+def _against(found: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """A section for each comparison, the first with the legend and the warnings."""
+    out: list[dict[str, Any]] = []
+    for k, compared in enumerate(found["comparisons"]):
+        columns = headers(found, k)
+        a, b = columns["base"], columns["own"]
+        points = [
+            {"name": path, "group": 0, "low": None, "high": None, "value": _ratio(one)}
+            for path, one in compared["by_path"].items()
+        ]
+        title = f"RMS error of {b} over that of {a}, by path"
+        out.append(
+            {
+                "title": f"{b} against {a}: {compared['name']}",
+                "text": sentences(found, k),
+                "tables": [{"title": "Pair by pair, with 95 % intervals of a bootstrap over paths",
+                            "columns": columns, "rows": rows(compared)}],
+                "figures": [{"file": f"ratio_{b}", "title": title, "x": "ratio",
+                             "points": points}],
+            }
+        )  # fmt: skip
+    who = [f"{letter}: {name} ({source})." for letter, name, source in legend(found)]
+    out[0]["text"] = [*who, *(f"{line}." for line in found["warnings"]), *out[0]["text"]]
+    return out
+
+
+def _ratio(one: Mapping[str, float]) -> float | None:
+    return one["own"] / one["base"] if one["base"] else None
+
+
+def _trainings(found: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """How the trainings among them went; nothing if there are none."""
+    trained = [one for one in found["contestants"] if one["sort"] == "training"]
+    if not trained:
+        return []
+    columns = {"name": "training", "steps": "steps", "simulated_seconds": "simulated [s]",
+               "error": "validation error [mm]", "failures": "failures"}  # fmt: skip
+    lines = [
+        {
+            "name": one["name"],
+            "steps": one["training"]["steps"],
+            "simulated_seconds": one["training"]["simulated_seconds"],
+            "error": _number(one["training"]["validation_mean_error"], 1e3),
+            "failures": one["training"]["validation_failures"],
+        }
+        for one in trained
+    ]
+    records = {one["name"]: read_progress(FilePath(one["source"]) / "progress.csv")
+               for one in trained}  # fmt: skip
+    words = "The exported policy of each, and the records of the trainings."
+    return [
+        {
+            "title": "Trainings",
+            "text": [words],
+            "tables": [{"title": "Trainings", "columns": columns, "rows": lines}],
+            "figures": [
+                _curve(records, column, title)
+                for column, title in _CURVES.items()
+                if all({"steps", column} <= set(record) for record in records.values())
+            ],
+        }
+    ]
+
+
+def _curve(records: Mapping[str, Mapping[str, Any]], column: str, title: str) -> dict[str, Any]:
+    lines = [
+        {"name": name, "x": record["steps"].tolist(), "y": record[column].tolist()}
+        for name, record in records.items()
+    ]
+    return {"file": column, "title": title.partition(" [")[0], "x": "environment steps",
+            "y": title, "log": column.endswith("_mm"), "lines": lines}  # fmt: skip

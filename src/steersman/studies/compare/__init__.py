@@ -1,0 +1,1 @@
+"""``steersman compare``: saved drives, trainings, benchmarks and controllers side by side."""

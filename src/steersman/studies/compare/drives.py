@@ -1,0 +1,124 @@
+"""Drives compared place by place along the path that they have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from steersman.bench.along import along_path, same_path
+from steersman.bench.disturbance import Disturbance
+from steersman.bench.drive import drive
+from steersman.bench.metrics import summarise
+from steersman.bench.pairs import FEW_PATHS
+from steersman.bench.suite import CLEAN, Scenario
+from steersman.config import build
+from steersman.episode import Episode
+from steersman.errors import ConfigError
+from steersman.rollout import RunConfig
+from steersman.studies.compare.contestants import Contestant
+
+# Parts of a run that decide what it was; who drove is what is compared.
+_CONDITIONS = (
+    *("path", "vehicle", "speed", "start", "duration", "laps", "corridor"),
+    *("sensor", "plant", "nominal", "seed"),
+)
+
+# What is recorded beside a drive changes nothing in it.
+_RECORDED = "plant.record"
+ONE_PATH = "one path, one drive of each: intervals tell of its places, not of other paths"
+
+
+def compare_drives(found: Sequence[Contestant]) -> dict[str, Any]:
+    """Set every drive against the first; controllers drive what the first drive drove.
+
+    Returns:
+        ``metrics`` of each drive by name; ``comparisons``: for each but the first ``name``,
+        ``differ`` (of :func:`differences`), ``same_path``, and ``along``, of
+        :func:`steersman.bench.along.along_path`, None where there is nothing to compare along;
+        ``warnings``.
+
+    Raises:
+        ConfigError: a controller is to drive what the first drive does not tell.
+    """
+    episodes = _episodes(found)
+    base, *others = found
+    comparisons, warnings = [], [ONE_PATH]
+    for other in others:
+        one, two = episodes[base.name], episodes[other.name]
+        differ, alike = differences(one.meta, two.meta), same_path(one, two)
+        along = along_path(one, two) if alike else None
+        comparisons.append(
+            {"name": other.name, "differ": differ, "same_path": alike, "along": along}
+        )
+        if not alike:
+            warnings.append(f"{base.name} and {other.name} drove different paths")
+        elif along is None:
+            warnings.append(f"{base.name} and {other.name} have hardly any of the path in common")
+        elif along["blocks"] < FEW_PATHS:
+            warnings.append(
+                f"{other.name}: only {along['blocks']} independent stretches: rough intervals"
+            )
+    return {
+        "metrics": {name: summarise(episode) for name, episode in episodes.items()},
+        "comparisons": comparisons,
+        "warnings": warnings,
+        "episodes": episodes,
+    }
+
+
+def _episodes(found: Sequence[Contestant]) -> dict[str, Episode]:
+    """The drives by name; controllers drive now what the first saved drive drove."""
+    out = {}
+    pattern = next(one for one in found if one.episode is not None)
+    for one in found:
+        if one.episode is not None:
+            out[one.name] = one.episode
+        elif one.entrant is not None:
+            out[one.name] = drive(_scenario(pattern), one.entrant)
+    return out
+
+
+def _scenario(pattern: Contestant) -> Scenario:
+    """What a saved drive drove."""
+    assert pattern.episode is not None
+    meta = pattern.episode.meta
+    try:
+        config = build(RunConfig, meta["config"])
+    except (ConfigError, KeyError, TypeError) as error:
+        raise ConfigError(f"{pattern.source} does not tell what was driven ({error})") from None
+    return Scenario("", "", CLEAN, "", config.seed, Disturbance(), config)
+
+
+def differences(one: Mapping[str, Any], two: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The fields of two drives' configurations in which what was driven differs.
+
+    Args:
+        one: ``meta`` of an episode.
+        two: of the other.
+
+    Returns:
+        For each field its name (``speed.speed``) and both values, None where one has no such
+        field.
+    """
+    pair = [_conditions(meta) for meta in (one, two)]
+    names = dict.fromkeys(name for fields in pair for name in fields)
+    return [
+        {"field": name, "base": pair[0].get(name), "own": pair[1].get(name)}
+        for name in names
+        if pair[0].get(name) != pair[1].get(name)
+    ]
+
+
+def _conditions(meta: Mapping[str, Any]) -> dict[str, Any]:
+    config = meta.get("config")
+    tree = config if isinstance(config, Mapping) else {}
+    fields = dict(_flat({name: tree[name] for name in _CONDITIONS if name in tree}))
+    return {name: value for name, value in fields.items() if name != _RECORDED}
+
+
+def _flat(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in tree.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value

@@ -1,0 +1,168 @@
+"""Controllers compared over the same scenarios: rows of benchmarks, and what is driven now."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path as FilePath
+from typing import Any, NamedTuple
+
+from steersman.bench import drive
+from steersman.bench.drive import Row
+from steersman.bench.pairs import FEW_PATHS, against
+from steersman.bench.replay import worst_cases
+from steersman.bench.runner import bench
+from steersman.bench.suite import Scenario, Suite
+from steersman.bench.suites import suite as read_suite
+from steersman.bench.summary import summarise_rows
+from steersman.errors import ConfigError
+from steersman.studies.compare.contestants import Benchmark, Contestant, benchmark
+
+QUICK, LARGER = "quick", "core"
+_SHOWN = 3
+
+Progress = Callable[[float], None]
+
+
+class Plan(NamedTuple):
+    """What everybody drives, or drove."""
+
+    words: str
+    """Where the scenarios come from."""
+    suite: Suite
+    seeds: tuple[int, ...]
+    scenarios: tuple[Scenario, ...]
+    warnings: tuple[str, ...] = ()
+    more: str = ""
+    """Where there are more paths, as the end of a warning."""
+
+
+def plan(
+    found: Sequence[Contestant],
+    suite: str | None,
+    assignments: Sequence[str],
+    seeds: Sequence[int] | None,
+) -> Plan:
+    """The scenarios: those of the benchmark among the contestants, else of a suite.
+
+    Of several benchmarks those that they have in common, by name and by content.
+
+    Raises:
+        ConfigError: suite or seeds are given although a benchmark decides them, the benchmarks
+            have no scenario in common, or the suite is unknown.
+        DataError: a benchmark's folder is incomplete.
+    """
+    folders = list(dict.fromkeys(one.folder for one in found if one.sort == "rows" and one.folder))
+    if not folders:
+        name, numbers = suite or QUICK, tuple(seeds or (0,))
+        chosen = read_suite(name, assignments)
+        scenarios, more = tuple(chosen.scenarios(numbers)), f"; suite={LARGER} has more"
+        return Plan(f"suite {name}", chosen, numbers, scenarios, more=more)
+    if suite is not None or assignments or seeds is not None:
+        raise ConfigError(
+            f"the scenarios are those of {folders[0]}; leave out suite, its settings and --seeds"
+        )
+    return _common([benchmark(folder) for folder in folders])
+
+
+def _common(folders: Sequence[Benchmark]) -> Plan:
+    first, *others = folders
+    scenarios = first.suite.scenarios(first.seeds)
+    warnings = []
+    for other in others:
+        theirs = {s.name: s for s in other.suite.scenarios(other.seeds)}
+        same = [s for s in scenarios if s.name in theirs]
+        alike = [s for s in same if drive.digest(s) == drive.digest(theirs[s.name])]
+        if not alike:
+            raise ConfigError(f"{first.folder} and {other.folder} have no scenario in common")
+        left_out = max(len(scenarios), len(theirs)) - len(alike)
+        if left_out:
+            warnings.append(
+                f"{left_out} scenarios of {first.folder} or {other.folder} are not in both,"
+                f" or differ ({len(same) - len(alike)}); left out"
+            )
+        scenarios = alike
+    if len({folder.commits for folder in folders}) > 1:
+        warnings.append("the benchmarks were driven by different commits")
+    words = " and ".join(str(folder.folder) for folder in folders)
+    return Plan(words, first.suite, first.seeds, tuple(scenarios), tuple(warnings))
+
+
+def compare_scenarios(
+    found: Sequence[Contestant],
+    over: Plan,
+    folder: FilePath,
+    jobs: int | None = None,
+    progress: Callable[[float, float], None] | None = None,
+) -> dict[str, Any]:
+    """Drive what is to be driven, and set everybody against the first.
+
+    Args:
+        found: who is compared.
+        over: the scenarios.
+        folder: keeps the rows that are driven now.
+        jobs: processes at a time; None: one for each core.
+        progress: told (simulated seconds done, simulated seconds in all).
+
+    Returns:
+        ``scenarios`` and ``seeds``: what was driven; ``summary`` of all
+        (:func:`steersman.bench.summary.summarise_rows`); ``comparisons``: for each but the first,
+        of :func:`steersman.bench.pairs.against`; ``cases``: worst drives, if everybody was driven
+        now; ``trainings``: what the cards of trainings tell; ``warnings``.
+
+    Raises:
+        ConfigError: a controller does not fit the suite, or nobody drove the same scenario.
+        DataError: the folder cannot be read or written.
+    """
+    rows = _saved(found, over)
+    drivers = [one.entrant._replace(name=one.name) for one in found if one.entrant is not None]
+    if drivers:
+        driven = bench(over.scenarios, drivers, folder, jobs=jobs, progress=progress)
+        for row in driven:
+            rows[row["controller"]].append(row)
+    warnings = [*over.warnings, *_missing(rows, over)]
+    base, *others = found
+    comparisons = []
+    for other in others:
+        pairs = against(rows[base.name], rows[other.name])
+        if not pairs["scenarios"]:
+            raise ConfigError(f"{base.source} and {other.source} drove no scenario in common")
+        comparisons.append({"name": other.name, **pairs})
+    fewest = min(pairs["paths"] for pairs in comparisons)
+    if fewest < FEW_PATHS:
+        warnings.append(few_paths(fewest) + over.more)
+    everybody = len(drivers) == len(found)
+    every = [row for one in found for row in rows[one.name]]
+    return {
+        "scenarios": over.words,
+        "seeds": list(over.seeds),
+        "summary": summarise_rows(every, found),
+        "comparisons": comparisons,
+        "cases": worst_cases(every, over.scenarios, drivers) if everybody else [],
+        "warnings": warnings,
+    }
+
+
+def few_paths(count: int) -> str:
+    """The warning about intervals that rest on few roads."""
+    if count == 1:
+        return "all on one path: there are no intervals over paths"
+    return f"only {count} independent paths: the intervals are rough"
+
+
+def _saved(found: Sequence[Contestant], over: Plan) -> dict[str, list[Row]]:
+    """Each contestant's rows of the planned scenarios, under its own name, in their order."""
+    out: dict[str, list[Row]] = {}
+    for one in found:
+        mine = {row["scenario"]: row for row in one.rows}
+        out[one.name] = [
+            {**mine[s.name], "controller": one.name} for s in over.scenarios if s.name in mine
+        ]
+    return out
+
+
+def _missing(rows: Mapping[str, Sequence[Row]], over: Plan) -> list[str]:
+    short = [f"{name} {len(own)}" for name, own in rows.items() if len(own) < len(over.scenarios)]
+    if not short:
+        return []
+    more = ", ..." if len(short) > _SHOWN else ""
+    return [f"of {len(over.scenarios)} scenarios drove: {', '.join(short[:_SHOWN])}{more}"]

@@ -1,0 +1,83 @@
+"""Pairs of rows: what is paired, differences, ratios, and what has no interval."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+from steersman.bench.pairs import against, joined
+
+PATHS = [f"road_{k}" for k in range(8)]
+
+
+def rows(factor: float = 1.0, paths: Sequence[str] = PATHS, seed: int = 0) -> list[dict[str, Any]]:
+    """Three scenarios on each path; roads differ by far more than controllers do."""
+    rng = np.random.default_rng(seed)
+    out = []
+    for path in paths:
+        hard = 10.0 ** rng.uniform(-2.0, 0.0)
+        for disturbance in ("clean", "heavy", "light"):
+            error = factor * hard * rng.uniform(0.9, 1.1)
+            out.append(
+                {
+                    "scenario": f"{path}/{disturbance}",
+                    "path": path,
+                    "disturbance": disturbance,
+                    "completed": True,
+                    "charged_rms_m": error,
+                    "charged_p95_m": 2.0 * error,
+                    "steer_change_rms": 0.01,
+                    "steer_reversals_per_min": 5.0,
+                    "weighted_acceleration_m_s2": 0.3,
+                    "control_time_us_p50": 4.0,
+                }
+            )
+    return out
+
+
+def test_a_factor_is_found_however_much_the_roads_differ() -> None:
+    found = against(rows(), rows(0.5))
+    figure = found["figures"]["rms_m"]
+    assert figure["ratio"] == pytest.approx({"value": 0.5, "low": 0.5, "high": 0.5})
+    assert figure["own"] == pytest.approx(0.5 * figure["base"])
+    assert figure["difference"]["high"] < 0.0
+    assert (found["scenarios"], found["paths"], found["better"]) == (24, 8, 24)
+    assert found["figures"]["rms_clean_m"]["pairs"] == 8
+    assert found["figures"]["rms_disturbed_m"]["pairs"] == 16
+
+
+def test_exchanging_the_two_negates_differences_and_inverts_ratios() -> None:
+    a, b = rows(seed=1), rows(0.8, seed=2)
+    one, two = (against(*pair)["figures"]["rms_m"] for pair in ((a, b), (b, a)))
+    assert one["difference"]["value"] == pytest.approx(-two["difference"]["value"])
+    assert one["difference"]["low"] == pytest.approx(-two["difference"]["high"])
+    assert one["ratio"]["value"] == pytest.approx(1.0 / two["ratio"]["value"])
+    assert one["ratio"]["low"] == pytest.approx(1.0 / two["ratio"]["high"], rel=1e-3)
+
+
+def test_only_what_both_drove_is_paired() -> None:
+    base, own = rows(), rows()[3:]
+    assert [a["scenario"] for a, b in joined(base, own)] == [r["scenario"] for r in own]
+    assert against(base, own)["paths"] == 7
+    assert against(base, [])["figures"] == {}
+
+
+def test_one_path_has_no_interval() -> None:
+    found = against(rows(paths=["road_0"]), rows(0.5, paths=["road_0"]))["figures"]["rms_m"]
+    assert found["ratio"] == {"value": pytest.approx(0.5), "low": None, "high": None}
+    assert found["pairs"] == 3
+
+
+def test_a_ratio_to_nothing_is_undefined() -> None:
+    figure = against(rows(), rows())["figures"]["ended_early"]
+    assert figure["difference"] == {"value": 0.0, "low": 0.0, "high": 0.0}
+    assert figure["ratio"] == {"value": None, "low": None, "high": None}
+
+
+def test_undefined_values_leave_their_pair_out() -> None:
+    own = rows()
+    own[0]["steer_reversals_per_min"] = None
+    assert against(rows(), own)["figures"]["steer_reversals_per_min"]["pairs"] == 23
