@@ -1,6 +1,7 @@
 # make demo   train with a demonstrator, drive, and write runs/demo/report.html
 # make test   run the tests with coverage
-# make check  run the linters; CI runs `make check test`
+# make check  run the linters and build the documentation; CI runs `make check test`
+# make docs   serve the documentation at http://127.0.0.1:8000
 # make setup  make .venv with everything in it; the others do so by themselves
 # make lock   write the versions that are in .venv to constraints.txt
 # make clean  remove .venv and caches; runs/ stays
@@ -13,7 +14,10 @@ WORKERS ?= 2
 
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: demo test check setup lock clean
+# Without it, a banner about the theme's successor stands in every log.
+export NO_MKDOCS_2_WARNING := 1
+
+.PHONY: demo test check docs setup lock clean
 
 demo: $(STAMP)
 	$(BIN)/steersman demo --out runs/demo
@@ -27,6 +31,10 @@ check: $(STAMP)
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/mkdocs build --strict --quiet
+
+docs: $(STAMP)
+	$(BIN)/mkdocs serve
 
 setup: $(STAMP)
 
@@ -39,7 +47,7 @@ $(STAMP): pyproject.toml constraints.txt
 	  echo "$(PYTHON) cannot make virtual environments; on Debian or Ubuntu:" \
 	       "apt-get install python3-venv"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install -c constraints.txt -e '.[train,tune,report,bench,logs,ray,carla,dev]'
+	$(BIN)/python -m pip install -c constraints.txt -e '.[train,tune,report,bench,logs,ray,carla,docs,dev]'
 	touch $@
 
 lock: $(STAMP)

@@ -1,0 +1,165 @@
+"""The code in the documentation works: Python runs, and so do commands that are short.
+
+Commands that take long, or need a server, are checked as far as they come before any work begins:
+their words are parsed, their settings and files read and validated. ``<!-- not run: why -->`` above
+a block says why neither is possible.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path as FilePath
+from typing import Any, NoReturn
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from steersman import tuned
+from steersman.cli import app, settings
+from steersman.cli.outcome import _UsageError
+from steersman.config import build, override, to_yaml
+from steersman.learning.imitation.imitate import imitation_config
+from steersman.learning.train import load_preset, train_config
+from steersman.rollout import RunConfig
+
+from .pages import PAGES, ROOT, Block, blocks, commands
+
+# Commands that are short, so that they run as they stand. `drive` runs unless it records.
+RUN = {"list", "show", "drive", "path"}
+# What is asked of a server: words and options are checked, nothing else.
+SERVER = {"carla"}
+BLOCKS = [block for page in PAGES for block in blocks(page)]
+
+
+def name(block: Block) -> str:
+    return str(block)
+
+
+class Checked(BaseException):
+    """Everything that comes before the work is done."""
+
+
+def stop(*_: Any, **__: Any) -> NoReturn:
+    raise Checked
+
+
+@pytest.fixture(autouse=True)
+def world(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> Iterator[FilePath]:
+    """A folder with the files that the pages name, as their readers would have them by then."""
+    monkeypatch.chdir(tmp_path)
+    shipped = ROOT / "src" / "steersman"
+    policy = shipped / "policies" / "precision.onnx"
+    for stem in ("agent", "dagger", "residual", "demo/training", "bc", "first", "mine"):
+        folder = tmp_path / "runs" / stem
+        folder.mkdir(parents=True)
+        for suffix in (".onnx", ".json"):
+            shutil.copy(policy.with_suffix(suffix), folder / f"policy{suffix}")
+    (tmp_path / "runs/agent/config.yaml").write_text(to_yaml(train_config(load_preset("demo"))))
+    (tmp_path / "runs/dagger/config.yaml").write_text(to_yaml(imitation_config({})))
+    found = tuned.locate("tuned/pid")
+    assert found is not None
+    for stem in ("tune", "tuned", "tune_pid"):
+        (tmp_path / "runs" / stem).mkdir()
+        shutil.copy(found, tmp_path / "runs" / stem / "tuned.yaml")
+    (tmp_path / "runs/monza").mkdir()
+    config = build(RunConfig, override({}, ["path=monza", "controller=mpc_pid"]))
+    (tmp_path / "runs/monza/config.yaml").write_text(to_yaml(config))
+    (tmp_path / "my_car.yaml").write_text("base: carla_model3\nmass: 2100\n")
+    shutil.copy(tmp_path / "my_car.yaml", tmp_path / "car.yaml")
+    (tmp_path / "my_road.csv").write_text("x,y\n0,0\n40,0\n80,5\n120,15\n160,15\n200,0\n")
+    for folder in ("DIR", "my_maps"):
+        (tmp_path / folder).mkdir()
+        result = CliRunner().invoke(app, ["path", "export", "circle", "--to", f"{folder}/a.xodr"])
+        assert result.exit_code == 0
+    yield tmp_path
+    os.chdir(ROOT)
+
+
+@pytest.mark.parametrize("block", [b for b in BLOCKS if b.language == "python"], ids=name)
+def test_python(block: Block) -> None:
+    code = compile(block.body, str(block), "exec")
+    if not block.excuse:
+        exec(code, {"__name__": "__main__"})
+
+
+@pytest.mark.parametrize("block", [b for b in BLOCKS if commands(b)], ids=name)
+def test_commands(block: Block, monkeypatch: pytest.MonkeyPatch) -> None:
+    for words in commands(block):
+        code, told = call(words, monkeypatch)
+        assert code == 0, f"{block}: steersman {' '.join(words)}\n{told}"
+
+
+def call(words: list[str], monkeypatch: pytest.MonkeyPatch) -> tuple[int, str]:
+    """Exit code and output of a command that runs, or is stopped where its work begins."""
+    if words[0] in SERVER:
+        return parse(words), "see --help"
+    with monkeypatch.context() as patch:
+        if words[0] not in RUN or "--out" in words:
+            patch.setattr(settings, "out_folder", stop)
+        if "plant=carla" in words or _missing_map(words):
+            patch.setattr("steersman.rollout.run", stop)
+        try:
+            result = CliRunner().invoke(app, words, prog_name="steersman", catch_exceptions=False)
+        except Checked:
+            return 0, ""
+    return result.exit_code, result.output
+
+
+def parse(words: list[str]) -> int:
+    """Whether there is such a command with such options; 0 if there is."""
+    command: Any = typer.main.get_command(app)
+    while hasattr(command, "get_command"):
+        command, words = command.get_command(None, words[0]), words[1:]
+        if command is None:
+            return 2
+    try:
+        command.make_context("", list(words))
+    except (typer.Exit, _UsageError) as error:
+        return error.exit_code
+    return 0
+
+
+def _missing_map(words: list[str]) -> bool:
+    """CARLA's maps are CARLA's: nobody has them here."""
+    named = [word.partition("=")[2] for word in words if word.endswith(".xodr") and "=" in word]
+    return any(not FilePath(file).exists() for file in named)
+
+
+@pytest.mark.parametrize("target", sorted({w[0] for b in BLOCKS for w in commands(b, "make") if w}))
+def test_make(target: str) -> None:
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    assert re.search(rf"^{target}:", makefile, re.M)
+
+
+@pytest.mark.parametrize("words", ["drive path=circel", "train demo --out x agent.gama=1"])
+def test_a_wrong_command_is_found(words: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert call(words.split(), monkeypatch)[0] != 0
+
+
+@pytest.mark.parametrize("words", [["carla", "docter"], ["carla", "map", "--too", "x"]])
+def test_a_wrong_command_for_a_server_is_found(words: list[str]) -> None:
+    assert parse(words) != 0
+
+
+def _block(text: str, tmp_path: FilePath) -> list[Block]:
+    page = tmp_path / "page.md"
+    page.write_text(text, encoding="utf-8")
+    return list(blocks(page))
+
+
+def test_what_is_found_on_a_page(tmp_path: FilePath) -> None:
+    code = "$ steersman list; steersman --version\nmake x\nsteersman show \\\n  a 'b c'  # why\n"
+    text = f"one\n\n```sh\n{code}```\n"
+    (block,) = _block(text, tmp_path)
+    assert (block.line, block.language, block.excuse) == (3, "sh", "")
+    assert commands(block) == [["list"], ["--version"], ["show", "a", "b c"]]
+    assert commands(block, "make") == [["x"]]
+
+
+def test_an_excuse_holds_for_the_next_block_alone(tmp_path: FilePath) -> None:
+    text = "<!-- not run: too long -->\n\n```\na\n```\n\n```\nb\n```\n"
+    assert [block.excuse for block in _block(text, tmp_path)] == ["too long", ""]
