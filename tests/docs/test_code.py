@@ -7,10 +7,7 @@ a block says why neither is possible.
 
 from __future__ import annotations
 
-import os
 import re
-import shutil
-from collections.abc import Iterator
 from pathlib import Path as FilePath
 from typing import Any, NoReturn
 
@@ -18,14 +15,10 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from steersman import tuned
 from steersman.cli import app, settings
 from steersman.cli.outcome import _UsageError
-from steersman.config import build, override, to_yaml
-from steersman.learning.imitation.imitate import imitation_config
-from steersman.learning.train import load_preset, train_config
-from steersman.rollout import RunConfig
 
+from . import world
 from .pages import PAGES, ROOT, Block, blocks, commands
 
 # Commands that are short, so that they run as they stand. `drive` runs unless it records.
@@ -47,36 +40,17 @@ def stop(*_: Any, **__: Any) -> NoReturn:
     raise Checked
 
 
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+    """The files that the pages name, as their readers would have them by then."""
+    folder = tmp_path_factory.mktemp("reader")
+    world.make(folder)
+    return folder
+
+
 @pytest.fixture(autouse=True)
-def world(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> Iterator[FilePath]:
-    """A folder with the files that the pages name, as their readers would have them by then."""
-    monkeypatch.chdir(tmp_path)
-    shipped = ROOT / "src" / "steersman"
-    policy = shipped / "policies" / "precision.onnx"
-    for stem in ("agent", "dagger", "residual", "demo/training", "bc", "first", "mine"):
-        folder = tmp_path / "runs" / stem
-        folder.mkdir(parents=True)
-        for suffix in (".onnx", ".json"):
-            shutil.copy(policy.with_suffix(suffix), folder / f"policy{suffix}")
-    (tmp_path / "runs/agent/config.yaml").write_text(to_yaml(train_config(load_preset("demo"))))
-    (tmp_path / "runs/dagger/config.yaml").write_text(to_yaml(imitation_config({})))
-    found = tuned.locate("tuned/pid")
-    assert found is not None
-    for stem in ("tune", "tuned", "tune_pid"):
-        (tmp_path / "runs" / stem).mkdir()
-        shutil.copy(found, tmp_path / "runs" / stem / "tuned.yaml")
-    (tmp_path / "runs/monza").mkdir()
-    config = build(RunConfig, override({}, ["path=monza", "controller=mpc_pid"]))
-    (tmp_path / "runs/monza/config.yaml").write_text(to_yaml(config))
-    (tmp_path / "my_car.yaml").write_text("base: carla_model3\nmass: 2100\n")
-    shutil.copy(tmp_path / "my_car.yaml", tmp_path / "car.yaml")
-    (tmp_path / "my_road.csv").write_text("x,y\n0,0\n40,0\n80,5\n120,15\n160,15\n200,0\n")
-    for folder in ("DIR", "my_maps"):
-        (tmp_path / folder).mkdir()
-        result = CliRunner().invoke(app, ["path", "export", "circle", "--to", f"{folder}/a.xodr"])
-        assert result.exit_code == 0
-    yield tmp_path
-    os.chdir(ROOT)
+def there(folder: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder)
 
 
 @pytest.mark.parametrize("block", [b for b in BLOCKS if b.language == "python"], ids=name)
@@ -100,6 +74,7 @@ def call(words: list[str], monkeypatch: pytest.MonkeyPatch) -> tuple[int, str]:
     with monkeypatch.context() as patch:
         if words[0] not in RUN or "--out" in words:
             patch.setattr(settings, "out_folder", stop)
+            patch.setattr(f"steersman.cli.{words[0]}.tell_compiling", stop, raising=False)
         if "plant=carla" in words or _missing_map(words):
             patch.setattr("steersman.rollout.run", stop)
         try:

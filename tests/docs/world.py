@@ -1,0 +1,63 @@
+"""The files that the pages name. A page that names another one needs a line here."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path as FilePath
+
+from typer.testing import CliRunner
+
+from steersman import tuned
+from steersman.cli import app
+from steersman.config import build, override, to_yaml
+from steersman.episode import load_episode
+from steersman.learning.imitation.imitate import imitation_config
+from steersman.learning.train import load_preset, train_config
+from steersman.logs.write import write_episode
+from steersman.rollout import RunConfig
+from steersman.vehicles import CarlaModel3
+
+from .pages import ROOT
+
+POLICY = ROOT / "src" / "steersman" / "policies" / "precision.onnx"
+# Folders of trainings (or imitations), of tunings, and of drives.
+TRAININGS = ("agent", "agent2", "dagger", "residual", "demo/training", "bc", "mine")
+TUNINGS = ("tune", "tuned", "tune_pid")
+DRIVES = ("monza_mpc", "monza_agent", "first")
+ROAD = "x,y\n0,0\n40,0\n80,5\n120,15\n160,15\n200,0\n"
+
+
+def make(folder: FilePath) -> None:
+    """Write them all."""
+    runs = folder / "runs"
+    for name in TRAININGS:
+        (runs / name).mkdir(parents=True, exist_ok=True)
+        for suffix in (".onnx", ".json"):
+            shutil.copy(POLICY.with_suffix(suffix), runs / name / f"policy{suffix}")
+    (runs / "agent" / "config.yaml").write_text(to_yaml(train_config(load_preset("demo"))))
+    (runs / "dagger" / "config.yaml").write_text(to_yaml(imitation_config({})))
+    gains = tuned.locate("tuned/pid")
+    assert gains is not None
+    for name in TUNINGS:
+        (runs / name).mkdir()
+        shutil.copy(gains, runs / name / "tuned.yaml")
+    config = build(RunConfig, override({}, ["path=monza", "controller=mpc_pid"]))
+    (runs / "monza").mkdir()
+    (runs / "monza" / "config.yaml").write_text(to_yaml(config))
+    (folder / "my_road.csv").write_text(ROAD)
+    for name in ("my_car.yaml", "car.yaml"):
+        (folder / name).write_text("base: carla_model3\nmass: 2100\n")
+    for name in ("DIR", "my_maps"):
+        steersman("path", "export", "circle", "--to", str(folder / name / "map.xodr"))
+    for name in DRIVES:
+        steersman("drive", "duration=2", "--out", str(runs / name))
+    words = ("--controllers", "lqr,pid", "--jobs", "1", "--out", str(runs / "bench"))
+    steersman("bench", "quick", *words)
+    driven = load_episode(runs / "first" / "episode.npz")
+    write_episode(folder / "run.mcap", driven, CarlaModel3().table)
+
+
+def steersman(*words: str) -> None:
+    """Run a command that must succeed."""
+    result = CliRunner().invoke(app, list(words), prog_name="steersman", catch_exceptions=False)
+    assert result.exit_code == 0, result.output
