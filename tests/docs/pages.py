@@ -11,7 +11,8 @@ from typing import NamedTuple
 ROOT = FilePath(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 _FENCE = re.compile(r"^(?P<indent> *)```(?P<language>\w*)[^\n]*\n(?P<body>.*?)^ *```", re.M | re.S)
-_EXCUSE = re.compile(r"<!-- not run: (?P<why>[^>]+?) -->\s*\Z")
+# A block may be quoted from a file, whose own tests run it (tests/docs/test_plugin.py).
+_EXCUSE = re.compile(r"<!-- (?:not run: |from )(?P<why>[^>]+?) -->\s*\Z")
 _SHELL = {"", "sh", "bash", "console"}
 
 

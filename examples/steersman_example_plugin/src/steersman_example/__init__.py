@@ -1,0 +1,1 @@
+"""A controller, a path and a vehicle for Steersman."""

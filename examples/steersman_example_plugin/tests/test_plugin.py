@@ -1,0 +1,44 @@
+"""Tests of the plug-in itself: `pytest examples/steersman_example_plugin` once it is installed."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from steersman.bench.metrics import summarise
+from steersman.config import build, components, resolve
+from steersman.errors import ConfigError
+from steersman.paths.base import PathComponent
+from steersman.rollout import RunConfig, run
+
+
+@pytest.mark.parametrize(
+    ("family", "kind"),
+    [("controller", "vector_field"), ("path", "stadium"), ("vehicle", "kei_car")],
+)
+def test_it_is_found_by_name(family: str, kind: str) -> None:
+    assert kind in components(family)
+
+
+def test_it_follows_a_road() -> None:
+    parts = {"controller": "vector_field", "path": "stadium", "vehicle": "kei_car", "laps": 1}
+    metrics = summarise(run(build(RunConfig, parts)))
+    assert metrics["completed"]
+    assert metrics["max_abs_lateral_error_m"] < 0.5
+
+
+def test_the_stadium_closes_and_turns_once() -> None:
+    path = resolve("path", {"kind": "stadium", "radius": 40.0})
+    assert isinstance(path, PathComponent)
+    assert path.closed
+    bends = 2.0 * (math.pi * 40.0 + 20.0)
+    assert path.length == pytest.approx(2.0 * 100.0 + bends)
+    end = path.at(path.length - 1e-6)
+    assert (end.x, end.y) == pytest.approx((0.0, 0.0), abs=1e-5)
+    assert path.at(100.0 + 0.25 * bends).kappa == pytest.approx(1.0 / 40.0)
+
+
+def test_a_bend_without_an_arc_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"shorter than 31\.4159 m"):
+        resolve("path", {"kind": "stadium", "radius": 10.0, "clothoid": 50.0})

@@ -1,0 +1,104 @@
+"""The example of a plug-in, installed as a package and used by name."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path as FilePath
+
+import pytest
+
+from .pages import ROOT
+
+EXAMPLE = ROOT / "examples" / "steersman_example_plugin"
+PAGE = ROOT / "docs" / "plugins.md"
+QUOTED = re.compile(r"<!-- from (\S+) -->\s*```\w+\n(.*?)^```", re.MULTILINE | re.DOTALL)
+COMMAND = "import sys; from steersman.cli import main; main(sys.argv[1:])"
+# The demonstrator is shown at every step; who does as it shows, stays on the road.
+IMITATE = """
+import gymnasium, numpy, steersman
+problem = {"roads": ["stadium"], "demonstration": {"controller": "vector_field"}}
+env = gymnasium.make("steersman/PathFollowing-v0", problem=problem)
+_, info = env.reset(seed=0)
+for _ in range(100):
+    action = numpy.array([info["demo_action"]], numpy.float32)
+    _, _, terminated, _, info = env.step(action)
+    assert not terminated
+"""
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+    """A folder into which pip installed the package, without a network."""
+    source, target = (tmp_path_factory.mktemp(name) / "plugin" for name in ("source", "target"))
+    shutil.copytree(EXAMPLE, source)  # building leaves files beside what it builds
+    offline = ["--no-index", "--no-deps", "--no-build-isolation", "--quiet"]
+    words = [sys.executable, "-m", "pip", "install", *offline, "--target", str(target), str(source)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return target
+
+
+def python(installed: FilePath, *words: str, cwd: FilePath = ROOT) -> str:
+    """Output of Python with the package on its path."""
+    paths = os.pathsep.join([str(installed), str(ROOT / "src")])
+    environment = {**os.environ, "PYTHONPATH": paths}
+    done = subprocess.run(
+        [sys.executable, *words], cwd=cwd, env=environment, capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_commands_know_it(installed: FilePath) -> None:
+    words = ["controller=vector_field", "path=stadium", "vehicle=kei_car", "laps=1", "--json"]
+    found = json.loads(python(installed, "-c", COMMAND, "drive", *words))
+    assert found["config"]["path"]["kind"] == "stadium"
+    assert found["metrics"]["completed"]
+    assert found["metrics"]["rms_lateral_error_m"] < 0.3
+    shown = python(installed, "-c", COMMAND, "show", "controller", "vector_field")
+    assert "Follows the course" in shown
+
+
+def test_its_own_tests_and_the_contract_hold(installed: FilePath) -> None:
+    words = [
+        "-m",
+        "pytest",
+        "-q",
+        "-n",
+        "0",
+        "-p",
+        "no:cacheprovider",
+        "-k",
+        "vector_field or plugin",
+    ]
+    tests = ["tests/test_contracts.py", str(EXAMPLE / "tests")]
+    told = python(installed, *words, *tests)
+    counted = re.search(r"(\d+) passed", told)
+    assert counted is not None
+    assert int(counted[1]) > 60, told
+
+
+def test_it_demonstrates(installed: FilePath) -> None:
+    python(installed, "-c", IMITATE)
+
+
+def test_without_it_nothing_of_it_is_known() -> None:
+    from steersman.config import components
+
+    assert "vector_field" not in components("controller")
+
+
+@pytest.mark.parametrize(("name", "text"), QUOTED.findall(PAGE.read_text(encoding="utf-8")))
+def test_the_page_quotes_what_is_there(name: str, text: str) -> None:
+    assert text in (EXAMPLE / name).read_text(encoding="utf-8")
+
+
+def test_the_page_quotes_every_part() -> None:
+    names = {name for name, _ in QUOTED.findall(PAGE.read_text(encoding="utf-8"))}
+    assert len(names) >= 4
