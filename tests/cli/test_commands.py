@@ -263,7 +263,7 @@ class TestDrive:
 
 class TestReport:
     def test_runs_become_a_page(self, steersman: Steersman, tmp_path: FilePath) -> None:
-        pytest.importorskip("plotly")
+        pytest.importorskip("jinja2")
         assert steersman("drive", "duration=1", "--out", "one").exit_code == 0
         assert steersman("drive", "duration=1", "controller=pid", "--out", "two").exit_code == 0
         result = steersman("report", "one", "two", "--out", "new/page.html", "--title", "Both")
@@ -271,6 +271,25 @@ class TestReport:
         assert result.stderr == "written: new/page.html\n"
         page = (tmp_path / "new" / "page.html").read_text(encoding="utf-8")
         assert "<title>Both</title>" in page
+
+    def test_a_drive_is_written_as_a_page(self, steersman: Steersman, tmp_path: FilePath) -> None:
+        result = steersman("drive", "duration=1", "--report", "new/page.html", "--json")
+        assert result.exit_code == 0
+        assert "replay: new/page.html" in result.stderr
+        assert json.loads(result.stdout)["metrics"]["completed"]
+        page = (tmp_path / "new" / "page.html").read_text(encoding="utf-8")
+        assert "<title>mpc pid on circle</title>" in page
+        assert 'id="replay"' in page
+
+    def test_a_page_that_cannot_be_written_is_told_before_the_drive(
+        self, steersman: Steersman, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr("steersman.rollout.run", lambda *_: pytest.fail("it drove"))
+        result = steersman("drive", "--report", ".")
+        assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+        assert "--report: expected the name of a file" in result.stderr
+        monkeypatch.setitem(sys.modules, "jinja2", None)
+        assert "pip install 'steersman[report]'" in steersman("drive", "--report", "x").stderr
 
     def test_a_missing_extra_is_named(
         self, steersman: Steersman, monkeypatch: pytest.MonkeyPatch

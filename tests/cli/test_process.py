@@ -12,7 +12,7 @@ import pytest
 
 Done = subprocess.CompletedProcess[str]
 HEAVY = (
-    *("numba", "onnxruntime", "optuna", "plotly", "pydantic", "scipy", "stable_baselines3"),
+    *("numba", "onnxruntime", "optuna", "pydantic", "scipy", "stable_baselines3"),
     *("torch", "yaml"),
 )
 

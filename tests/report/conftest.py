@@ -31,3 +31,8 @@ def circle(n=200, radius=50.0, speed=10.0, offset=0.01, start=0.0, end="duration
 @pytest.fixture
 def drive():
     return circle
+
+
+@pytest.fixture(scope="module")
+def drive_factory():
+    return circle

@@ -23,6 +23,7 @@ EXAMPLES = (
     "  steersman drive controller=mpc_pid path=circle path.radius=50 \\\n"
     "      speed=constant_throttle speed.throttle=0.4 duration=60 --json\n"
     "  steersman drive path=monza laps=1 --out runs/monza\n"
+    "  steersman drive path=monza laps=1 --report runs/monza.html\n"
     "  steersman drive runs/monza/config.yaml controller.horizon=30\n"
     "  steersman drive controller=policy\n"
     "  steersman drive plant=carla plant.port=2000 controller=policy path=monza laps=1\n"
@@ -40,6 +41,10 @@ def drive(
         str | None,
         typer.Option("--out", metavar="DIR", help="Write episode, metrics and config there."),
     ] = None,
+    report: Annotated[
+        str | None,
+        typer.Option("--report", metavar="FILE.html", help="Write a page that replays the drive."),
+    ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object: config and metrics.")
     ] = False,
@@ -56,6 +61,7 @@ def drive(
 
     config = build(RunConfig, tree)
     folder = None if out is None else settings.out_folder(out)
+    page = None if report is None else _page(report)
     tell_compiling()
     try:
         with share_bar("driving") as progress:
@@ -63,12 +69,14 @@ def drive(
     except (RunError, PlantFailure) as error:
         if folder is not None:
             save(folder, config, error.episode, summarise(error.episode))
+        _replay(page, config, error.episode)
         raise
     metrics = summarise(episode)
     if not config.plant.embedded:
         note(f"driven on: {episode.meta['plant']}")
     if folder is not None:
         save(folder, config, episode, metrics)
+    _replay(page, config, episode)
     if as_json:
         show_json({"config": dump(config), "metrics": metrics})
     else:
@@ -89,6 +97,36 @@ def save(folder: FilePath, config: RunConfig, episode: Episode, metrics: dict[st
     episode.save(folder / "episode.npz")
     write_text(folder / "metrics.json", json.dumps(metrics, indent=2, allow_nan=False) + "\n")
     write_text(folder / "config.yaml", to_yaml(config))
+
+
+def _page(name: str) -> FilePath:
+    """The file of the page, proved to be possible before anything is driven.
+
+    Raises:
+        DataError: it cannot be written.
+        SteersmanError: the extra ``report`` is not installed.
+    """
+    from steersman.report.web import template
+
+    template("page.html.j2")
+    return settings.out_file(name, "--report")
+
+
+def _replay(page: FilePath | None, config: RunConfig, episode: Episode) -> None:
+    """Write the page of the drive, where one is asked for.
+
+    Raises:
+        DataError: it cannot be written.
+    """
+    if page is None:
+        return
+    from steersman.bench.metrics import summarise
+    from steersman.report import Run, write_report
+
+    name = config.controller.kind.replace("_", " ")
+    drive = Run(name, episode, summarise(episode), config=dict(episode.meta))
+    write_report([drive], page, f"{name} on {config.path.kind.replace('_', ' ')}")
+    note(f"replay: {page}")
 
 
 def _show(config: RunConfig, metrics: dict[str, Any], folder: FilePath | None) -> None:

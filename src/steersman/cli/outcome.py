@@ -28,7 +28,6 @@ _EXTRAS = {
     "ray": "ray",
     "rosbags": "logs",
     "optuna": "tune",
-    "plotly": "report",
     "stable_baselines3": "train",
     "tensorboard": "train",
     "torch": "train",

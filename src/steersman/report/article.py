@@ -10,18 +10,21 @@ A section is plain data: ``title``; ``text``, sentences; ``findings``, each with
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from importlib import resources
 from pathlib import Path as FilePath
 from typing import Any
 
-from steersman.errors import SteersmanError
 from steersman.files import make_folder, write_text
-from steersman.report import tables
+from steersman.report import tables, web
 from steersman.report.charts import heat_map, interval_plot
 from steersman.report.runs import Table
+from steersman.report.scene import Group
 from steersman.report.svg import line_plot
 
 _WORDS = {True: "agrees", False: "differs", None: "note"}
+
+
+LIMIT = 15_000_000
+"""Bytes that a page may have; the rows of its drives are thinned until it does."""
 
 
 def write_article(
@@ -30,19 +33,17 @@ def write_article(
     title: str,
     source: str = "",
     plots: str = "plots",
+    replay: Sequence[Group] = (),
 ) -> FilePath:
     """Write the page, self-contained, and its figures as files into the folder ``plots`` beside it.
+
+    Drives to replay stand behind the first section.
 
     Raises:
         SteersmanError: the extra ``report`` is not installed.
         DataError: the files cannot be written.
     """
-    try:
-        from jinja2 import Environment, StrictUndefined
-    except ModuleNotFoundError:
-        raise SteersmanError(
-            "a report needs more packages: pip install 'steersman[report]'"
-        ) from None
+    page = web.template("article.html.j2")
     folder = make_folder(out.parent / plots)
     shown = []
     for section in sections:
@@ -56,10 +57,15 @@ def write_article(
         ]
         findings = [(_WORDS[f["agrees"]], f["text"]) for f in section.get("findings", ())]
         shown.append({**section, "figures": figures, "tables": grids, "findings": findings})
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
-    template = environment.from_string(_resource("article.html.j2"))
-    style = _resource("page.css")
-    write_text(out, template.render(title=title, style=style, sections=shown, source=source))
+    content = {
+        "title": title,
+        "style": web.resource("page.css"),
+        "sections": shown,
+        "source": source,
+        "has_drives": bool(replay),
+    }
+    text = web.within(LIMIT, lambda rows: page.render(**content, **web.parts(replay, None, rows)))
+    write_text(out, text)
     return out
 
 
@@ -67,7 +73,3 @@ def _drawn(figure: Mapping[str, Any]) -> str:
     if "cells" in figure:
         return heat_map(figure)
     return interval_plot(figure) if "points" in figure else line_plot(figure)
-
-
-def _resource(name: str) -> str:
-    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")

@@ -1,34 +1,30 @@
-"""One self-contained page: tables, plots, configuration; nothing is fetched from anywhere.
+"""One self-contained page: summary, replay, training, configuration; nothing is fetched.
 
-The plotting library is put into the page compressed (a third of its size) and unpacked by the
-browser; the page's own content security policy forbids every connection.
+Everything that is drawn, the script of :mod:`steersman.report.web` draws on canvases from the
+page's own data; the page's content security policy forbids every connection.
 """
 
 from __future__ import annotations
 
-import base64
-import gzip
 import json
 from collections.abc import Mapping, Sequence
-from importlib import resources
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
 
 from steersman import core_yaml
-from steersman.errors import DataError, SteersmanError
+from steersman.errors import DataError
 from steersman.files import write_text
-from steersman.report import tables
+from steersman.report import tables, web
 from steersman.report.runs import Run
-from steersman.report.signals import SIGNALS, Drive, group_by_path, look, plotted
+from steersman.report.scene import Group
+from steersman.report.seen import recorded
+from steersman.report.signals import Drive, group_by_path, look
 from steersman.report.training import curves
-
-if TYPE_CHECKING:
-    from jinja2 import Template
 
 # Half the width of the corridor that is drawn where a run does not say how wide it was [m].
 CORRIDOR = 1.5
-_MISSING = "a report needs more packages: pip install 'steersman[report]'"
-# Lengths of dashes in a legend of the page, as the plotting library draws them.
+LIMIT = 5_000_000
+"""Bytes that a page may have; rows are thinned until it does."""
+# Lengths of dashes in a legend.
 _DASHES = {"solid": "none", "dash": "7 4", "dot": "2 3", "dashdot": "7 3 2 3"}
 
 
@@ -61,37 +57,36 @@ def render(runs: Sequence[Run], title: str) -> str:
     """The page as text."""
     groups = group_by_path(runs)
     training = curves(runs)
-    data = {
-        "groups": plotted(groups, [half_width(group) for group in groups]),
-        "panels": [{"key": signal.key, "title": signal.title} for signal in SIGNALS],
-        "training": training,
+    shown = [Group(group_title(group), group, half_width(group)) for group in groups]
+    page = web.template("page.html.j2")
+    content = {
+        "title": title,
+        "style": web.resource("page.css"),
+        "columns": tables.SUMMARY,
+        "tiles": _tiles(runs),
+        "summaries": _summaries(runs, groups),
+        "all_metrics": tables.all_metrics(_measured(runs)),
+        "measured": [run.name for run in _measured(runs)],
+        "tables": [tables.grid(run.table) for run in runs if run.table],
+        "has_drives": bool(groups),
+        "trainings": _legend([run.name for run in runs if run.training is not None]),
+        "has_curves": bool(training and training["panels"]),
+        "configs": _configs(runs),
     }
-    has_plots = bool(groups or training)
-    return _template().render(
-        title=title,
-        style=_resource("page.css"),
-        script=_resource("page.js") if has_plots else "",
-        library=_packed(_plotly()) if has_plots else "",
-        data=_packed(json.dumps(data, separators=(",", ":"), allow_nan=False)),
-        columns=tables.SUMMARY,
-        summaries=_summaries(runs, groups),
-        all_metrics=tables.all_metrics(_measured(runs)),
-        measured=[run.name for run in _measured(runs)],
-        tables=[tables.grid(run.table) for run in runs if run.table],
-        groups=[
-            (group_title(group), _legend([d.name for d in group]), f"{half_width(group):g}")
-            for group in groups
-        ],
-        trainings=_legend([run.name for run in runs if run.training is not None]),
-        has_curves=bool(training and training["panels"]),
-        configs=_configs(runs),
+    return web.within(
+        LIMIT, lambda rows: page.render(**content, **web.parts(shown, training, rows))
     )
+
+
+def _tiles(runs: Sequence[Run]) -> list[tables.Tile]:
+    """The main figures in large letters, where there is one drive and nothing else."""
+    return tables.tiles(runs[0]) if len(runs) == 1 and runs[0].episode is not None else []
 
 
 def group_title(group: Sequence[Drive]) -> str:
     """What the path of these drives is called: its kind, if recorded, and its length."""
     episode = group[0].episode
-    path = _recorded(group).get("path")
+    path = recorded(episode).get("path")
     kind = path.get("kind") if isinstance(path, Mapping) else path
     name = str(kind).replace("_", " ") if isinstance(kind, str) else "path"
     shape = "loop" if episode.closed else "open path"
@@ -100,40 +95,8 @@ def group_title(group: Sequence[Drive]) -> str:
 
 def half_width(group: Sequence[Drive]) -> float:
     """Half the width of the corridor, as recorded with the group's first run [m]."""
-    width = _recorded(group).get("corridor")
+    width = recorded(group[0].episode).get("corridor")
     return float(width) if isinstance(width, (int, float)) else CORRIDOR
-
-
-def _recorded(group: Sequence[Drive]) -> Mapping[str, Any]:
-    meta = group[0].episode.meta
-    inner = meta.get("config")
-    return inner if isinstance(inner, Mapping) else meta
-
-
-def _resource(name: str) -> str:
-    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
-
-
-def _template() -> Template:
-    try:
-        from jinja2 import Environment, StrictUndefined
-    except ModuleNotFoundError:
-        raise SteersmanError(_MISSING) from None
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
-    return environment.from_string(_resource("page.html.j2"))
-
-
-def _plotly() -> str:
-    try:
-        from plotly.offline import get_plotlyjs
-    except ModuleNotFoundError:
-        raise SteersmanError(_MISSING) from None
-    return str(get_plotlyjs())
-
-
-def _packed(content: str) -> str:
-    """Compressed (with no time stamp: same runs, same page) and in letters."""
-    return base64.b64encode(gzip.compress(content.encode(), mtime=0)).decode()
 
 
 def _measured(runs: Sequence[Run]) -> list[Run]:

@@ -1,15 +1,14 @@
-"""From episodes to what the page plots: grouped by path, decimated, rounded, in shown units."""
+"""From episodes to what the page plots: grouped by path, thinned, in shown units."""
 
 from __future__ import annotations
 
-import html
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from steersman.bench.along import distance, same_path
+from steersman.bench.along import same_path
 from steersman.episode import Episode
 from steersman.report.runs import Run
 from steersman.types import FloatArray
@@ -17,26 +16,33 @@ from steersman.types import FloatArray
 # Okabe and Ito's palette without yellow and black, which vanish on white and on black.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7F7F7F")
 DASHES = ("solid", "dash", "dot", "dashdot")
-# Points a page may hold in all, and the least and most for one run.
-BUDGET, LEAST, MOST = 90_000, 600, 4000
 
 
 class Signal(NamedTuple):
-    """A panel of the plots over time: its title and values, rounded to ``digits`` decimals."""
+    """A panel of the plots over time: its title and values, kept in multiples of ``step``."""
 
     key: str
     title: str
+    unit: str
     values: Callable[[Episode], FloatArray]
-    digits: int
+    step: float
+    shown: bool = True
+    """Whether a page shows it before anybody asks for it."""
 
 
 SIGNALS = (
-    Signal("lateral", "lateral error [mm]", lambda e: 1e3 * e["lateral_error"], 2),
-    Signal("heading", "heading error [°]", lambda e: np.degrees(e["heading_error"]), 3),
-    Signal("course", "course error [°]", lambda e: np.degrees(e["course_error"]), 3),
-    Signal("steer", "steering command [-]", lambda e: e["steer_command"], 4),
-    Signal("speed", "speed [m/s]", lambda e: np.hypot(e["v_x"], e["v_y"]), 3),
-    Signal("a_y", "lateral acceleration [m/s²]", lambda e: e["a_y"], 2),
+    Signal("lateral", "lateral error", "mm", lambda e: 1e3 * e["lateral_error"], 0.01),
+    Signal("heading", "heading error", "°", lambda e: np.degrees(e["heading_error"]), 1e-3),
+    Signal("steer", "steering command", "-", lambda e: e["steer_command"], 1e-4),
+    Signal("speed", "speed", "m/s", lambda e: np.hypot(e["v_x"], e["v_y"]), 1e-3),
+    Signal("a_y", "lateral acceleration", "m/s²", lambda e: e["a_y"], 0.01),
+    Signal("course", "course error", "°", lambda e: np.degrees(e["course_error"]), 1e-3, False),
+    Signal("steered", "steering, actual", "-", lambda e: e["steer"], 1e-4, False),
+    Signal("yaw_rate", "yaw rate", "°/s", lambda e: np.degrees(e["yaw_rate"]), 0.01, False),
+    Signal("a_x", "longitudinal acceleration", "m/s²", lambda e: e["a_x"], 0.01, False),
+    Signal("pedals", "throttle less brake", "-", lambda e: e["throttle"] - e["brake"], 1e-3, False),
+    Signal("kappa", "path curvature", "1/m", lambda e: e["curvature"], 1e-5, False),
+    Signal("took", "computing time", "µs", lambda e: 1e6 * e["control_time"], 0.1, False),
 )
 
 
@@ -62,15 +68,6 @@ def _extremes(values: FloatArray, edges: NDArray[np.intp]) -> NDArray[np.intp]:
     return np.array(rows, dtype=np.intp).ravel()
 
 
-def rounded(values: FloatArray, digits: int) -> list[float | None]:
-    """Values as JSON takes them: None where not finite, whole numbers without a point."""
-    out = np.round(values, digits)
-    return [
-        None if not ok else int(v) if v == int(v) else v
-        for v, ok in zip(out.tolist(), np.isfinite(out), strict=True)
-    ]
-
-
 class Drive(NamedTuple):
     """A run that has an episode."""
 
@@ -94,53 +91,9 @@ def group_by_path(runs: Sequence[Run]) -> list[list[Drive]]:
     return groups
 
 
-def plotted(groups: Sequence[Sequence[Drive]], corridors: Sequence[float]) -> list[dict[str, Any]]:
-    """The data of all plots of drives; each group has a corridor of half that width [m]."""
-    total = sum(len(group) for group in groups)
-    points = int(np.clip(BUDGET // max(total, 1), LEAST, MOST))
-    return [
-        {
-            "path": _path_lines([drive.episode for drive in group], corridor),
-            "runs": [_trace(drive, k, points) for k, drive in enumerate(group)],
-        }
-        for group, corridor in zip(groups, corridors, strict=True)
-    ]
-
-
 def look(k: int) -> dict[str, str]:
     """Colour and dash of the k-th of several lines; all differ up to 28."""
     return {
         "color": PALETTE[k % len(PALETTE)],
         "dash": DASHES[k // len(PALETTE) % len(DASHES)],
     }
-
-
-def _trace(drive: Drive, k: int, points: int) -> dict[str, Any]:
-    episode = drive.episode
-    values = {signal.key: signal.values(episode) for signal in SIGNALS}
-    rows = decimate(list(values.values()), points)
-    # The plotting library reads names as a small dialect of HTML.
-    out: dict[str, Any] = {"name": html.escape(drive.name), **look(k)}
-    out["time"] = rounded(episode["time"][rows], 3)
-    out["distance"] = rounded(distance(episode)[rows], 2)
-    for name in ("x", "y"):
-        out[name] = rounded(episode[name][rows], 3)
-    for signal in SIGNALS:
-        out[signal.key] = rounded(values[signal.key][rows], signal.digits)
-    return out
-
-
-def _path_lines(episodes: Sequence[Episode], corridor: float) -> dict[str, Any]:
-    """The path beside the run that saw most of it, and the corridor's edges."""
-    episode = max(episodes, key=lambda e: min(e.distance, e.path_length))
-    s = distance(episode)
-    one_lap = s - s[:1] <= episode.path_length * (1.0 + 1e-3)
-    kept = np.flatnonzero(one_lap) if s.size else np.arange(0)
-    rows = kept[decimate([episode["path_x"][kept]], MOST)]
-    x, y = episode["path_x"][rows], episode["path_y"][rows]
-    tangent = episode["psi"][rows] - episode["heading_error"][rows]
-    lines: dict[str, Any] = {"x": rounded(x, 3), "y": rounded(y, 3)}
-    for side, d in (("left", corridor), ("right", -corridor)):
-        lines[f"{side}_x"] = rounded(x - d * np.sin(tangent), 3)
-        lines[f"{side}_y"] = rounded(y + d * np.cos(tangent), 3)
-    return lines

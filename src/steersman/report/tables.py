@@ -92,9 +92,41 @@ def summary_row(run: Run) -> list[Cell]:
     return [*who, Cell(end, bad=done is False), *(_summary_cell(values, c) for c in SUMMARY)]
 
 
+class Tile(NamedTuple):
+    """A figure in large letters: what, how much, and the unit."""
+
+    title: str
+    text: str
+    unit: str = ""
+    bad: bool = False
+
+
+# Of these a page of one drive shows tiles.
+_TILES = ("mean |d|", "95 % |d|", "max |d|", "mean speed", "max |a_y|", "clip-ped", "fall-backs")
+
+
+def tiles(run: Run) -> list[Tile]:
+    """Who drove what, how it ended, and the main figures of one drive."""
+    values = flat(run.metrics)
+    done = values.get("completed")
+    end = str(values.get("end", NOTHING)).replace("_", " ")
+    words = [Tile(part, _kind(run, part).replace("_", " ")) for part in ("controller", "vehicle")]
+    out = [*words, Tile("ended by", end, bad=done is False)]
+    for column in SUMMARY:
+        if column.header in _TILES:
+            found = _summary_cell(values, column)
+            title = column.header.replace("-", "")
+            out.append(Tile(title, found.text, column.unit, found.bad))
+    return out
+
+
 def _kind(run: Run, part: str) -> str:
-    """The kind of a part of the run's configuration; a dash where none is known."""
-    config = run.config.get(part)
+    """The kind of a part of the run's configuration; a dash where none is known.
+
+    What an episode recorded of its run stands under ``config``, beside seed and versions.
+    """
+    inner = run.config.get("config")
+    config = run.config.get(part, inner.get(part) if isinstance(inner, Mapping) else None)
     kind = config.get("kind") if isinstance(config, Mapping) else config
     return NOTHING if kind is None else str(kind)
 

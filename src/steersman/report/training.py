@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -53,12 +52,12 @@ def curves(runs: Sequence[Run]) -> dict[str, Any] | None:
         if name not in AXES and any(_has_values(table.get(name)) for table in tables.values())
     ]
     lines = [
-        {"name": html.escape(name), **look(k), "panels": [_line(table, axis, n) for n in shown]}
+        {"name": name, **look(k), "panels": [_line(table, axis, n) for n in shown]}
         for k, (name, table) in enumerate(tables.items())
     ]
     return {
         "x": AXES.get(axis or "", "row"),
-        "panels": [TITLES.get(name, html.escape(name)) for name in shown],
+        "panels": [TITLES.get(name, name) for name in shown],
         "runs": lines,
     }
 

@@ -1,0 +1,123 @@
+"""Moments of a drive that are worth a look: where it was worst, clipped, helped, or ended early."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from steersman.episode import Episode
+from steersman.report.pack import stretches
+from steersman.report.tables import text
+from steersman.types import Status
+
+WORST, END = "worst", "end"
+SATURATED, FALLBACK, INTERVENTION = "saturated", "fallback", "intervention"
+WORDS = {
+    WORST: "largest |d|",
+    END: "ended early",
+    INTERVENTION: "intervention",
+    FALLBACK: "fallback",
+    SATURATED: "command clipped",
+}
+"""Every kind of mark, and how the page calls it."""
+# So many of the largest deviations, so far apart [s].
+_WORST, _APART = 3, 5.0
+# Deviations below this share of the largest are not worth a look.
+_SMALL = 0.1
+# Spans of the same kind with a shorter break between them are one [s].
+_BREAK = 0.5
+MOST = 40
+"""Marks of one kind and drive that a page shows; of more, the longest."""
+
+
+def marks(episode: Episode) -> list[dict[str, Any]]:
+    """The marks of a drive, plain data: kind by kind, the largest deviation first.
+
+    Each has ``kind`` (of ``WORDS``), ``row`` and ``until`` (its first and last row), ``text``; and,
+    at the first of a kind of which not all are shown, ``of``: how many there are.
+    """
+    if not len(episode):
+        return []
+    return [
+        *_worst(episode),
+        *_spans(episode, Status.SATURATED, SATURATED),
+        *_spans(episode, Status.FALLBACK, FALLBACK),
+        *_interventions(episode),
+        *_end(episode),
+    ]
+
+
+def _worst(episode: Episode) -> list[dict[str, Any]]:
+    """The largest deviations, each the largest within ``_APART`` of it."""
+    error = np.nan_to_num(np.abs(episode["lateral_error"]))
+    time = episode["time"]
+    out: list[dict[str, Any]] = []
+    free = np.ones(len(error), dtype=bool)
+    while len(out) < _WORST and free.any():
+        row = int(np.argmax(np.where(free, error, -1.0)))
+        if out and error[row] < _SMALL * error.max():
+            break
+        free &= np.abs(time - time[row]) > _APART
+        if not _is_peak(error, row):
+            continue
+        d = 1e3 * float(episode["lateral_error"][row])
+        side = "left" if d > 0.0 else "right"
+        words = f"{_ordinal(len(out))}{WORDS[WORST]}: {text(abs(d), 3)} mm {side}"
+        out.append({"kind": WORST, "row": row, "until": row, "text": words})
+    return out
+
+
+def _is_peak(error: Any, row: int) -> bool:
+    """Whether it is larger than nothing, and not just the shoulder of a larger one."""
+    around = error[max(row - 1, 0) : row + 2]
+    return bool(error[row] > 0.0 and error[row] >= around.max())
+
+
+def _ordinal(k: int) -> str:
+    return ("", "2nd ", "3rd ")[k]
+
+
+def _spans(episode: Episode, status: Status, kind: str) -> list[dict[str, Any]]:
+    most = max(round(_BREAK / episode.dt), 1)
+    joined: list[list[int]] = []
+    for first, behind in stretches(episode["status"] == status):
+        if joined and first - joined[-1][1] < most:
+            joined[-1][1] = behind
+        else:
+            joined.append([first, behind])
+    out = [
+        {"kind": kind, "row": first, "until": behind - 1,
+         "text": f"{WORDS[kind]}, {(behind - first) * episode.dt:.3g} s"}
+        for first, behind in joined
+    ]  # fmt: skip
+    return _longest(out)
+
+
+def _longest(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    if len(found) <= MOST:
+        return found
+    kept = sorted(found, key=lambda mark: mark["row"] - mark["until"])[:MOST]
+    first = min(kept, key=lambda mark: int(mark["row"]))
+    first["of"] = len(found)
+    return kept
+
+
+def _interventions(episode: Episode) -> list[dict[str, Any]]:
+    """Where a supervisor let somebody else steer."""
+    out = []
+    for one in episode.interventions():
+        rows = np.searchsorted(episode["time"], [one.begin, one.end])
+        row, behind = (min(int(k), len(episode) - 1) for k in rows)
+        reason, who = one.reason.replace("_", " "), one.controller.replace("_", " ")
+        words = f"{WORDS[INTERVENTION]}: {reason}, {who} steers"
+        out.append({"kind": INTERVENTION, "row": row, "until": max(row, behind - 1), "text": words})
+    return _longest(out)
+
+
+def _end(episode: Episode) -> list[dict[str, Any]]:
+    if episode.completed:
+        return []
+    last = len(episode) - 1
+    words = f"{WORDS[END]}: {episode.end.replace('_', ' ')}"
+    return [{"kind": END, "row": last, "until": last, "text": words}]

@@ -1,0 +1,74 @@
+// The parts of the player that are HTML: its buttons, choices and lists.
+
+// The elements of a player by the word in their data-part.
+function partsOf(section) {
+  const parts = {};
+  for (const node of section.querySelectorAll("[data-part]")) parts[node.dataset.part] = node;
+  return parts;
+}
+
+function fillRoads(select, groups) {
+  select.replaceChildren(...groups.map((group, k) => element("option", { value: String(k) }, group.title)));
+  select.closest("label").hidden = groups.length < 2;
+}
+
+// A row for each drive: shown or not, followed or not, and what it does at the cursor.
+function fillDrives(list, drives, toggle, follow) {
+  const rows = new Map();
+  const items = drives.map((drive) => {
+    const chip = element(
+      "button",
+      { type: "button", class: "chip", "aria-pressed": "true", title: "Show or hide", onclick: () => toggle(drive) },
+      numberBadge(drive), lineSample(drive), element("span", { class: "name" }, drive.name),
+    );
+    const several = drives.length > 1;
+    const lead = element(
+      "button",
+      {
+        type: "button", class: "lead", "aria-pressed": "false", "aria-label": `Follow ${drive.name}`,
+        title: "Follow this one", onclick: () => follow(drive),
+      },
+      "◎",
+    );
+    const values = element("span", { class: "values" });
+    rows.set(drive, { chip, lead, values });
+    return element("li", {}, element("span", { class: "who" }, chip, ...(several ? [lead] : [])), values);
+  });
+  list.replaceChildren(...items);
+  return rows;
+}
+
+const STATES = { 1: "clipped", 2: "fallback" };
+
+function valuesAt(drive, state) {
+  const row = drive.row(state.axis, state.cursor);
+  if (!drive.length) return "nothing recorded";
+  const d = drive.value("lateral", row);
+  const side = Math.abs(d) < 0.05 ? "" : d > 0 ? " left" : " right";
+  const words = [
+    `${drive.value("speed", row).toFixed(1)} m/s`,
+    `${number(Math.abs(d))} mm${side}`,
+    `steer ${number(drive.value("steer", row), 2)}`,
+  ];
+  if (drive.over(state.axis, state.cursor)) words.push(drive.completed ? "finished" : drive.end);
+  else words.push(...[STATES[drive.status[Math.floor(row)]]].filter(Boolean));
+  return words.join(" · ");
+}
+
+function fillSignals(box, signals, shown, changed) {
+  box.replaceChildren(...signals.map((signal) => {
+    const input = element("input", { type: "checkbox" });
+    input.checked = shown.has(signal.key);
+    input.addEventListener("change", () => {
+      if (input.checked) shown.add(signal.key);
+      else shown.delete(signal.key);
+      changed();
+    });
+    return element("label", {}, input, ` ${signal.title}`);
+  }));
+}
+
+function fillLegend(list, kinds) {
+  const items = kinds.map((kind) => element("li", {}, glyphPicture(kind, ""), KINDS[kind]));
+  list.replaceChildren(...items);
+}

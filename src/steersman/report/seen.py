@@ -1,0 +1,108 @@
+"""What a drive's record does not hold, rebuilt from its configuration: road, car, waypoints.
+
+An episode keeps the configuration and the seed of its run, and the state at every control step.
+From these the sensor tells once more, number by number, what it told the controller then. Where
+the configuration is not there, or names files that are gone, the page shows less.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from steersman.config import resolve
+from steersman.episode import Episode
+from steersman.errors import SteersmanError
+from steersman.paths.base import PathComponent
+from steersman.sensing import Tracking, WaypointSensor
+from steersman.types import FloatArray, VehicleState
+from steersman.vehicles import CarlaModel3, Vehicle
+
+# Distance between points of a road, and how many there are at most [m].
+_STEP, _MOST = 0.5, 20_000
+# A road is the one that was driven if its points are those of the record within this [m].
+_SAME = 0.01
+_TRACKING = (
+    "s", "lateral_error", "heading_error", "course_error", "curvature", "path_x", "path_y",
+)  # fmt: skip
+
+
+class Road(NamedTuple):
+    """The line to follow."""
+
+    x: FloatArray
+    y: FloatArray
+
+
+def recorded(episode: Episode) -> Mapping[str, Any]:
+    """The configuration of a run as its record holds it; empty if it holds none."""
+    inner = episode.meta.get("config")
+    return inner if isinstance(inner, Mapping) else episode.meta
+
+
+def _part(episode: Episode, family: str) -> Any:
+    """A part of the recorded configuration, built; None where that cannot be."""
+    value = recorded(episode).get(family)
+    if not isinstance(value, (str, Mapping)):
+        return None
+    try:
+        return resolve(family, value)
+    except SteersmanError:
+        return None
+
+
+def path_of(episode: Episode) -> PathComponent | None:
+    """The path that was driven; None where it cannot be built or is not the one of the record."""
+    path = _part(episode, "path")
+    if not isinstance(path, PathComponent):
+        return None
+    try:
+        last = len(episode) - 1
+        for row in np.linspace(0, last, min(50, last + 1)).round().astype(int):
+            at = path.at(float(episode["s"][row]))
+            gap = np.hypot(at.x - episode["path_x"][row], at.y - episode["path_y"][row])
+            if not gap <= _SAME:
+                return None
+    except SteersmanError:
+        return None
+    return path
+
+
+def vehicle_of(episode: Episode) -> tuple[Vehicle, bool]:
+    """The car that was driven, and whether it is known: else it is drawn as the default one."""
+    vehicle = _part(episode, "vehicle")
+    return (vehicle, True) if isinstance(vehicle, Vehicle) else (CarlaModel3(), False)
+
+
+def road_line(path: PathComponent) -> Road:
+    """Points of the whole path [m]."""
+    count = int(np.clip(np.ceil(path.length / _STEP), 2, _MOST))
+    points = [path.at(s) for s in np.linspace(0.0, path.length, count + 1)]
+    return Road(np.array([p.x for p in points]), np.array([p.y for p in points]))
+
+
+def waypoints(episode: Episode, path: PathComponent | None) -> FloatArray | None:
+    """What the controller saw of the road, shape (rows, waypoints, 2), in the vehicle's frame [m].
+
+    None where it cannot be told. Sensors draw their errors from the run's seed in the order of the
+    control steps, so all of them are asked again, with the states of the record.
+    """
+    sensor, seed = _part(episode, "sensor"), recorded(episode).get("seed", 0)
+    if path is None or not isinstance(sensor, WaypointSensor) or not isinstance(seed, int):
+        return None
+    rng = np.random.default_rng(seed)
+    state = sensor.init(rng)
+    places = np.stack([episode[name] for name in _TRACKING], axis=1).tolist()
+    out = np.empty((len(episode), sensor.count, 2))
+    for row, (vehicle, place) in enumerate(zip(_states(episode), places, strict=True)):
+        out[row] = sensor.observe(state, vehicle, Tracking(*place), path, rng).preview
+    return out
+
+
+def _states(episode: Episode) -> list[VehicleState]:
+    names = ("time", "x", "y", "psi", "v_x", "v_y", "yaw_rate", "a_x", "a_y", "steer",
+             "wheel_angle", "throttle", "brake")  # fmt: skip
+    table = np.stack([episode[name] for name in names], axis=1)
+    return [VehicleState(*row) for row in table.tolist()]
