@@ -96,6 +96,9 @@ FAULTS: dict[str, tuple[Callable[[FilePath], object], str]] = {
     "negative period": (lambda f: edit(f, dt=-0.05), "dt"),
     "later format": (lambda f: edit(f, format=3), "format 3 is not known; this version reads 1"),
     "contradiction": (lambda f: edit(f, scale=[1.0]), "1 scales for"),
+    "too few waypoints": (
+        lambda f: edit(f, waypoints=5), "encoding reads 13 waypoints, but there are 5",
+    ),
     "base without authority": (lambda f: edit(f, base={"kind": "pid"}), "base and authority go"),
     "authority without base": (lambda f: edit(f, authority=0.2), "base and authority go together"),
     "authority of nothing": (lambda f: edit(f, base={"kind": "pid"}, authority=0.0), "authority"),

@@ -47,7 +47,7 @@ class PolicyCard(BaseModel):
     files: dict[FileName, Digest]
     """SHA-256 of each file that the card was delivered with."""
     action: str
-    rate_limit: float | None
+    rate_limit: float | None = Field(gt=0)
     """Largest rate of normalised steering [1/s] if the action is ``rate``, else null."""
     base: dict[str, Any] | None = None
     """Controller whose steering the action corrects if it is ``residual``, else null."""

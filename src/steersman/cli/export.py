@@ -21,7 +21,7 @@ from steersman.errors import ConfigError, suggestion
 EXAMPLES = (
     "\b\n"
     "Examples:\n"
-    "  steersman export precision --to onnx\n"
+    "  steersman export precision --to c --out build/precision\n"
     "  steersman export runs/agent/policy.onnx --to onnx --out delivery\n"
     "\n"
     "\b\n"
@@ -42,13 +42,22 @@ class Target(NamedTuple):
     """From RUN and a folder to the files written into it, the one to name first."""
 
 
+def _c(source: str, folder: FilePath) -> Sequence[FilePath]:
+    from steersman.delivery.package import write_c
+
+    return write_c(source, folder, note)
+
+
 def _onnx(source: str, folder: FilePath) -> Sequence[FilePath]:
     from steersman.delivery.package import write_onnx
 
     return write_onnx(source, folder, note)
 
 
-TARGETS = (Target("onnx", POLICY, "the network as a checked ONNX file with its card", _onnx),)
+TARGETS = (
+    Target("c", POLICY, "C99 source without dependencies, test vector, Makefile, card", _c),
+    Target("onnx", POLICY, "the network as a checked ONNX file with its card", _onnx),
+)
 EXAMPLES += "\n".join(f"  --to {t.name}: from {t.takes}: {t.makes}" for t in TARGETS)
 
 

@@ -181,6 +181,9 @@ def card_table(card: PolicyCard) -> EncodingTable:
     table = encoding.layout(card.spacing, card.dt, action)
     if kernel.feature_count(table) != len(card.scale):
         raise DataError(f"{len(card.scale)} scales for {kernel.feature_count(table)} features")
+    needed = max(table.waypoints, 2 * table.roads - 1)
+    if needed > card.waypoints:  # the kernel would read beyond the row
+        raise DataError(f"its encoding reads {needed} waypoints, but there are {card.waypoints}")
     return table
 
 

@@ -1,0 +1,1 @@
+"""Texts of a delivery, with ``${words}`` to be filled in."""

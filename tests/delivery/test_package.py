@@ -1,0 +1,191 @@
+"""What a delivery consists of, whatever names and texts it was made from."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+import pytest
+
+from steersman.delivery import c_text
+from steersman.delivery.package import write_c, write_onnx
+from steersman.delivery.parity import TOLERANCE
+from steersman.delivery.vector import answers, rows
+from steersman.errors import DataError
+from steersman.learning.export import network
+from steersman.policy_file import PolicyCard, locate, read_policy, sha256
+
+from ..loops import random_net, random_policy
+from .building import COMPILER, STRICT, export, needs_compiler, policy, run
+
+HOSTILE = '*/ #error "\n??/\\\n%s $x ${name} \x00 é */ int main(void){} /*'
+
+
+@pytest.fixture
+def file(tmp_path: FilePath) -> FilePath:
+    """A small policy."""
+    return policy(tmp_path / "agent", "little")
+
+
+def edit(file: FilePath, **fields: Any) -> FilePath:
+    """Change fields of the card."""
+    card = json.loads(file.with_suffix(".json").read_text(encoding="utf-8"))
+    file.with_suffix(".json").write_text(json.dumps(card | fields), encoding="utf-8")
+    return file
+
+
+def replace(file: FilePath, data: bytes) -> FilePath:
+    """Another network with its digest."""
+    file.write_bytes(data)
+    return edit(file, files={file.name: sha256(data)})
+
+
+def card_of(folder: FilePath, name: str) -> PolicyCard:
+    return read_policy(folder / f"{name}.onnx")[1]
+
+
+# --------------------------------------------------------------------------------------- contents
+
+
+def test_the_card_names_every_file_and_limit(file: FilePath, tmp_path: FilePath) -> None:
+    p = export(file.parent, tmp_path / "out")
+    card = card_of(tmp_path / "out", "agent")
+    assert p.name == "agent"
+    assert {*card.files, "agent.json"} == {f.name for f in (tmp_path / "out").iterdir()}
+    assert card.limits["steer rate [1/s]"] == [-1.5708, 1.5708]
+    assert card.limits["path shift [m]"] == [-0.3, 0.3]
+    before = p.card.model_dump(exclude={"files", "limits"})
+    assert card.model_dump(exclude={"files", "limits"}) == before
+    assert card.observation == p.card.observation
+    assert len(card.observation) == len(p.network.scale)
+
+
+@pytest.mark.parametrize("name", ["steersman_agent.c", "Makefile", "vector_agent.h", "agent.onnx"])
+def test_a_changed_file_is_refused_by_name(name: str, file: FilePath, tmp_path: FilePath) -> None:
+    export(file, tmp_path / "out")
+    changed = tmp_path / "out" / name
+    expected, data = sha256(changed.read_bytes()), changed.read_bytes() + b" "
+    changed.write_bytes(data)
+    with pytest.raises(DataError) as caught:
+        read_policy(tmp_path / "out" / "agent.onnx")
+    said = str(caught.value)
+    assert said.startswith(
+        f"{changed}: its SHA-256 is {sha256(data)}, but its card agent.json says"
+    )
+    assert expected in said
+    assert "\n" not in said
+
+
+def test_what_was_delivered_can_be_delivered_again(file: FilePath, tmp_path: FilePath) -> None:
+    export(file, tmp_path / "c")
+    (tmp_path / "onnx").mkdir()
+    written, _ = write_onnx(str(tmp_path / "c" / "agent.json"), tmp_path / "onnx", str)
+    assert read_policy(written)[0] == file.read_bytes()
+    assert list(read_policy(written)[1].files) == ["agent.onnx"]
+    export(written, tmp_path / "again")
+    for each in ("steersman_agent.c", "steersman_agent.h", "vector_agent.h"):
+        assert (tmp_path / "again" / each).read_bytes() == (tmp_path / "c" / each).read_bytes()
+
+
+def test_onnx_says_how_far_it_is_from_float64(tmp_path: FilePath) -> None:
+    said: list[str] = []
+    write_onnx("precision", tmp_path, said.append)
+    assert "to the bit; from float64 at most" in said[0]
+    assert (tmp_path / "precision.onnx").read_bytes() == locate("precision").read_bytes()
+
+
+def test_the_vector_holds_history_saturation_and_failure(tmp_path: FilePath) -> None:
+    p = export("precision", tmp_path)
+    given = rows(p)
+    said = answers(p, given)
+    assert len(given) > 300
+    assert {answer.status.name for answer in said} == {"SOLVED", "SATURATED", "FALLBACK"}
+    numbers = np.array([row.seen[1:8] for row in given])
+    assert np.array_equal(numbers, numbers.astype(np.float32), equal_nan=True)
+    # Without the history the answers would be others.
+    alone = answers(p, [row._replace(restart=True) for row in given])
+    away = [abs(a.steer - b.steer) for a, b in zip(said, alone, strict=True)]
+    assert np.mean(np.array(away) > 100 * TOLERANCE) > 0.5
+
+
+# ------------------------------------------------------------------------------- names and texts
+
+
+@pytest.mark.parametrize("name", ["plain", "9 */ lives", "Ü", "x" * 200, "double", "_", "a.b"])
+def test_names_become_parts_of_c_names(name: str) -> None:
+    made = c_text.identifier(name)
+    assert f"steersman_{made}".isidentifier()
+    assert made.isascii()
+    assert 0 < len(made) <= 40
+
+
+def test_names_without_letters_differ() -> None:
+    assert c_text.identifier("龍") != c_text.identifier("虎")
+
+
+@needs_compiler
+def test_hostile_texts_stay_in_their_comments(file: FilePath, tmp_path: FilePath) -> None:
+    folder = file.parent.rename(file.parent.with_name('a*"??\\\n#error $x'))
+    _, card = read_policy(folder / file.name)
+    names = [HOSTILE] * len(card.observation)
+    edit(folder / file.name, observation=names, units={HOSTILE: HOSTILE}, versions={"x": HOSTILE})
+    p = export(folder, tmp_path / "out")
+    assert p.name == "a_error_x"
+    files = [tmp_path / "out" / f"steersman_{p.name}.c", tmp_path / "out" / f"test_{p.name}.c"]
+    run(COMPILER, *STRICT, "-o", tmp_path / "test", *files, "-lm")
+    assert "passed" in run(tmp_path / "test")
+    for each in files[0], files[0].with_suffix(".h"):
+        text = each.read_text(encoding="ascii")
+        assert "??/" not in text
+        assert text.count("/*") == text.count("*/")
+
+
+@needs_compiler
+def test_a_policy_that_sees_no_waypoints(file: FilePath, tmp_path: FilePath) -> None:
+    p = export(edit(file, waypoints=0), tmp_path / "out")
+    files = [tmp_path / "out" / f"steersman_{p.name}.c", tmp_path / "out" / f"test_{p.name}.c"]
+    run(COMPILER, *STRICT, "-o", tmp_path / "test", *files, "-lm")
+    assert "passed" in run(tmp_path / "test")
+
+
+# --------------------------------------------------------------------------------------- refusals
+
+
+def test_numbers_that_float32_has_no_room_for(file: FilePath, tmp_path: FilePath) -> None:
+    for fields, message in (
+        ({"rate_limit": 1e300}, "rate_limit: .* does not fit into float32"),
+        ({"waypoints": 101}, "101 waypoints, at most 100 expected"),
+        ({"observation": ["a"]}, "its card names 1 with"),
+        ({"rate_limit": -1.0}, "rate_limit: -1.0 is not allowed; must be greater than 0"),
+    ):
+        before = file.with_suffix(".json").read_text(encoding="utf-8")
+        with pytest.raises(DataError, match=message) as caught:
+            write_c(str(edit(file, **fields)), tmp_path, str)
+        assert "\n" not in str(caught.value)
+        file.with_suffix(".json").write_text(before, encoding="utf-8")
+
+
+def test_a_fine_scale_of_nothing(tmp_path: FilePath) -> None:
+    file = random_policy(tmp_path / "agent")
+    _, card = read_policy(file)
+    edit(file, encoding={**card.encoding, "fine_error": 1e-60})
+    with pytest.raises(DataError, match="fine_error: 1e-60 does not fit into float32"):
+        write_c(str(file), tmp_path, str)
+
+
+def test_weights_that_overflow(file: FilePath, tmp_path: FilePath) -> None:
+    _, card = read_policy(file)
+    net = random_net(len(card.scale))
+    net.w1[0, 0] = 1e35
+    replace(file, network(net, card.scale))
+    with pytest.raises(DataError, match=r"hidden values up to 1\.0e\+37 leave float32"):
+        write_c(str(file), tmp_path, str)
+
+
+def test_nothing_is_written_of_what_is_refused(file: FilePath, tmp_path: FilePath) -> None:
+    (tmp_path / "out").mkdir()
+    with pytest.raises(DataError):
+        write_c(str(edit(file, rate_limit=1e300)), tmp_path / "out", str)
+    assert not list((tmp_path / "out").iterdir())
