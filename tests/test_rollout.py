@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import time
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,6 +17,7 @@ from steersman.controllers.pid import Pid, PidGains
 from steersman.episode import COLUMNS
 from steersman.errors import ConfigError, PlantError
 from steersman.kernels.observe import wrap_angle
+from steersman.paths.base import PathComponent
 from steersman.paths.basic import Circle, Straight
 from steersman.plants.simulator import Simulator, SimulatorConfig
 from steersman.rollout import PlantFailure, RunConfig, RunError, run
@@ -227,6 +229,38 @@ def test_plant_that_fails_keeps_what_was_driven_and_is_closed() -> None:
     assert len(episode) == 11
     assert episode.meta["config"]["controller"]["kind"] == "pid"
     assert Fragile.closed == [True]
+
+
+class Compiling(Scripted):
+    """Takes long at its first and, by another way through the code, at its second step ever."""
+
+    compiled: ClassVar[set[int]] = set()
+
+    def decide(self, state: int, observation: Observation) -> tuple[float, Status, int]:
+        if state < 2 and state not in self.compiled:
+            self.compiled.add(state)
+            time.sleep(0.2)
+        return 0.0, Status.SOLVED, state + 1
+
+
+def test_no_computing_time_holds_compilation() -> None:
+    Compiling.compiled.clear()
+    episode = drive(Compiling(), Straight(), duration=0.3)
+    assert Compiling.compiled == {0, 1}
+    assert episode["control_time"].max() < 0.15
+
+
+@pytest.mark.parametrize("at", [0, 2])
+def test_a_controller_that_fails_early_fails_at_its_step(at: int) -> None:
+    with pytest.raises(RunError, match=f"at t = {0.05 * at:.2f} s") as caught:
+        drive(Scripted(at=at, answer=ValueError("no")), Straight())
+    assert len(caught.value.episode) == at
+
+
+@pytest.mark.parametrize("path", [Straight(distance=200.0), Circle()])
+def test_a_start_beyond_the_path_is_refused(path: PathComponent) -> None:
+    with pytest.raises(ConfigError, match=rf"start: .* is not allowed.*{path.length:g} \[m\]"):
+        drive(GOOD, path, start=path.length)
 
 
 def test_laps_of_an_open_path_are_refused() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -29,6 +30,8 @@ from steersman.vehicles import CarlaModel3, Vehicle
 
 # A run that is to end after laps or at the end of the road may take at most this long [s].
 LONGEST = 7200.0
+# Steps without effect before the first: a disturbance estimate needs one before it computes.
+_WARM_UPS = 3
 
 
 class RunConfig(Settings):
@@ -212,9 +215,7 @@ def rollout(  # noqa: PLR0913 - the nouns of a closed loop
             observation = sensor.observe(sensor_state, state, place, path, rng)
             try:
                 if step == 0:
-                    # Once without effect (states are values), so that no figure of computing
-                    # time holds the compilation of kernels.
-                    _ask(controller, controller_state, observation)
+                    _warm_up(controller, controller_state, observation)
                 decision, controller_state, took = _ask(controller, controller_state, observation)
             except ControllerError as error:
                 so_far = recorder.episode(ending.ERROR, distance, plant, path)
@@ -236,6 +237,19 @@ def rollout(  # noqa: PLR0913 - the nouns of a closed loop
     except KeyboardInterrupt:
         end = ending.INTERRUPTED
     return recorder.episode(end, distance, plant, path)
+
+
+def _warm_up(
+    controller: ControllerComponent, controller_state: Any, observation: Observation
+) -> None:
+    """Ask without effect (states are values), so that no computing time holds compilation.
+
+    Several times, since what needs a step before is first computed in the next. Who fails will
+    fail again, at a step that counts.
+    """
+    with suppress(ControllerError):
+        for _ in range(_WARM_UPS):
+            _, controller_state, _ = _ask(controller, controller_state, observation)
 
 
 def _ask(
@@ -269,15 +283,14 @@ def _goal(
     path: PathComponent, start: float, duration: float | None, laps: float | None
 ) -> tuple[float, float]:
     """Distance to drive [m] and time limit [s] of a run."""
+    if start >= path.length:
+        end = "a lap has" if path.closed else "the path ends at"
+        raise ConfigError(f"{start:g} is not allowed; {end} {path.length:g} [m]", ("start",))
     if laps is not None:
         if not path.closed:
             raise ConfigError(f"path {path.kind!r} is not closed; give a duration", ("laps",))
         return laps * path.length, LONGEST
     if not path.closed:
-        if start >= path.length:
-            raise ConfigError(
-                f"{start:g} is not allowed; the path ends at {path.length:g} [m]", ("start",)
-            )
         return path.length - start, LONGEST if duration is None else duration
     return math.inf, 60.0 if duration is None else duration
 

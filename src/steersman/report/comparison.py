@@ -127,17 +127,25 @@ def write_comparison(
 
 
 def _runs(found: Mapping[str, Any], episodes: Mapping[str, Episode]) -> list[Run]:
-    """Every drive, and every comparison as a table."""
+    """Every drive, who is who, and every comparison as a table."""
     drives = [
-        Run(name, episode=episode, metrics=found["metrics"][name], config=dict(episode.meta))
+        Run(name, episode=episode, metrics=found["metrics"][name], config=_driven(episode))
         for name, episode in episodes.items()
     ]
+    columns = {"letter": "", "name": "drive", "source": "from"}
+    who = [dict(zip(columns, line, strict=True)) for line in legend(found)]
     tables = [
         Run(f"comparison {k}", table=Table(" ".join(sentences(found, k)), headers(found, k), lines))
         for k, compared in enumerate(found["comparisons"])
         if (lines := rows(compared))
     ]
-    return [*drives, *tables]
+    return [*drives, Run("drives", table=Table("Drives", columns, who)), *tables]
+
+
+def _driven(episode: Episode) -> dict[str, Any]:
+    """What was driven, as recorded."""
+    config = episode.meta.get("config")
+    return dict(config if isinstance(config, Mapping) else episode.meta)
 
 
 def _against(found: Mapping[str, Any]) -> list[dict[str, Any]]:
