@@ -2,11 +2,14 @@
 
 import errno
 import os
+import subprocess
+import sys
+from pathlib import Path as FilePath
 
 import pytest
 
 from steersman.errors import DataError
-from steersman.files import make_folder, replacing, write_text
+from steersman.files import LOCK, alone, make_folder, only_one, replacing, write_text
 
 
 def names(folder):
@@ -93,3 +96,62 @@ def test_a_link_stays_a_link(tmp_path):
 
 def test_make_folder_returns_it_and_may_be_repeated(tmp_path):
     assert make_folder(make_folder(tmp_path / "a" / "b")).is_dir()
+
+
+HOLD = (
+    "import sys, time; from pathlib import Path; from steersman.files import only_one\n"
+    "with only_one(Path(sys.argv[1])): print('held', flush=True); time.sleep(60)"
+)
+
+
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("steersman.files.PATIENCE", 0.1)
+
+
+@pytest.mark.usefixtures("impatient")
+def test_a_folder_is_one_process_alone_until_that_is_killed(tmp_path: FilePath) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLD, str(tmp_path / "runs")], stdout=subprocess.PIPE, text=True
+    ) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "held\n"
+        with (
+            pytest.raises(DataError, match="another process works in it"),
+            only_one(tmp_path / "runs"),
+        ):
+            pass
+        with only_one(tmp_path / "elsewhere"):
+            other.kill()
+    assert names(tmp_path / "runs") == [LOCK]  # nobody tidied up
+    with only_one(tmp_path / "runs"):
+        pass
+    assert names(tmp_path / "runs") == []
+
+
+def test_who_takes_turns_never_works_at_the_same_time(tmp_path: FilePath) -> None:
+    """Every process adds ten to a number, in two steps that another one would disturb."""
+    add = (
+        "import sys; from pathlib import Path; from steersman.files import only_one\n"
+        "folder = Path(sys.argv[1]); number = folder / 'number'\n"
+        "for _ in range(10):\n"
+        "    with only_one(folder):\n"
+        "        number.write_text(str(int(number.read_text()) + 1))\n"
+    )
+    (tmp_path / "number").write_text("0")
+    command = [sys.executable, "-c", add, str(tmp_path)]
+    others = [subprocess.Popen(command) for _ in range(4)]
+    assert [other.wait() for other in others] == [0] * 4
+    assert (tmp_path / "number").read_text() == "40"
+
+
+@pytest.mark.usefixtures("impatient")
+def test_a_function_that_works_alone(tmp_path: FilePath) -> None:
+    @alone
+    def nested(out: FilePath, depth: int = 0) -> int:
+        return nested(out, depth=depth - 1) if depth else 7
+
+    assert nested(out=tmp_path) == nested(tmp_path) == 7
+    with pytest.raises(DataError, match="another process"):
+        nested(tmp_path, depth=1)
+    assert nested(tmp_path) == 7  # released although it failed

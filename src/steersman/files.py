@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import wraps
 from pathlib import Path as FilePath
-from typing import BinaryIO
+from typing import BinaryIO, ParamSpec, TypeVar
 
 from steersman.errors import DataError
+
+LOCK = ".lock"
+# How long another process may take to end, e.g. one whose parent was killed [s].
+PATIENCE = 2.0
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 @contextmanager
@@ -61,3 +69,46 @@ def make_folder(folder: FilePath) -> FilePath:
     except OSError as error:
         raise DataError(f"{folder}: cannot be made ({error.strerror})") from None
     return folder
+
+
+@contextmanager
+def only_one(folder: FilePath) -> Iterator[None]:
+    """Keep other processes, which ask too, from working in ``folder`` at the same time.
+
+    The lock is the operating system's: it goes with the process, however that ends. The file of
+    the lock means nothing by itself; one that a killed process left is taken over.
+
+    Raises:
+        DataError: another process works there, or the folder cannot be written.
+    """
+    from filelock import FileLock, Timeout
+
+    file = make_folder(folder) / LOCK
+    lock = FileLock(file)
+    try:
+        lock.acquire(timeout=PATIENCE)
+    except Timeout:
+        raise DataError(
+            f"{folder}: another process works in it; wait for its end, or give another folder"
+        ) from None
+    except OSError as error:
+        raise DataError(f"{file}: cannot be written ({error.strerror or error})") from None
+    try:
+        yield
+    finally:
+        # Who waits for a file that is gone by then looks for the new one, says filelock's source.
+        with suppress(OSError):  # Windows removes it itself, and only then
+            file.unlink()
+        lock.release()
+
+
+def alone(function: Callable[P, R]) -> Callable[P, R]:
+    """The function, which holds :func:`only_one` of its argument ``out``, a folder."""
+    signature = inspect.signature(function)
+
+    @wraps(function)
+    def locked(*args: P.args, **kwargs: P.kwargs) -> R:
+        with only_one(FilePath(signature.bind(*args, **kwargs).arguments["out"])):
+            return function(*args, **kwargs)
+
+    return locked

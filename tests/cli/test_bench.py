@@ -10,6 +10,8 @@ from typing import Any
 import pytest
 from typer.testing import Result
 
+from steersman.files import only_one
+
 Steersman = Callable[..., Result]
 QUICK = ("bench", "quick", "--jobs", "1")
 
@@ -49,6 +51,31 @@ def test_an_interruption_is_told(
     result = steersman(*QUICK, "--controllers", "pid", "--out", "b")
     assert result.exit_code == 130
     assert "the same command goes on from b" in result.stderr
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("bench", "quick", "--controllers", "pid"),
+        ("tune", "controller=pid", "trials=1"),
+        ("falsify", "controller=pid", "trials=1"),
+        ("train", "demo", "steps=1000"),
+        ("imitate", "demo"),
+        ("compare", "pid", "lqr"),
+    ],
+)
+def test_two_at_once_in_one_folder_are_one_line(
+    steersman: Steersman,
+    tmp_path: FilePath,
+    monkeypatch: pytest.MonkeyPatch,
+    words: tuple[str, ...],
+) -> None:
+    monkeypatch.setattr("steersman.files.PATIENCE", 0.0)
+    with only_one(tmp_path / "b"):
+        result = steersman(*words, "--out", "b")
+    assert result.exit_code == 2
+    assert "error: b: another process works in it" in result.stderr
+    assert list((tmp_path / "b").iterdir()) == []  # nothing was written
 
 
 @pytest.mark.parametrize(

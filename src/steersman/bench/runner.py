@@ -14,6 +14,7 @@ from steersman.bench.entrants import Entrant
 from steersman.bench.journal import Journal
 from steersman.bench.suite import Scenario
 from steersman.errors import ConfigError, suggestion
+from steersman.files import alone
 
 # Simulated time that one piece of work holds [s], and the most runs in it: large enough that
 # handing it out costs nothing, small enough that an interruption loses little.
@@ -43,6 +44,7 @@ def plan(scenarios: Sequence[Scenario], entrants: Sequence[Entrant]) -> list[Tas
     return tasks
 
 
+@alone
 def bench(
     scenarios: Sequence[Scenario],
     entrants: Sequence[Entrant],

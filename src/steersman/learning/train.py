@@ -13,7 +13,7 @@ import numpy as np
 
 from steersman.config import build, read_yaml
 from steersman.errors import ConfigError, suggestion
-from steersman.files import replacing
+from steersman.files import alone, replacing
 from steersman.learning import alarm, checkpoint
 from steersman.learning.arithmetic import arithmetic
 from steersman.learning.average import WeightAverage
@@ -47,6 +47,7 @@ def load_preset(name: str) -> dict[str, Any]:
     return read_yaml(FilePath(str(files("steersman.presets").joinpath(f"{name}.yaml"))))
 
 
+@alone
 def train(
     config: TrainConfig,
     out: FilePath,

@@ -16,7 +16,7 @@ from steersman.config import Of, Settings, build, dump, param
 from steersman.controllers.base import ControllerComponent
 from steersman.controllers.mpc_pid import MpcPid
 from steersman.errors import ConfigError
-from steersman.files import make_folder, write_text
+from steersman.files import alone, make_folder, write_text
 from steersman.paths.base import PathComponent
 from steersman.plants.base import PlantComponent, has_one_car
 from steersman.plants.simulator import SimulatorConfig
@@ -106,6 +106,7 @@ def for_one_car(plant: Any) -> list[str]:
     return [f"ranges.{name}=0" for name in CARS_DIFFER if has_one_car(plant)]
 
 
+@alone
 def falsify(
     config: FalsifyConfig, out: FilePath, progress: Progress | None = None
 ) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from steersman.bench.suites import suite
 from steersman.config import Of, Settings, build, dump, override, param
 from steersman.controllers.base import ControllerComponent
 from steersman.errors import ConfigError
-from steersman.files import make_folder, write_text
+from steersman.files import alone, make_folder, write_text
 from steersman.plants.base import PlantComponent
 from steersman.plants.simulator import SimulatorConfig
 from steersman.provenance import provenance
@@ -79,6 +79,7 @@ def cost(config: RunConfig, smoothness: float) -> float:
     return measure(config, smoothness).total
 
 
+@alone
 def tune(
     config: TuneConfig, out: FilePath, progress: Callable[[int, float], None] | None = None
 ) -> ControllerComponent:

@@ -18,7 +18,7 @@ import numpy as np
 
 from steersman.config import build, dump
 from steersman.errors import TrainingDiverged
-from steersman.files import replacing
+from steersman.files import alone, replacing
 from steersman.learning import checkpoint
 from steersman.learning.arithmetic import arithmetic
 from steersman.learning.export import export_policy
@@ -49,6 +49,7 @@ COLUMNS = (
 _INITIAL, _DRIVES, _BATCHES = range(3)
 
 
+@alone
 def imitate(
     config: ImitationConfig,
     out: FilePath,
