@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 from pathlib import Path as FilePath
 
 import pytest
@@ -12,6 +13,7 @@ from steersman.paths.base import PathComponent
 from steersman.paths.eights import FigureEight
 from steersman.paths.xodr.write import opendrive
 
+from ..logs import bags
 from . import xodr_maps
 
 SHAPES: dict[str, dict[str, object]] = {
@@ -36,6 +38,8 @@ SHAPES: dict[str, dict[str, object]] = {
     "csv-closed": {"kind": "csv", "file": "ellipse.csv"},
     "csv-open": {"kind": "csv", "file": "wave.csv"},
     "csv-smooth": {"kind": "csv", "file": "ellipse.csv", "smoothing": 0.05},
+    "mcap-lap": {"kind": "mcap", "file": "lap.mcap"},
+    "mcap-planned": {"kind": "mcap", "file": "plan.mcap"},
     "opendrive-road": {"kind": "opendrive", "file": "wavy.xodr", "road": "1"},
     "opendrive-lap": {"kind": "opendrive", "file": "ring.xodr", "route": ["1", "2", "1"]},
     "opendrive-smooth": {
@@ -75,6 +79,10 @@ def paths(tmp_path_factory: pytest.TempPathFactory) -> dict[str, PathComponent]:
     xodr_maps.write(folder / "wavy.xodr", xodr_maps.wavy())
     xodr_maps.write(folder / "town.xodr", xodr_maps.town())
     xodr_maps.write(folder / "ring.xodr", opendrive(FigureEight()))
+    shutil.move(bags.write(folder, bags.drive(700)), folder / "lap.mcap")
+    plan = ("/plan", "nav_msgs/msg/Path", 0, bags.path(0, ellipse()))
+    shutil.rmtree(folder / "mcap")
+    shutil.move(bags.write(folder, [plan]), folder / "plan.mcap")
     write_csv(folder / "wave.csv", [(5.0 * i, 10.0 * math.sin(0.25 * i)) for i in range(50)])
     out = {}
     for name, fields in SHAPES.items():

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from steersman.cli import settings
+from steersman.cli import recording, settings
 from steersman.cli.outcome import INTERRUPTED
 from steersman.cli.output import note, share_bar, show, show_json, table, tell_compiling
 
@@ -22,7 +22,7 @@ EXAMPLES = (
     "  steersman drive\n"
     "  steersman drive controller=mpc_pid path=circle path.radius=50 \\\n"
     "      speed=constant_throttle speed.throttle=0.4 duration=60 --json\n"
-    "  steersman drive path=monza laps=1 --out runs/monza\n"
+    "  steersman drive path=monza laps=1 --out runs/monza --mcap monza.mcap\n"
     "  steersman drive path=monza laps=1 --report runs/monza.html\n"
     "  steersman drive runs/monza/config.yaml controller.horizon=30\n"
     "  steersman drive controller=policy\n"
@@ -48,6 +48,10 @@ def drive(
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object: config and metrics.")
     ] = False,
+    mcap: Annotated[
+        str | None,
+        typer.Option("--mcap", metavar="FILE", help="Write a recording with ROS 2 messages."),
+    ] = None,
 ) -> None:
     """Drive one closed loop and print what was measured.
 
@@ -62,6 +66,7 @@ def drive(
     config = build(RunConfig, tree)
     folder = None if out is None else settings.out_folder(out)
     page = None if report is None else _page(report)
+    file = recording.recording_file(mcap)
     tell_compiling()
     try:
         with share_bar("driving") as progress:
@@ -70,6 +75,7 @@ def drive(
         if folder is not None:
             save(folder, config, error.episode, summarise(error.episode))
         _replay(page, config, error.episode)
+        recording.record(file, config, error.episode)
         raise
     metrics = summarise(episode)
     if not config.plant.embedded:
@@ -77,6 +83,7 @@ def drive(
     if folder is not None:
         save(folder, config, episode, metrics)
     _replay(page, config, episode)
+    recording.record(file, config, episode)
     if as_json:
         show_json({"config": dump(config), "metrics": metrics})
     else:

@@ -23,10 +23,12 @@ EXAMPLES = (
     "Examples:\n"
     "  steersman export precision --to c --out build/precision\n"
     "  steersman export runs/agent/policy.onnx --to onnx --out delivery\n"
+    "  steersman export runs/monza --to mcap\n"
     "\n"
     "\b\n"
 )
 POLICY = "a training's folder, a policy of the package, or an .onnx or .json file"
+DRIVE = "a folder of steersman drive --out, or an episode's .npz file"
 
 
 class Target(NamedTuple):
@@ -54,9 +56,16 @@ def _onnx(source: str, folder: FilePath) -> Sequence[FilePath]:
     return write_onnx(source, folder, note)
 
 
+def _mcap(source: str, folder: FilePath) -> Sequence[FilePath]:
+    from steersman.cli.recording import export_mcap
+
+    return export_mcap(source, folder)
+
+
 TARGETS = (
     Target("c", POLICY, "C99 source without dependencies, test vector, Makefile, card", _c),
     Target("onnx", POLICY, "the network as a checked ONNX file with its card", _onnx),
+    Target("mcap", DRIVE, "a recording with ROS 2 messages", _mcap),
 )
 EXAMPLES += "\n".join(f"  --to {t.name}: from {t.takes}: {t.makes}" for t in TARGETS)
 

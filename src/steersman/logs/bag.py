@@ -45,7 +45,7 @@ class Recording:
     def find(
         self, types: Iterable[str], topic: str | None = None, *, optional: bool = False
     ) -> str | None:
-        """The topic of one of these types: ``topic``, or the only one there is.
+        """The topic of one of these types: ``topic``, our own, or the only one there is.
 
         Raises:
             DataError: there is no such topic, it holds something else, or there are several.
@@ -61,8 +61,9 @@ class Recording:
                 )
             return topic
         found = sorted(name for name, kind in self.topics.items() if kind in wanted)
-        if len(found) == 1 or (found and found[0] in schemas.TYPES):
-            return found[0]
+        own = [name for name in found if name in schemas.TYPES]
+        if own or len(found) == 1:
+            return (own or found)[0]
         if found:
             raise DataError(
                 f"{self.file}: several topics hold {' or '.join(wanted)}: {', '.join(found)}; "

@@ -107,13 +107,29 @@ def read(
     with opened(file) as recording:
         topics = _topics(recording, odometry, command, angle)
         messages = {group: recording.messages(topic) for group, topic in topics.items()}
+    return _log(file, topics, messages, ahead)
+
+
+def motion(recording: Recording, topic: str, ahead: float = 0.0) -> Log:
+    """The columns of an Odometry topic alone, of an open recording.
+
+    Raises:
+        DataError: it holds what no car does.
+    """
+    messages = {"odometry": recording.messages(topic)}
+    return _log(recording.file, {"odometry": topic}, messages, ahead)
+
+
+def _log(
+    file: FilePath, topics: Mapping[str, str], messages: Mapping[str, list[Message]], ahead: float
+) -> Log:
     stamped = all(_stamp(m) > 0 for found in messages.values() for m in found)
     series = {group: _series(found, _EXTRACT[group], stamped) for group, found in messages.items()}
-    motion = series["odometry"]
-    _check(file, topics["odometry"], motion)
-    columns = _moved(_motion(motion), ahead)
+    driven = series["odometry"]
+    _check(file, topics["odometry"], driven)
+    columns = _moved(_motion(driven), ahead)
     _add_steering(columns, series)
-    return Log(columns, topics, int(motion.stamps[0]))
+    return Log(columns, topics, int(driven.stamps[0]))
 
 
 def _topics(
@@ -176,27 +192,27 @@ _EXTRACT: dict[str, Callable[[Any], tuple[float, ...]]] = {
 }
 
 
-def _check(file: FilePath, topic: str, motion: _Series) -> None:
+def _check(file: FilePath, topic: str, driven: _Series) -> None:
     """Refuse positions and directions that no car has."""
-    bad = ~np.all(np.isfinite(motion.values), axis=1)
-    bad |= np.any(np.abs(motion.values) > _FARTHEST, axis=1)
+    bad = ~np.all(np.isfinite(driven.values), axis=1)
+    bad |= np.any(np.abs(driven.values) > _FARTHEST, axis=1)
     if bad.any():
         row = int(np.flatnonzero(bad)[0])
         raise DataError(f"{file}: {topic}: message {row + 1} holds numbers that no car has")
-    size = np.sqrt(np.sum(motion.values[:, 2:6] ** 2, axis=1))
+    size = np.sqrt(np.sum(driven.values[:, 2:6] ** 2, axis=1))
     if np.max(np.abs(size - 1.0)) > _UNIT:
         row = int(np.argmax(np.abs(size - 1.0)))
         raise DataError(
-            f"{file}: {topic}: message {row + 1} has the orientation {motion.values[row, 2:6]}, "
+            f"{file}: {topic}: message {row + 1} has the orientation {driven.values[row, 2:6]}, "
             "which is no unit quaternion"
         )
 
 
-def _motion(motion: _Series) -> dict[str, FloatArray]:
-    x, y, qx, qy, qz, qw, v_x, v_y, yaw_rate = motion.values.T.copy()
+def _motion(driven: _Series) -> dict[str, FloatArray]:
+    x, y, qx, qy, qz, qw, v_x, v_y, yaw_rate = driven.values.T.copy()
     yaw = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
     return {
-        "time": (motion.stamps - motion.stamps[0]) * _NS,
+        "time": (driven.stamps - driven.stamps[0]) * _NS,
         "x": x,
         "y": y,
         "yaw": np.unwrap(yaw),

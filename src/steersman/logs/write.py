@@ -37,6 +37,16 @@ class _Sent(NamedTuple):
     content: Any
 
 
+def require() -> None:
+    """Tell before anything is driven that nothing can be written.
+
+    Raises:
+        ModuleNotFoundError: the extra ``logs`` is not installed.
+    """
+    import mcap.writer  # noqa: F401
+    import rosbags.typesys  # noqa: F401
+
+
 def write_episode(
     file: FilePath, episode: Episode, vehicle: VehicleTable, path: Path | None = None
 ) -> None:

@@ -51,16 +51,26 @@ class CsvPath(PathComponent):
         Raises:
             DataError: the file cannot be used; one line says where and what to do.
         """
-        points = read_points(self.file, self.loop)
-        curve = _spline(points, self.smoothing)
-        t = _samples(points, curve)
-        (x, y), (dx, dy) = curve.evaluate(t, 0), curve.evaluate(t, 1)
-        if points.closed:
-            x[-1], y[-1], dx[-1], dy[-1] = x[0], y[0], dx[0], dy[0]
-        try:
-            return from_samples(x, y, np.arctan2(dy, dx), closed=points.closed)
-        except DataError as error:
-            raise DataError(f"{self.file}: {error}; set smoothing or thin the points out") from None
+        return table_through(read_points(self.file, self.loop), self.smoothing)
+
+
+def table_through(points: Points, smoothing: float) -> PathTable:
+    """Short clothoids through positions and tangents of a cubic spline.
+
+    ``smoothing``: RMS distance that the spline may keep from the points [m].
+
+    Raises:
+        DataError: there is no such curve, or it turns too sharply.
+    """
+    curve = _spline(points, smoothing)
+    t = _samples(points, curve)
+    (x, y), (dx, dy) = curve.evaluate(t, 0), curve.evaluate(t, 1)
+    if points.closed:
+        x[-1], y[-1], dx[-1], dy[-1] = x[0], y[0], dx[0], dy[0]
+    try:
+        return from_samples(x, y, np.arctan2(dy, dx), closed=points.closed)
+    except DataError as error:
+        raise DataError(f"{points.file}: {error}; set smoothing or thin the points out") from None
 
 
 def _spline(points: Points, smoothing: float) -> _Curve:

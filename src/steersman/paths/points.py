@@ -1,4 +1,4 @@
-"""Read the points of a path from a CSV file, and refuse what cannot be driven."""
+"""The points of a path, from a CSV file or elsewhere; what cannot be driven is refused."""
 
 from __future__ import annotations
 
@@ -35,10 +35,12 @@ class Points(NamedTuple):
     y: FloatArray
     lines: list[int]
     closed: bool
+    place: str = "line"
+    """What ``lines`` count."""
 
     def fault(self, row: int, text: str) -> DataError:
         """The error to raise about the point ``row``."""
-        return _fault(self.file, self.lines[row % len(self.lines)], text)
+        return DataError(f"{self.file}: {self.place} {self.lines[row % len(self.lines)]}: {text}")
 
 
 def read_points(file: FilePath, closed: bool | None = None) -> Points:
@@ -52,11 +54,19 @@ def read_points(file: FilePath, closed: bool | None = None) -> Points:
             what to do.
     """
     lines, x, y = _parse(file, _text(file))
+    return checked(Points(file, np.array(x), np.array(y), lines, closed is not False), closed)
+
+
+def checked(points: Points, closed: bool | None) -> Points:
+    """Points that can be driven, without a last one that repeats the first of a closed path.
+
+    Raises:
+        DataError: there are too few, or their course cannot be used.
+    """
+    file, x, y, lines = points[:4]
     if len(x) < _LEAST_POINTS:
         raise DataError(f"{file}: holds {len(x)} points, a path needs at least {_LEAST_POINTS}")
-    points = Points(file, np.array(x), np.array(y), lines, closed is not False)
-    if closed is None:
-        points = points._replace(closed=_ends_meet(points))
+    points = points._replace(closed=_ends_meet(points) if closed is None else closed)
     if points.closed and math.dist((x[0], y[0]), (x[-1], y[-1])) < _DUPLICATE:
         points = points._replace(x=points.x[:-1], y=points.y[:-1], lines=lines[:-1])
         if len(lines) - 1 < _LEAST_POINTS:
@@ -177,7 +187,7 @@ def _ends_meet(points: Points) -> bool:
         if ahead > 0.5 * steps[0] * steps[row]:
             raise points.fault(
                 row + 1,
-                f"the path runs on past its start (line {points.lines[0]});"
+                f"the path runs on past its start ({points.place} {points.lines[0]});"
                 f" cut the file off here, or set loop to false",
             )
     return False
@@ -191,7 +201,7 @@ def _check_course(points: Points) -> None:
         row = int(same[0])
         raise points.fault(
             row + 1,
-            f"repeats (almost) the point of line {points.lines[row]}; remove one of the two",
+            f"repeats (almost) the point of {points.place} {points.lines[row]}; remove one of them",
         )
     # Turning at the end of each chord; a closed path's last is the turn at its first point.
     ahead, before = slice(1, None), slice(None, -1)
@@ -223,7 +233,7 @@ def _check_joint(points: Points, turn_last: float, turn_first: float) -> None:
     if turns_back or kink or _ends_cross(points):
         raise points.fault(
             -1,
-            f"the end overlaps or crosses the start (line {points.lines[0]});"
+            f"the end overlaps or crosses the start ({points.place} {points.lines[0]});"
             f" cut the surplus points off, or set loop to false",
         )
 

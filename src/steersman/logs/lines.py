@@ -1,0 +1,114 @@
+"""Lines in the plane out of a recording: what was driven, or a path that was planned."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steersman.errors import DataError
+from steersman.logs import schemas
+from steersman.logs.bag import Recording, opened
+from steersman.logs.read import motion
+from steersman.types import FloatArray
+
+_NS = 1e-9
+_FARTHEST = 1e8
+
+
+class Line(NamedTuple):
+    """Points of a line in the order of driving."""
+
+    topic: str
+    driven: bool
+    """Whether it is a driven line; else it is one message's path."""
+    x: FloatArray
+    """[m]"""
+    y: FloatArray
+    """[m]"""
+    numbers: NDArray[np.int64]
+    """Which row of the Odometry, or which pose of the Path, counted from 1."""
+
+
+def read_line(
+    file: FilePath,
+    topic: str | None = None,
+    window: tuple[float, float] | None = None,
+    ahead: float = 0.0,
+) -> Line:
+    """A driven line, or the longest message of a Path topic.
+
+    Args:
+        file: the recording.
+        topic: of nav_msgs/msg/Odometry or nav_msgs/msg/Path; None: the only Odometry, or if there
+            is none the only Path.
+        window: part of the recording, from and to [s] since the topic's first message.
+        ahead: the line of the point this far ahead of the Odometry's [m].
+
+    Raises:
+        DataError: the recording cannot be read, or has no such line.
+    """
+    with opened(file) as recording:
+        found = topic
+        if topic is None:
+            found = recording.find((schemas.ODOMETRY_TYPE,), optional=True)
+        name = recording.find((schemas.ODOMETRY_TYPE, schemas.PATH_TYPE), found)
+        assert name is not None  # nothing optional was asked for
+        if recording.topics[name] == schemas.ODOMETRY_TYPE:
+            return _driven(recording, name, window, ahead)
+        return _planned(recording, name, window)
+
+
+def _driven(
+    recording: Recording, topic: str, window: tuple[float, float] | None, ahead: float
+) -> Line:
+    log = motion(recording, topic, ahead)
+    rows = np.arange(len(log))
+    if window is not None:
+        rows = rows[(log["time"] >= window[0]) & (log["time"] <= window[1])]
+        if not rows.size:
+            raise _outside(recording, topic, window, float(log["time"][-1]))
+    return Line(topic, True, log["x"][rows], log["y"][rows], rows + 1)
+
+
+def _planned(recording: Recording, topic: str, window: tuple[float, float] | None) -> Line:
+    messages = recording.messages(topic)
+    times = [(m.logged - messages[0].logged) * _NS for m in messages]
+    chosen = [
+        m.content
+        for m, time in zip(messages, times, strict=True)
+        if window is None or window[0] <= time <= window[1]
+    ]
+    if window is not None and not chosen:
+        raise _outside(recording, topic, window, times[-1])
+    path = max(chosen, key=lambda content: len(content.poses))
+    if path.header.frame_id == schemas.BASE_LINK:
+        raise DataError(
+            f"{recording.file}: {topic}: its points are in the frame base_link, of the vehicle; "
+            "a path to follow has to lie in map"
+        )
+    return _line(recording, topic, path)
+
+
+def _line(recording: Recording, topic: str, path: Any) -> Line:
+    places = [pose.pose.position for pose in path.poses]
+    points = np.array([(p.x, p.y) for p in places], dtype=np.float64).reshape(-1, 2)
+    bad = np.flatnonzero(~np.all(np.abs(points) <= _FARTHEST, axis=1))
+    if bad.size:
+        raise DataError(
+            f"{recording.file}: {topic}: pose {bad[0] + 1} lies at {points[bad[0]]}; positions are "
+            "finite and in metres"
+        )
+    x, y = points.T
+    return Line(topic, False, x.copy(), y.copy(), np.arange(len(points)) + 1)
+
+
+def _outside(
+    recording: Recording, topic: str, window: tuple[float, float], last: float
+) -> DataError:
+    return DataError(
+        f"{recording.file}: {topic}: no message from {window[0]:g} to {window[1]:g} s; the last is "
+        f"at {last:.3f} s"
+    )
