@@ -148,7 +148,7 @@ def test_a_lap_closes_whatever_its_gap(
     joint = math.dist((lap.x[-1], lap.y[-1]), (lap.x[0], lap.y[0]))
     assert 0.4 * spacing < joint < 1.7 * spacing
     moved = np.hypot(lap.x - x[: len(lap.x)], lap.y - y[: len(lap.x)])
-    assert np.all(moved <= (abs(side) + 0.02) * (np.arange(len(moved)) + 1) / count)
+    assert np.all(moved <= 0.02 + 1.1 * abs(side) * np.arange(len(moved)) / count)
 
 
 def test_standing_still_leaves_one_point(tmp_path: FilePath) -> None:
