@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 import onnx
 import pytest
+import torch
 from onnx import helper, numpy_helper
+from torch.nn import functional
 
 from steersman.controllers.policy import load_network
-from steersman.delivery.graph import exact, read_network
+from steersman.delivery.graph import exact, normalised, read_network
 from steersman.delivery.parity import TOLERANCE, random_features, rounding
 from steersman.errors import DataError
 from steersman.learning.export import network
@@ -32,6 +34,21 @@ def test_it_answers_as_onnx_runtime_but_for_rounding(operators: tuple[str, str])
     assert (away <= TOLERANCE + rounding(read, seen)).all()
     assert away.max() < 1e-4
     assert np.std(answers) > 0.1
+
+
+def test_the_exact_answer_is_torchs_in_float64() -> None:
+    net = random_net(4, hidden=40)
+    read = read_network(network(net, SCALE), "n.onnx")
+    seen = random_features(read.scale, 500)
+    flow = torch.from_numpy(normalised(read, seen)).double()
+    for weights, bias in ((net.w1, net.b1), (net.w2, net.b2)):
+        flow = torch.relu(functional.linear(flow, *map(double, (weights, bias))))
+    flow = torch.tanh(functional.linear(flow, *map(double, (net.w3, net.b3))))
+    assert abs(exact(read, seen) - flow.numpy()).max() < 1e-12
+
+
+def double(values: Any) -> torch.Tensor:
+    return torch.from_numpy(values).double()
 
 
 def test_a_changed_weight_is_more_than_rounding() -> None:

@@ -23,7 +23,7 @@ _EXTRAS = {
     "jinja2": "report",
     "mcap": "logs",
     "msgpack": "carla",
-    "onnx": "train",
+    "onnx": "export",
     "pyarrow": "bench",
     "ray": "ray",
     "rosbags": "logs",

@@ -137,7 +137,7 @@ def header(p: Parts) -> str:
     card, table = p.card, p.table
     widest = max(len(p.network.scale), *(len(layer.bias) for layer in p.network.layers))
     weights = sum(layer.weights.size + layer.bias.size for layer in p.network.layers)
-    observation = 7 + 2 * max(card.waypoints, 1)
+    observation, remembered = 7 + 2 * card.waypoints, 4 + 2 * table.history
     meaning = "action: steering in [-1, 1]"
     if card.rate_limit is not None:
         meaning = f"action in [-1, 1]: rate of steering over {card.rate_limit:g} per second"
@@ -154,7 +154,7 @@ def header(p: Parts) -> str:
             "spacing_plain": f"{card.spacing:g}",
             "preview": max(card.waypoints, 1),
             "history_size": max(table.history, 1),
-            "stack": 4 * (5 * widest + len(p.network.scale) + 2 * observation + 40),
+            "stack": 4 * (4 * widest + len(p.network.scale) + observation + remembered + 100),
             "bytes": 4 * (weights + len(p.network.scale)),
             "limit": f"{p.network.limit:g}",
             "action_meaning": meaning,

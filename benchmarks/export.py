@@ -1,0 +1,216 @@
+"""One decision of a delivered policy: in C, in ONNX Runtime, and by Stable-Baselines3's predict.
+
+    python benchmarks/export.py [--policy precision] [--out results/benchmarks/export.json]
+
+All sides run in one process on one thread and take turns; a figure is the median over rounds.
+Machines differ and are noisy: the ratios mean more than the times. C is timed from C, and once
+more as Python calls it. How far each side is from exact arithmetic stands beside the times.
+Needs a C compiler (gcc or cc).
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import json
+import platform
+import shutil
+import statistics
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from steersman.config import build
+from steersman.controllers.policy import load_network
+from steersman.delivery.c_source import Parts, parts
+from steersman.delivery.graph import exact, read_network
+from steersman.delivery.package import write_c
+from steersman.delivery.parity import TOLERANCE, random_features
+from steersman.delivery.source import read_source
+from steersman.delivery.vector import rows
+from steersman.files import write_text
+from steersman.learning.train import TrainConfig
+from steersman.provenance import provenance
+from steersman.studies.reproduce.networks import sb3_predict
+from steersman.types import Observation
+from steersman.vehicles import CarlaModel3
+
+ROUNDS = 15
+CALLS = 1000
+COMPARED = 100_000
+COMPILED = {
+    "portable": ("-O3",),
+    "this machine's instructions": ("-O3", "-march=native"),
+    "small": ("-Os",),
+}
+LOOPS = """#include "{prefix}.h"
+void many_networks(const float *obs, int count, float *actions)
+{{
+    int i;
+    for (i = 0; i < count; ++i) {{
+        {prefix}_network(obs + i * {features}, actions + i);
+    }}
+}}
+void many_steps(const {prefix}_observation *seen, int count, float *steers)
+{{
+    {prefix}_state state;
+    int i;
+    {prefix}_init(&state);
+    for (i = 0; i < count; ++i) {{
+        (void){prefix}_step(&state, seen + i, steers + i);
+    }}
+}}
+"""
+
+
+class Compiled:
+    """A policy in C, with loops around it."""
+
+    def __init__(self, p: Parts, folder: Path, compiler: str, flags: tuple[str, ...]) -> None:
+        """Compile what was written into ``folder``."""
+        prefix = f"steersman_{p.name}"
+        text = LOOPS.format(prefix=prefix, features=len(p.network.scale))
+        (folder / "loops.c").write_text(text, encoding="ascii")
+        file = folder / f"policy{'_'.join(flags)}.so"
+        sources = [f"{prefix}.c", "loops.c"]
+        words = ["-std=c99", *flags, "-shared", "-fPIC", "-o", str(file), *sources, "-lm"]
+        subprocess.run([compiler, *words], check=True, cwd=folder)
+        code = ctypes.CDLL(str(file))
+        self.one = getattr(code, f"{prefix}_network")
+        self.networks, self.steps = code.many_networks, code.many_steps
+        self.one.restype = self.networks.restype = self.steps.restype = None
+
+    def actions(self, features: Any) -> Any:
+        """Of many rows."""
+        out = np.empty(len(features), np.float32)
+        self.networks(pointer(features), len(features), pointer(out))
+        return out
+
+
+def pointer(values: Any) -> ctypes.c_void_p:
+    """Where an array lies."""
+    return ctypes.c_void_p(values.ctypes.data)
+
+
+def packed(seen: list[Observation]) -> Any:
+    """Observations as C sees them."""
+    return np.array([[*row[1:8], *row.preview.ravel()] for row in seen], np.float32)
+
+
+def seconds(work: Callable[[], Any], count: int) -> float:
+    """Time of one of the ``count`` decisions in a call."""
+    begun = time.perf_counter()
+    work()
+    return (time.perf_counter() - begun) / count
+
+
+def each(work: Callable[[Any], Any], values: Any) -> Callable[[], None]:
+    """One call for each value, as Python has to."""
+
+    def run() -> None:
+        for value in values:
+            work(value)
+
+    return run
+
+
+def sides(p: Parts, compiled: dict[str, Compiled], features: Any) -> dict[str, Callable[[], Any]]:
+    """What is timed: each makes ``CALLS`` decisions."""
+    sound = [row.seen for row in rows(p) if np.isfinite(packed([row.seen])).all()]
+    seen = [sound[i % len(sound)] for i in range(CALLS)]
+    in_c, steers = packed(seen), np.empty(CALLS, np.float32)
+    action = np.empty(1, np.float32)
+    singles = [row[None, :] for row in features]
+    session = load_network(p.source.data, p.name, features.shape[1])
+    predict = sb3_predict(build(TrainConfig, p.card.training["config"]))
+    state = p.policy.init(CarlaModel3(), p.card.dt)
+    portable = compiled["portable"]
+    at, to = [pointer(row) for row in features], pointer(action)
+    work: dict[str, Callable[[], Any]] = {}
+    for name, code in compiled.items():
+        work[f"network, C, {name}"] = lambda code=code: code.actions(features)
+        work[f"step, C, {name}"] = lambda code=code: code.steps(
+            pointer(in_c), CALLS, pointer(steers)
+        )
+    work["network, C called from Python"] = each(lambda row: portable.one(row, to), at)
+    work["network, ONNX Runtime"] = each(session, singles)
+    work["network, SB3 predict"] = each(predict, list(features * p.network.scale))
+    work["step, Python with ONNX Runtime"] = each(lambda row: p.policy.step(state, row), seen)
+    return work
+
+
+def latency(work: dict[str, Callable[[], Any]]) -> dict[str, float]:
+    """Microseconds of one decision: the median over rounds in which all sides take turns."""
+    times: dict[str, list[float]] = {name: [] for name in work}
+    for run in work.values():
+        run()
+    for _ in range(ROUNDS):
+        for name, run in work.items():
+            times[name].append(seconds(run, CALLS))
+    return {name: 1e6 * statistics.median(values) for name, values in times.items()}
+
+
+def parity(p: Parts, code: Compiled) -> dict[str, float]:
+    """Largest differences of an action over random observations, extremes included."""
+    seen = random_features(p.network.scale, COMPARED)
+    expected = exact(p.network, seen)[:, 0]
+    session = load_network(p.source.data, p.name, seen.shape[1])
+    c = abs(code.actions(seen) - expected)
+    onnx = abs(np.array([session(row[None, :]) for row in seen]) - expected)
+    return {
+        "observations": COMPARED,
+        "tolerance": TOLERANCE,
+        "c_from_exact": float(c.max()),
+        "onnxruntime_from_exact": float(onnx.max()),
+        "share_of_onnxruntime_beyond_tolerance": float((onnx > TOLERANCE).mean()),
+    }
+
+
+def main() -> None:
+    """Measure, print, and write if asked."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--policy", default="precision")
+    parser.add_argument("--out", type=Path)
+    arguments = parser.parse_args()
+    compiler = shutil.which("gcc") or shutil.which("cc")
+    if compiler is None:
+        parser.error("there is no C compiler")
+    source = read_source(arguments.policy)
+    p = parts(source, read_network(source.data, source.name))
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write_c(arguments.policy, folder, str)
+        compiled = {how: Compiled(p, folder, compiler, flags) for how, flags in COMPILED.items()}
+        # As large as they are at speed.
+        rng = np.random.default_rng(0)
+        usual = rng.uniform(-1.0, 1.0, (CALLS, len(p.network.scale))) / p.network.scale
+        times = latency(sides(p, compiled, np.ascontiguousarray(usual, np.float32)))
+        agreement = parity(p, compiled["portable"])
+    for what, value in times.items():
+        print(f"{what:50s} {value:8.2f} us")  # noqa: T201 - its output
+    for what, value in agreement.items():
+        print(f"{what:50s} {value:8.2g}")  # noqa: T201 - its output
+    if arguments.out is not None:
+        version = subprocess.run(
+            [compiler, "--version"], capture_output=True, text=True, check=True
+        )
+        record = {
+            "policy": source.name,
+            "layers": [list(layer.weights.shape) for layer in p.network.layers],
+            "latency_us": times,
+            "parity": agreement,
+            "compiler": version.stdout.splitlines()[0],
+            "flags": {how: list(flags) for how, flags in COMPILED.items()},
+            "processor": platform.processor(),
+            **provenance(),
+        }
+        write_text(arguments.out, json.dumps(record, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
