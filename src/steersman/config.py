@@ -28,7 +28,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticKnownError, core_schema
 
-from steersman import core_yaml
+from steersman import core_yaml, tuned
 from steersman.errors import ConfigError, DataError, suggestion
 from steersman.messages import config_error, field_unit
 
@@ -57,6 +57,8 @@ __all__ = [
 C = TypeVar("C", bound="Component")
 M = TypeVar("M", bound=BaseModel)
 
+# The family whose members come with the package as tuned, too.
+_CONTROLLER = "controller"
 ENTRY_POINT_GROUP = "steersman.components"
 # Where each family's components live; importing the module (or all modules of the package)
 # registers them. Entry points of other packages add to this.
@@ -194,7 +196,10 @@ def lookup(family: str, kind: str) -> type[Component]:
     """
     known = components(family)
     if kind not in known:
-        raise ConfigError(f"unknown {family} {kind!r}{suggestion(kind, known)}")
+        more = tuned.names() if family == _CONTROLLER else []
+        if more and kind.strip("/") == "tuned":
+            raise ConfigError(f"unknown {family} {kind!r}; write one of {', '.join(more)}")
+        raise ConfigError(f"unknown {family} {kind!r}{suggestion(kind, [*known, *more])}")
     return known[kind]
 
 
@@ -204,7 +209,10 @@ def _a(noun: str) -> str:
 
 
 def resolve(family: str, value: Any, *, optional: bool = False) -> Component | None:
-    """A component from its name, its mapping (``kind`` and fields) or itself."""
+    """A component from its name, its mapping (``kind`` and fields) or itself.
+
+    ``tuned/NAME`` stands for a controller of the package with its fields as tuned.
+    """
     if value is None and optional:
         return None
     if isinstance(value, Component):
@@ -219,8 +227,12 @@ def resolve(family: str, value: Any, *, optional: bool = False) -> Component | N
             f"{_a(family)} is a name, or fields among them 'kind'; given {value!r};"
             f" names: {', '.join(components(family))}"
         )
-    fields = {k: v for k, v in value.items() if k != "kind"}
-    return build(lookup(family, str(value["kind"])), fields)
+    kind, fields = str(value["kind"]), {k: v for k, v in value.items() if k != "kind"}
+    file = tuned.locate(kind) if family == _CONTROLLER else None
+    if file is not None:
+        base = read_yaml(file)["controller"]
+        kind, fields = base.pop("kind"), merge(base, fields)
+    return build(lookup(family, kind), fields)
 
 
 @dataclass(frozen=True)

@@ -45,6 +45,11 @@ def wrong_files(tmp_path: FilePath) -> None:
         "broken.onnx": "x",
         "broken.json": "{",
         "alone.onnx": "x",
+        "training.yaml": "problem: {}\nagent: {kind: ddpg}\n",
+        "imitation.yaml": "problem: {}\nfit: {}\n",
+        "tuning.yaml": "controller: pid\nsmoothness: 0.1\n",
+        "search.yaml": "controller: pid\nranges: {}\n",
+        "suite.yaml": "courses: {}\n",
     }
     for name, text in texts.items():
         (tmp_path / name).write_text(text, encoding="utf-8")

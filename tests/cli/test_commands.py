@@ -16,6 +16,7 @@ import pytest
 import typer
 from typer.testing import Result
 
+from steersman import tuned
 from steersman.bench.metrics import METRICS
 from steersman.cli import output, seeds, settings
 from steersman.config import build, components, families, read_yaml, resolve, to_yaml
@@ -199,6 +200,28 @@ class TestDrive:
         again = json.loads(steersman("drive", "run/config.yaml", "--json").stdout)
         assert again["config"] == first["config"]
         assert without_times(again["metrics"]) == without_times(first["metrics"])
+
+    def test_an_earlier_drive_is_replaced_only_if_told(
+        self, steersman: Steersman, tmp_path: FilePath
+    ) -> None:
+        assert steersman("drive", "duration=1", "--out", "run").exit_code == 0
+        before = (tmp_path / "run" / "episode.npz").read_bytes()
+        refused = steersman("drive", "duration=2", "--out", "run")
+        assert refused.exit_code == 2
+        assert "run: holds a drive already; give another folder or --overwrite" in refused.stderr
+        assert (tmp_path / "run" / "episode.npz").read_bytes() == before
+        assert steersman("drive", "duration=2", "--out", "run", "--overwrite").exit_code == 0
+        assert len(load_episode(tmp_path / "run" / "episode.npz")) == 40
+
+    def test_a_tuned_controller_of_the_package(self, steersman: Steersman) -> None:
+        words = ("duration=1", "--json")
+        one = json.loads(steersman("drive", "controller=tuned/lqr", *words).stdout)["config"]
+        two = json.loads(steersman("drive", "tuned/lqr", *words).stdout)["config"]
+        assert one == two
+        words = ("controller=tuned/pid", "controller.gains.k_i=0.5", *words)
+        gains = json.loads(steersman("drive", *words).stdout)["config"]["controller"]["gains"]
+        assert gains["k_i"] == 0.5
+        assert gains["k_p"] == read_yaml(tuned.locate("tuned/pid"))["controller"]["gains"]["k_p"]
 
     def test_settings_go_over_the_file(self, steersman: Steersman, tmp_path: FilePath) -> None:
         (tmp_path / "run.yaml").write_text("path: {kind: circle, radius: 30}\nduration: 9\n")

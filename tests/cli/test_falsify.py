@@ -31,6 +31,7 @@ def test_the_table_the_sentences_and_the_files(steersman: Steersman, tmp_path: F
     assert "steering delay [s]" in result.stdout
     assert max(map(len, result.stdout.splitlines())) <= 80
     assert "mildest failure at" in result.stderr
+    assert 2 <= result.stderr.count(" drives: ") <= 22  # however many drives there are
     page = (tmp_path / "f" / "report.html").read_text()
     assert "A search proves failures, never safety." in page
     assert (tmp_path / "f" / "plots" / "tried.svg").read_text() in page

@@ -35,5 +35,9 @@ def test_the_files_and_the_last_lines(
     monkeypatch.setattr("steersman.report.tuning.find_spec", lambda _: None)
     (tmp_path / "t" / "pareto.svg").unlink()
     again = steersman(*words)
+    assert "t holds the 3 trials that were asked for: none was driven" in again.stderr
+    fewer = steersman(*words[:3], "--trials", "2", "--out", "t")
+    assert "t holds the 2 trials that were asked for: none was driven" in fewer.stderr
+    assert "none was driven" not in result.stderr
     assert "no report.html: it needs the extra 'report'" in again.stderr
     assert (tmp_path / "t" / "pareto.svg").read_text() == drawing

@@ -81,6 +81,18 @@ WRONG = [
     (f"drive {POLICY} controller.file=encoding.onnx", "encoding.onnx: card: unknown encoding"),
     (f"drive {POLICY} controller.file=nonsense.onnx", "nonsense.onnx: not a network that ONNX"),
     (f"drive {POLICY} controller.file=period.onnx", "trained for a control period of 0.1 s, but"),
+    # the configuration of another command
+    ("drive training.yaml", "of 'steersman train'; its policy drives with controller=policy"),
+    ("drive imitation.yaml", "is the configuration of 'steersman imitate'; its policy drives"),
+    ("drive tuning.yaml", "is the configuration of 'steersman tune'; what it found is tuned.yaml"),
+    ("drive search.yaml", "'steersman falsify search.yaml' takes it"),
+    ("tune suite.yaml --out new", "'steersman bench suite.yaml' takes it"),
+    ("falsify training.yaml --out new", "is the configuration of 'steersman train'"),
+    (
+        "drive controller=tuned",
+        "unknown controller 'tuned'; write one of tuned/bearing_pid,",
+    ),
+    ("drive controller=tuned/lqrr", "unknown controller 'tuned/lqrr'; did you mean 'tuned/lqr'?"),
     # where to write
     ("drive --out empty", "empty: is a file, expected a folder"),
     ("drive --out empty/x", "empty/x: cannot be made (Not a directory)"),

@@ -13,15 +13,12 @@ import typer
 
 from steersman.cli import settings
 from steersman.cli.outcome import INTERRUPTED
-from steersman.cli.output import note, share_bar, show, show_json, table, tell_compiling
+from steersman.cli.output import TOLD, note, share_bar, show, show_json, table, tell_compiling
 from steersman.errors import ConfigError, suggestion
 
 if TYPE_CHECKING:
     from steersman.bench.maps import Map
     from steersman.bench.suite import Suite
-
-# Share of the work between two lines of progress.
-_TOLD = 0.05
 
 EXAMPLES = (
     "\b\n"
@@ -200,7 +197,7 @@ def suite_progress(title: str) -> Iterator[Callable[[float, float], None]]:
 
     def line(done: float, total: float) -> None:
         nonlocal told
-        if done >= told + _TOLD * total or done >= total:
+        if done >= told + TOLD * total or done >= total:
             told = done
             share = 100.0 * done / max(total, 1.0)
             note(f"{share:.0f} % of {total / 60.0:.0f} simulated minutes")

@@ -11,6 +11,7 @@ import typer
 from steersman.cli import recording, settings
 from steersman.cli.outcome import INTERRUPTED
 from steersman.cli.output import note, share_bar, show, show_json, table, tell_compiling
+from steersman.errors import DataError
 
 if TYPE_CHECKING:
     from steersman.episode import Episode
@@ -41,6 +42,9 @@ def drive(
         str | None,
         typer.Option("--out", metavar="DIR", help="Write episode, metrics and config there."),
     ] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace an earlier drive in DIR.")
+    ] = False,
     report: Annotated[
         str | None,
         typer.Option("--report", metavar="FILE.html", help="Write a page that replays the drive."),
@@ -57,14 +61,14 @@ def drive(
 
     Files named in settings are relative to the current folder.
     """
-    tree = settings.read(words or [])
+    tree = settings.read(words or [], "drive")
 
     from steersman.bench.metrics import summarise
     from steersman.config import build, dump
     from steersman.rollout import PlantFailure, RunConfig, RunError, run
 
     config = build(RunConfig, tree)
-    folder = None if out is None else settings.out_folder(out)
+    folder = None if out is None else _folder(out, overwrite=overwrite)
     page = None if report is None else _page(report)
     file = recording.recording_file(mcap)
     tell_compiling()
@@ -90,6 +94,21 @@ def drive(
         _show(config, metrics, folder)
     if episode.end == "interrupted":
         raise typer.Exit(INTERRUPTED)
+
+
+def _folder(out: str, *, overwrite: bool) -> FilePath:
+    """The folder for a drive.
+
+    Raises:
+        DataError: it holds a drive, and nobody asked to replace it, or something else.
+    """
+    folder = settings.out_folder(out)
+    if (folder / "episode.npz").exists():
+        if not overwrite:
+            raise DataError(f"{folder}: holds a drive already; give another folder or --overwrite")
+    elif (folder / "config.yaml").exists():
+        raise DataError(f"{folder}: holds the configuration of something else; give another folder")
+    return folder
 
 
 def save(folder: FilePath, config: RunConfig, episode: Episode, metrics: dict[str, Any]) -> None:

@@ -8,7 +8,7 @@ import typer
 
 from steersman.cli import settings
 from steersman.cli.outcome import INTERRUPTED
-from steersman.cli.output import note, show, show_json, steps_bar, table, tell_compiling
+from steersman.cli.output import TOLD, note, show, show_json, steps_bar, table, tell_compiling
 
 EXAMPLES = (
     "\b\n"
@@ -41,7 +41,7 @@ def falsify(
     Mass, friction, steering delay, waypoint noise and speed are disturbed, each within its range.
     Writes config.yaml, drives.jsonl (a line for each drive), falsify.json and report.html.
     """
-    tree = _for_one_car(settings.read(words or []), words or [])
+    tree = _for_one_car(settings.read(words or [], "falsify"), words or [])
 
     from steersman.config import build, override
     from steersman.report.falsification import sentences, single_rows, write_falsification
@@ -54,7 +54,7 @@ def falsify(
     folder = settings.out_folder(out)
     tell_compiling()
     try:
-        with steps_bar(most_drives(config), "falsifying") as update:
+        with steps_bar(most_drives(config), "falsifying", "drives", TOLD) as update:
             result = run(config, folder, lambda done, _, found: update(done, found))
     except KeyboardInterrupt:
         note(f"interrupted; the same command goes on from {folder}")

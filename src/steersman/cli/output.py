@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from textwrap import fill
 from typing import TYPE_CHECKING, Any, Literal, TextIO
 
 import typer
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from rich.progress import Progress
     from rich.table import Table
 
+# Share of the work between two lines of progress, where there are many steps.
+TOLD = 0.05
 # Width of tables in files and pipes; a terminal has its own.
 _WIDTH = 80
 
@@ -107,7 +110,10 @@ def _mute() -> None:
 
 
 def note(text: str) -> None:
-    """A line for the reader on stderr."""
+    """A line for the reader on stderr; in a terminal folded between words."""
+    if sys.stderr.isatty():
+        width = console(sys.stderr, like=sys.stderr).width
+        text = fill(text, width, break_long_words=False, break_on_hyphens=False)
     sys.stderr.write(f"{text}\n")
     sys.stderr.flush()
 
@@ -166,10 +172,23 @@ def _progress(text: str) -> Progress:
 
 
 @contextmanager
-def steps_bar(total: int, title: str) -> Iterator[Callable[[float, str], None]]:
-    """Told (steps done, what there is to say): a bar in a terminal, else a line each time."""
+def steps_bar(
+    total: int, title: str, noun: str = "steps", every: float = 0.0
+) -> Iterator[Callable[[float, str], None]]:
+    """Told (steps done, what there is to say): a bar in a terminal.
+
+    Elsewhere a line each time, but no sooner than a share ``every`` of the steps after the last.
+    """
     if not sys.stderr.isatty():
-        yield lambda done, text: note(f"{done:.0f}/{total} steps: {text}")
+        due = 0.0
+
+        def line(done: float, text: str) -> None:
+            nonlocal due
+            if done >= min(due, total):
+                due = done + every * total
+                note(f"{done:.0f}/{total} {noun}: {text}")
+
+        yield line
         return
     with _progress("{task.description}") as bar:
         task = bar.add_task(title, total=total)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -12,6 +12,15 @@ from steersman.cli.output import note
 from steersman.errors import ConfigError, DataError, suggestion
 
 HELP = "A YAML file, and settings over it; a setting of a part is written part.key=value."
+_POLICY = "its policy drives with controller=policy controller.file={inside}policy.onnx"
+# A field that only the configuration of this command has, and what to do with it elsewhere.
+_OWN = {
+    "train": ("agent", _POLICY),
+    "imitate": ("fit", _POLICY),
+    "tune": ("smoothness", "what it found is {inside}tuned.yaml"),
+    "falsify": ("ranges", "'steersman falsify {file}' takes it"),
+    "bench": ("courses", "'steersman bench {file}' takes it"),
+}
 METAVAR = "[CONFIG.yaml] [key=value ...]"
 
 
@@ -45,11 +54,15 @@ def _check_order(assignments: Sequence[str]) -> None:
         seen[key] = text
 
 
-def read(words: Sequence[str]) -> dict[str, Any]:
+def read(words: Sequence[str], command: str | None = None) -> dict[str, Any]:
     """The file's content with the assignments laid over it.
 
+    Args:
+        words: of the command line.
+        command: whose configuration is expected, if that of another can be told.
+
     Raises:
-        DataError: the file is missing or no YAML.
+        DataError: the file is missing or no YAML, or another command's configuration.
         ConfigError: the words contradict each other.
     """
     from steersman.config import override, read_yaml
@@ -57,7 +70,20 @@ def read(words: Sequence[str]) -> dict[str, Any]:
     name, assignments = split(words)
     if name is None:
         return override({}, assignments)
-    return override(read_yaml(existing(name, "; settings are written key=value")), assignments)
+    tree = read_yaml(existing(name, "; settings are written key=value"))
+    if command is not None:
+        _check_command(name, tree, command)
+    return override(tree, assignments)
+
+
+def _check_command(name: str, tree: Mapping[str, Any], command: str) -> None:
+    """Refuse the configuration of another command, and say what to do with it."""
+    own = next((c for c, (field, _) in _OWN.items() if field in tree), command)
+    if own != command:
+        folder = FilePath(name).parent
+        inside = "" if folder == FilePath() else f"{folder}/"
+        what = _OWN[own][1].format(inside=inside, file=name)
+        raise DataError(f"{name}: is the configuration of 'steersman {own}'; {what}")
 
 
 def for_one_car(

@@ -10,7 +10,7 @@ import typer
 
 from steersman.cli import settings
 from steersman.cli.outcome import INTERRUPTED
-from steersman.cli.output import note, steps_bar, tell_compiling, write
+from steersman.cli.output import TOLD, note, steps_bar, tell_compiling, write
 
 EXAMPLES = (
     "\b\n"
@@ -39,7 +39,7 @@ def tune(
     that the tuning cost), and the trials' errors against their steering activity: pareto.json,
     pareto.svg and report.html.
     """
-    tree = settings.read(words or [])
+    tree = settings.read(words or [], "tune")
 
     from steersman.config import build, override, to_yaml
     from steersman.studies.tune import TuneConfig
@@ -48,13 +48,22 @@ def tune(
     config = build(TuneConfig, override(tree, [f"trials={trials}"] if trials else []))
     folder = settings.out_folder(out)
     tell_compiling()
+    driven = False
     try:
-        with steps_bar(config.trials, "tuning") as update:
-            best = run(config, folder, lambda n, cost: update(n, f"cost {1e3 * cost:.4g} mm"))
+        with steps_bar(config.trials, "tuning", "trials", TOLD) as update:
+
+            def tell(done: int, cost: float) -> None:
+                nonlocal driven
+                driven = True
+                update(done, f"cost {1e3 * cost:.4g} mm")
+
+            best = run(config, folder, tell)
     except KeyboardInterrupt:
         note(f"interrupted; the same command goes on from {folder}")
         raise typer.Exit(INTERRUPTED) from None
     write(to_yaml(best))
+    if not driven:
+        note(f"{folder} holds the {config.trials} trials that were asked for: none was driven")
     _tell(folder)
 
 
