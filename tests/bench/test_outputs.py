@@ -13,12 +13,15 @@ import pytest
 from steersman.bench import suites
 from steersman.bench.drive import Row
 from steersman.bench.entrants import Entrant, entrants
-from steersman.bench.replay import worst_cases
+from steersman.bench.replay import median_cases, worst_cases
 from steersman.bench.results import results
 from steersman.bench.runner import bench
 from steersman.bench.table import write_table
-from steersman.report.benchmark import write_benchmark
+from steersman.config import resolve
+from steersman.report.benchmark import sections, write_benchmark
+from steersman.report.cases import replays
 from steersman.report.charts import heat_map, interval_plot
+from steersman.report.signals import PALETTE
 
 SVG = "{http://www.w3.org/2000/svg}"
 SCENARIOS = suites.quick().scenarios((1,))
@@ -55,11 +58,70 @@ def test_the_worst_case_is_the_worst_and_drives_again(rows: list[Row]) -> None:
         assert offset - 0.02 <= near <= offset + 0.7
 
 
+def test_the_median_case_is_in_the_middle(rows: list[Row]) -> None:
+    for case in median_cases(rows, SCENARIOS, WHO):
+        own = sorted(r["charged_rms_m"] for r in rows if r["controller"] == case["controller"])
+        assert own.index(case["rms_m"]) == (len(own) - 1) // 2
+        # What is replayed is the drive that was measured.
+        (row,) = (
+            r for r in rows
+            if (r["scenario"], r["controller"]) == (case["scenario"], case["controller"])
+        )  # fmt: skip
+        episode = case["episodes"][case["controller"]]
+        errors = episode["lateral_error"]
+        assert abs(errors).max() == row["max_abs_lateral_error_m"]
+        assert list(case["episodes"]) in ([case["controller"]], [case["controller"], case["best"]])
+
+
+def test_no_server_is_asked_for_median_cases(rows: list[Row]) -> None:
+    elsewhere = [
+        s._replace(run=s.run.model_copy(update={"plant": resolve("plant", "carla")}))
+        for s in SCENARIOS
+    ]
+    assert median_cases(rows, elsewhere, WHO) == []
+
+
+def colours(figure: str, mark: str) -> list[str]:
+    root = ElementTree.fromstring(figure)
+    return [str(e.get(mark)) for e in root.iter() if e.get(mark) in PALETTE]
+
+
+def test_a_controller_has_one_colour_in_all_figures(rows: list[Row], tmp_path: FilePath) -> None:
+    who = [WHO[0], WHO[1]._replace(learned=True), WHO[2]]
+    found = results("quick", [1], rows, who)
+    cases = worst_cases(rows, SCENARIOS, who)
+    order = list(found["summary"]["controllers"])
+    write_benchmark(found, cases, tmp_path / "report.html")
+    read = {f.stem: f.read_text(encoding="utf-8") for f in (tmp_path / "plots").iterdir()}
+    expected = list(PALETTE[: len(order)])
+    assert colours(read["ratio"], "fill") == expected
+    assert colours(read["profiles"], "stroke")[::2] == expected  # line and legend
+    assert read["rms_all"].count("<circle") == 2  # what was learned is a diamond
+    for k, case in enumerate(cases):
+        assert colours(read[f"worst_{k}"], "stroke")[0] == expected[order.index(case["controller"])]
+    groups = replays(found["summary"], cases)
+    assert [group.looks[0] for group in groups if group.looks] == [0, 1, 2]
+    assert groups[0].title.startswith(f"{order[0]}, worst: ")
+
+
+def test_intervals_over_few_paths_come_with_a_warning(rows: list[Row]) -> None:
+    found = results("quick", [1], rows, WHO)
+    (warning,) = sections(found, [])[0]["warnings"]
+    assert warning.startswith("all scenarios, clean, disturbed: the intervals rest on only 2 paths")
+    spread = [{**row, "path": f"{row['path']}{k % 4}"} for k, row in enumerate(rows)]
+    many = sections(results("quick", [1], spread, WHO), [])[0]["warnings"]
+    assert all("all scenarios" not in words for words in many)
+    one = [{**row, "path": "one"} for row in rows]
+    (warning,) = sections(results("quick", [1], one, WHO), [])[0]["warnings"]
+    assert "no intervals" in warning
+
+
 def test_the_page_stands_alone(rows: list[Row], tmp_path: FilePath) -> None:
     found = results("quick", [1], rows, WHO)
     page = write_benchmark(found, worst_cases(rows, SCENARIOS, WHO), tmp_path / "report.html")
     text = page.read_text(encoding="utf-8")
-    assert not re.search(r"(src|href)=.(?!data:)", text)
+    assert not re.search(r"(src|href)=.(?!data:)", re.sub(r"<script.*?</script>", "", text))
+    assert text.count('id="replay"') == 1
     for word in ("Ranking", "Performance profiles", "Disturbances", "Worst cases", "stanley"):
         assert word in text
     assert len(list((tmp_path / "plots").glob("worst_*.svg"))) == len(WHO)

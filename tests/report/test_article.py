@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from itertools import pairwise
 from pathlib import Path as FilePath
 from typing import Any
 from xml.etree import ElementTree
@@ -11,7 +12,8 @@ from xml.etree import ElementTree
 import pytest
 
 from steersman.report.article import write_article
-from steersman.report.svg import HEIGHT, WIDTH, line_plot
+from steersman.report.signals import PALETTE
+from steersman.report.svg import HEIGHT, WIDTH, axis_ticks, line_plot
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -45,6 +47,21 @@ def test_a_line_goes_from_corner_to_corner() -> None:
 def test_a_logarithm_makes_decades_equal() -> None:
     ((a, b, c),) = curves(line_plot(figure(line([1.0, 10.0, 100.0]), log=True)))
     assert b[1] - a[1] == pytest.approx(c[1] - b[1], abs=0.2)
+
+
+@pytest.mark.parametrize("start", [-3.4, 0.0, 0.71])
+@pytest.mark.parametrize("span", [0.02, 0.3, 0.9, 1.05, 1.4, 1.9, 2.1, 3.0, 4.5, 12.0])
+def test_a_logarithmic_axis_always_has_labels(start: float, span: float) -> None:
+    ticks = axis_ticks(start, start + span)
+    assert 3 <= len(ticks) <= 9
+    assert all(a < b for a, b in pairwise(ticks))
+    assert all(start - 1e-6 <= math.log10(t) <= start + span + 1e-6 for t in ticks)
+
+
+def test_lines_can_be_told_their_colour() -> None:
+    text = line_plot(figure(line([1.0, None, 2.0], look=2), line([2.0, 1.0, 1.0], look=0)))
+    strokes = re.findall(r'stroke="(#\w+)"', text.replace("#808080", ""))
+    assert strokes[::2] == strokes[1::2] == [PALETTE[2], PALETTE[0]]
 
 
 def test_equal_axes_keep_a_square_a_square() -> None:

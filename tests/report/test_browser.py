@@ -16,8 +16,11 @@ import pytest
 from steersman.bench.metrics import summarise
 from steersman.config import build
 from steersman.report import Run, write_report
+from steersman.report.article import write_article
 from steersman.report.marks import marks
 from steersman.report.pack import Blob
+from steersman.report.scene import Group
+from steersman.report.signals import Drive
 from steersman.report.web import resource
 from steersman.rollout import RunConfig, run
 
@@ -76,6 +79,17 @@ def files(runs, tmp_path_factory):
     }
 
 
+@pytest.fixture(scope="module")
+def article(runs, tmp_path_factory):
+    groups = [
+        Group(f"{EVIL} {k}", [Drive(r.name, r.episode) for r in runs[name]], 1.5, [4])
+        for k, name in enumerate(("off", "one step"))
+    ]
+    section = {"title": "First", "text": [EVIL], "warnings": [EVIL]}
+    out = tmp_path_factory.mktemp("article") / "report.html"
+    return write_article([section, {"title": "Last", "text": []}], out, EVIL, replay=groups)
+
+
 @pytest.fixture
 def visit(browser, files):
     """Open a page; at the end there must have been no error and no request for anything else."""
@@ -85,7 +99,7 @@ def visit(browser, files):
         context = browser.new_context(viewport=size, **settings)
         contexts.append(context)
         page = context.new_page()
-        address = FilePath(files[name]).as_uri()
+        address = (name if isinstance(name, FilePath) else files[name]).as_uri()
         page.on("request", lambda r: r.url not in {address, "data:,"} and faults.append(r.url))
         page.on("console", lambda m: faults.append(f"{m.type}: {m.text}"))
         page.on("pageerror", lambda e: faults.append(str(e)))
@@ -329,6 +343,21 @@ def test_names_stay_names(visit, name):
     assert page.locator("img").count() == 0
     assert page.locator("script").count() == 3
     assert page.locator(".drives .name").filter(has_text="</script><img").count() == 1
+
+
+def test_an_article_replays_behind_its_first_section(visit, article):
+    page = visit(article, PHONE)
+    assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+    titles = page.locator("h2").all_inner_texts()
+    assert titles == ["First", "Replay", "Last"]
+    roads = part(page, "road")
+    assert roads.locator("option").count() == 2
+    page.locator(".moment[data-kind=end]").click()
+    assert cursor(page) > 1.0
+    roads.select_option("1")
+    assert (state(page, "group"), cursor(page)) == ("1", 0.0)
+    assert page.locator(".drives li").count() == 1
+    assert page.locator("img").count() == 0
 
 
 def test_everything_that_can_be_operated_has_a_name_and_a_place_in_the_order(visit):

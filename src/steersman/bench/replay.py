@@ -1,4 +1,4 @@
-"""The worst drive of every controller, driven once more for its line on the road."""
+"""The worst and the median drive of every controller, driven once more to be shown."""
 
 from __future__ import annotations
 
@@ -23,44 +23,70 @@ def worst_cases(
     """For each controller the scenario of its largest error, and who drove that one best.
 
     Returns:
-        For each: ``controller``, ``scenario``, ``end``, ``rms_m``, ``best`` and ``best_rms_m``;
+        For each: ``which`` (``"worst"``), ``controller``, ``scenario``, ``end``, ``rms_m``,
+        ``best`` and ``best_rms_m``; ``episodes``: by name, of the controller and of who was best;
         ``lines``: by ``driven``, ``best`` (another's, if there is a better one) and ``path``, x
         and y [m] around the place where the drive ended early, or where the error was largest;
         for who drove also ``along``, the distance driven, and ``offset`` from the path [m].
     """
+    cases = _cases("worst", rows, scenarios, entrants)
+    return [{**case, "lines": _lines(*case["episodes"].values())} for case in cases]
+
+
+def median_cases(
+    rows: Sequence[Row], scenarios: Sequence[Scenario], entrants: Sequence[Entrant]
+) -> list[dict[str, Any]]:
+    """For each controller a scenario that it drives neither well nor badly, for its measure.
+
+    None for plants that are not embedded: every drive there takes the server's time.
+
+    Returns:
+        As :func:`worst_cases`, with ``which`` as ``"median"``, and without ``lines``.
+    """
+    if not all(scenario.run.plant.embedded for scenario in scenarios):
+        return []
+    return _cases("median", rows, scenarios, entrants)
+
+
+def _cases(
+    which: str, rows: Sequence[Row], scenarios: Sequence[Scenario], entrants: Sequence[Entrant]
+) -> list[dict[str, Any]]:
     by_name = {s.name: s for s in scenarios}
     by_entrant = {e.name: e for e in entrants}
     cases = []
     for entrant in entrants:
         own = [row for row in rows if row["controller"] == entrant.name]
+        own.sort(key=lambda row: (row["charged_rms_m"], -row["driven_share"]))
         if not own:
             continue
-        worst = max(own, key=lambda row: (row["charged_rms_m"], -row["driven_share"]))
-        rivals = [row for row in rows if row["scenario"] == worst["scenario"]]
-        best = min(rivals, key=lambda row: row["charged_rms_m"])
-        scenario = by_name[worst["scenario"]]
+        row = own[-1] if which == "worst" else own[(len(own) - 1) // 2]
+        rivals = [r for r in rows if r["scenario"] == row["scenario"]]
+        best = min(rivals, key=lambda r: r["charged_rms_m"])
+        scenario = by_name[row["scenario"]]
         cases.append(
             {
+                "which": which,
                 "controller": entrant.name,
                 "scenario": scenario.name,
-                "end": worst["end"],
-                "rms_m": worst["charged_rms_m"],
+                "end": row["end"],
+                "rms_m": row["charged_rms_m"],
                 "best": best["controller"],
                 "best_rms_m": best["charged_rms_m"],
-                "lines": _lines(scenario, entrant, by_entrant[best["controller"]]),
+                "episodes": {
+                    one.name: drive(scenario, one)
+                    for one in (entrant, by_entrant[best["controller"]])
+                },
             }
         )
     return cases
 
 
-def _lines(scenario: Scenario, entrant: Entrant, best: Entrant) -> Mapping[str, Any]:
-    episode = drive(scenario, entrant)
+def _lines(episode: Episode, other: Episode | None = None) -> Mapping[str, Any]:
     if not len(episode):
         return {}
     place = _place(episode)
     shown = {"driven": _driven(episode, place), "path": _path(episode, place)}
-    other = drive(scenario, best) if best.name != entrant.name else episode
-    if other is not episode and len(other):
+    if other is not None and len(other):
         # The better one has seen more of the road.
         shown |= {"best": _driven(other, place), "path": _path(other, place)}
     return shown

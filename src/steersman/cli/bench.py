@@ -159,7 +159,7 @@ def _extras(
     folder: FilePath, outcome: dict[str, Any], rows: Any, scenarios: Any, found: Any
 ) -> None:
     """The table and the page, each if its extra is installed."""
-    from steersman.bench.replay import worst_cases
+    from steersman.bench.replay import median_cases, worst_cases
     from steersman.bench.table import write_table
 
     if write_table(rows, folder) is None:
@@ -169,7 +169,8 @@ def _extras(
         return
     from steersman.report.benchmark import write_benchmark
 
-    write_benchmark(outcome, worst_cases(rows, scenarios, found), folder / "report.html")
+    cases = [*worst_cases(rows, scenarios, found), *median_cases(rows, scenarios, found)]
+    write_benchmark(outcome, cases, folder / "report.html")
 
 
 def _drive(scenarios: Any, found: Any, folder: FilePath, jobs: int | None, engine: str) -> Any:

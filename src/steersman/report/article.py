@@ -1,10 +1,10 @@
 """A page of sections: what others measured beside what was measured, and what follows from it.
 
 A section is plain data: ``title``; ``text``, sentences; ``findings``, each with ``agrees``
-(true, false, or null for what can be neither) and ``text``; ``tables`` (``title``, ``columns``,
-``rows``) and ``figures``, each with ``file``, as :func:`steersman.report.svg.line_plot`,
-:func:`steersman.report.charts.heat_map` (with ``cells``) or
-:func:`steersman.report.charts.interval_plot` (with ``points``) take them.
+(true, false, or null for what can be neither) and ``text``; ``warnings``, sentences; ``tables``
+(``title``, ``columns``, ``rows``) and ``figures``, each with ``file``, as
+:func:`steersman.report.svg.line_plot`, :func:`steersman.report.charts.heat_map` (with ``cells``)
+or :func:`steersman.report.charts.interval_plot` (with ``points``) take them.
 """
 
 from __future__ import annotations
@@ -56,7 +56,9 @@ def write_article(
             for t in section.get("tables", ())
         ]
         findings = [(_WORDS[f["agrees"]], f["text"]) for f in section.get("findings", ())]
-        shown.append({**section, "figures": figures, "tables": grids, "findings": findings})
+        shown.append(
+            {"warnings": (), **section, "figures": figures, "tables": grids, "findings": findings}
+        )
     content = {
         "title": title,
         "style": web.resource("page.css"),

@@ -6,7 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
+from steersman.bench.pairs import FEW_PATHS
 from steersman.report.article import write_article
+from steersman.report.cases import places, replays, worst
 from steersman.report.tables import text
 
 TITLE = "Steering controllers compared"
@@ -28,7 +30,7 @@ def write_benchmark(
 
     Args:
         results: the content of ``results.json``.
-        cases: of :func:`steersman.bench.replay.worst_cases`.
+        cases: of :func:`steersman.bench.replay.worst_cases` and ``median_cases``.
         out: file of the page.
 
     Raises:
@@ -37,7 +39,11 @@ def write_benchmark(
     """
     source = f"Suite {results['suite']}, seeds {results['seeds']}, commit "
     return write_article(
-        sections(results, cases), out, TITLE, f"{source}{', '.join(results['made_by'])}."
+        sections(results, cases),
+        out,
+        TITLE,
+        f"{source}{', '.join(results['made_by'])}.",
+        replay=replays(results["summary"], cases),
     )
 
 
@@ -53,7 +59,7 @@ def sections(
         _disturbances(summary),
         _map(summary, "path", "Paths"),
         _ride(summary),
-        *([_worst(cases)] if cases else []),
+        *worst(summary, cases),
     ]
 
 
@@ -90,6 +96,7 @@ def _ranking(results: Mapping[str, Any]) -> dict[str, Any]:
             "all that it did not drive.",
             "In brackets: 95 % intervals of a bootstrap in which whole paths are drawn, the same "
             "for every controller."
+            " A diamond marks what was learned."
             + (
                 " The typical ratio is the geometric mean over the scenarios, which hard ones do "
                 "not dominate."
@@ -97,9 +104,30 @@ def _ranking(results: Mapping[str, Any]) -> dict[str, Any]:
                 else ""
             ),
         ],
+        "warnings": _few_paths(found),
         "tables": [{"title": "Controllers, best first", "columns": columns, "rows": rows}],
         "figures": figures,
     }
+
+
+def _few_paths(found: Mapping[str, Any]) -> list[str]:
+    """Which of the ranking's intervals rest on so few paths that they say little about others."""
+    counts: dict[int, list[str]] = {}
+    for group, words in _GROUPS.items():
+        known = [n for figures in found.values() if (n := figures[group].get("paths")) is not None]
+        if known and min(known) < FEW_PATHS:
+            counts.setdefault(min(known), []).append(words)
+    return [_few_words(count, words) for count, words in counts.items()]
+
+
+def _few_words(count: int, what: Sequence[str]) -> str:
+    where = f"{', '.join(what)}:"
+    if count <= 1:
+        return f"{where} all on one path, so there are no intervals over paths."
+    return (
+        f"{where} the intervals rest on only {count} paths, below {FEW_PATHS}: they are rough, "
+        "and say little about other roads."
+    )
 
 
 def _row(name: str, found: Mapping[str, Any]) -> dict[str, Any]:
@@ -120,8 +148,8 @@ def _row(name: str, found: Mapping[str, Any]) -> dict[str, Any]:
 def _profiles(summary: Mapping[str, Any]) -> dict[str, Any]:
     found = summary["profiles"]
     lines = [
-        {"name": name, "x": found["factors"], "y": found["shares"][name]}
-        for name in summary["controllers"]
+        {"name": name, "look": k, "x": found["factors"], "y": found["shares"][name]}
+        for name, k in places(summary).items()
     ]
     return {
         "title": "Performance profiles",
@@ -156,12 +184,12 @@ def _sweep(
 ) -> dict[str, Any]:
     table = summary["by"]["disturbance"]
     lines = []
-    for controller in summary["controllers"]:
+    for controller, place in places(summary).items():
         found = [table[step["disturbance"]][controller]["rms_m"] for step in steps]
         values = {k: [_scaled(one[k]) for one in found] for k in ("value", "low", "high")}
         lines.append(
             {
-                "name": controller, "x": [step["value"] for step in steps],
+                "name": controller, "look": place, "x": [step["value"] for step in steps],
                 "y": values["value"], "low": values["low"], "high": values["high"],
             }
         )  # fmt: skip
@@ -236,59 +264,16 @@ def _ride(summary: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _worst(cases: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    columns = {
-        "controller": "controller",
-        "scenario": "scenario",
-        "end": "ended by",
-        "rms": "RMS, charged [mm]",
-        "best": "best there",
-        "best_rms": "its RMS [mm]",
-    }
-    rows = [
-        {
-            **case,
-            "end": case["end"].replace("_", " "),
-            "rms": _scaled(case["rms_m"]),
-            "best_rms": _scaled(case["best_rms_m"]),
-        }
-        for case in cases
-    ]
-    return {
-        "title": "Worst cases",
-        "text": [
-            "The scenario of each controller's largest error, driven once more: the road around "
-            "the place where the drive ended early, or where the error was largest."
-        ],
-        "tables": [{"title": "Worst scenario of each", "columns": columns, "rows": rows}],
-        "figures": [figure for k, case in enumerate(cases) for figure in _replay(case, k)],
-    }
-
-
-def _replay(case: Mapping[str, Any], k: int) -> list[dict[str, Any]]:
-    """The driven line on the road, and how far from it."""
-    names = {"driven": case["controller"], "best": f"best: {case['best']}", "path": "path"}
-    lines = {key: {"name": name, **case["lines"][key]}
-             for key, name in names.items() if key in case["lines"]}  # fmt: skip
-    offsets = [{**line, "x": line["along"], "y": line["offset"]}
-               for line in lines.values() if "offset" in line]  # fmt: skip
-    title = f"{case['controller']}: {case['scenario'].rpartition('/')[0]}"
-    line = {"file": f"worst_{k}", "title": title, "x": "x [m]", "y": "y [m]", "equal": True}
-    offset = {"file": f"offset_{k}", "title": title, "x": "distance driven [m]",
-              "y": "offset, left positive [m]"}  # fmt: skip
-    return [{**line, "lines": list(lines.values())}, {**offset, "lines": offsets}]
-
-
 def _intervals(
     title: str, axis: str, found: Mapping[str, Any], keys: Sequence[str], scale: float
 ) -> dict[str, Any]:
     points = []
-    for name, figures in found.items():
+    for k, (name, figures) in enumerate(found.items()):
         one: Any = figures
         for key in keys:
             one = one[key]
         values = {k: _scaled(one[k], scale) for k in ("value", "low", "high")}
-        points.append({"name": name, "group": int(figures["learned"]), **values})
+        points.append({"name": name, "group": k, "diamond": figures["learned"], **values})
     return {"title": title, "x": axis, "points": points}
 
 

@@ -52,7 +52,8 @@ def interval_plot(figure: Mapping[str, Any]) -> str:
     """Estimates with intervals, one below the other, on a logarithmic scale, as SVG.
 
     ``figure`` has ``title``, ``x`` (title of the axis) and ``points``: each with ``name``,
-    ``value``, ``low``, ``high`` (all above zero, or None) and ``group``, a number for its colour.
+    ``value``, ``low``, ``high`` (all above zero, or None) and ``group``, the number of its colour;
+    where ``diamond`` is true, it is marked by one instead of a disc.
     """
     points = [p for p in figure["points"] if p["value"]]
     values = [p[k] for p in points for k in ("value", "low", "high") if p[k]]
@@ -72,11 +73,18 @@ def interval_plot(figure: Mapping[str, Any]) -> str:
         parts.append(
             _text(_PLOT_LEFT - 8, middle, point["name"], "end")
             + f'<path d="M{ends[0]:.1f} {middle}H{ends[1]:.1f}" stroke="{color}" '
-            f'stroke-width="2.5"/><circle cx="{scale.at(point["value"]):.1f}" cy="{middle}" '
-            f'r="4.5" fill="{color}"/>' + _text(_WIDTH - _PLOT_RIGHT + 12, middle, value, "start")
+            f'stroke-width="2.5"/>'
+            + _marker(scale.at(point["value"]), middle, color, bool(point.get("diamond")))
+            + _text(_WIDTH - _PLOT_RIGHT + 12, middle, value, "start")
         )
     parts.append(_text((_PLOT_LEFT + _WIDTH - _PLOT_RIGHT) / 2, low + 32, figure["x"], "middle"))
     return "\n".join([*parts, "</svg>"]) + "\n"
+
+
+def _marker(x: float, y: float, color: str, diamond: bool) -> str:
+    if diamond:
+        return f'<path d="M{x:.1f} {y - 6:.1f}l6 6l-6 6l-6 -6z" fill="{color}"/>'
+    return f'<circle cx="{x:.1f}" cy="{y}" r="4.5" fill="{color}"/>'
 
 
 class _Log:

@@ -11,6 +11,7 @@ from steersman.bench.pairs import FIGURES, Figure
 from steersman.episode import Episode
 from steersman.report import benchmark
 from steersman.report.article import write_article
+from steersman.report.cases import replays
 from steersman.report.html import write_report
 from steersman.report.runs import Run, Table, read_progress
 from steersman.report.tables import text
@@ -123,7 +124,8 @@ def write_comparison(
     summary = benchmark.sections({"summary": found["summary"]}, cases)
     page = [*_against(found), *_trainings(found), *summary]
     seeds = ", ".join(map(str, found["seeds"]))
-    return write_article(page, out, TITLE, f"{found['scenarios']}, seeds {seeds}.")
+    source = f"{found['scenarios']}, seeds {seeds}."
+    return write_article(page, out, TITLE, source, replay=replays(found["summary"], cases))
 
 
 def _runs(found: Mapping[str, Any], episodes: Mapping[str, Episode]) -> list[Run]:

@@ -16,6 +16,8 @@ from steersman.types import FloatArray
 # Okabe and Ito's palette without yellow and black, which vanish on white and on black.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7F7F7F")
 DASHES = ("solid", "dash", "dot", "dashdot")
+GREY_DOTS = 3 * len(PALETTE) - 1
+"""The number of the look that paths have beside drives: grey and dotted."""
 
 
 class Signal(NamedTuple):

@@ -13,6 +13,9 @@ WIDTH, HEIGHT = 640, 320
 _LEFT, _RIGHT, _TOP, _BOTTOM = 64, 26, 30, 44
 _DASHES = {"solid": "", "dash": "7 4", "dot": "2 3", "dashdot": "7 3 2 3"}
 _TICKS = 5
+# Up to so many decades, what of each is marked; and how many decades are marked at most.
+_FACTORS = ((2.0, (1.0, 2.0, 5.0)), (4.0, (1.0, 3.0)), (math.inf, (1.0,)))
+_DECADES = 8
 _ROW = 16
 # A range of values below this is none.
 _FLAT = 1e-12
@@ -44,10 +47,21 @@ class _Axis:
 
 
 def axis_ticks(a: float, b: float) -> list[float]:
-    """Round values of a logarithmic axis from 10^a to 10^b: decades, or even steps within one."""
-    if b - a > 1.0:
-        return [10.0**k for k in range(math.ceil(a - 1e-9), math.floor(b + 1e-9) + 1)]
-    return _even(10.0**a, 10.0**b)
+    """Round values of a logarithmic axis from 10^a to 10^b.
+
+    Decades, with 2 and 5 (or 3) times them where there are few; even steps within one decade.
+
+    >>> axis_ticks(0.8, 2.2)
+    [10.0, 20.0, 50.0, 100.0]
+    """
+    span = b - a
+    if span <= 1.0:
+        return _even(10.0**a, 10.0**b)
+    factors = next(f for most, f in _FACTORS if span <= most)
+    every = max(round(span / _DECADES), 1)
+    decades = range(math.floor(a), math.floor(b) + 1)
+    marks = [(k + math.log10(f), f * 10.0**k) for k in decades if k % every == 0 for f in factors]
+    return [value for at, value in marks if a - 1e-9 <= at <= b + 1e-9]
 
 
 def _even(a: float, b: float) -> list[float]:
@@ -66,6 +80,7 @@ def line_plot(figure: Mapping[str, Any]) -> str:
 
     ``figure`` has ``title``, ``x`` and ``y`` (axis titles), ``lines``: each with ``name``, ``x``,
     ``y`` and, for a band, ``low`` and ``high``, or, for single points, ``dots``, their radius;
+    optional ``look``, the number of its colour and dash, in order where it is not given;
     optional ``log`` (logarithmic y), ``log_x`` and ``equal`` (equal scales on both axes).
     """
     lines = [line for line in figure["lines"] if _finite(line["y"])]
@@ -85,7 +100,7 @@ def line_plot(figure: Mapping[str, Any]) -> str:
         *_frame(x, y, figure),
     ]
     for k, line in enumerate(lines):
-        parts += _line(line, k, x, y)
+        parts += _line(line, look(line.get("look", k)), x, y)
         if rows:
             parts += _entry(line, k)
     return "\n".join([*parts, "</svg>"]) + "\n"
@@ -128,8 +143,7 @@ def _points(xs: Sequence[Any], ys: Sequence[Any], x: _Axis, y: _Axis) -> list[st
     return [f"{x.at(a):.1f} {y.at(b):.1f}" for a, b in pairs if _finite((a, b)) == [a, b]]
 
 
-def _line(line: Mapping[str, Any], k: int, x: _Axis, y: _Axis) -> list[str]:
-    style = look(k)
+def _line(line: Mapping[str, Any], style: Mapping[str, str], x: _Axis, y: _Axis) -> list[str]:
     if "dots" in line:
         return [
             _dot(at, line["dots"], style["color"]) for at in _points(line["x"], line["y"], x, y)
@@ -158,7 +172,7 @@ def _dot(at: str, radius: float, color: str) -> str:
 
 def _entry(line: Mapping[str, Any], k: int) -> list[str]:
     """A line of the legend, below the drawing in two columns."""
-    style = look(k)
+    style = look(line.get("look", k))
     left = _LEFT + (k % 2) * (WIDTH - _LEFT) // 2
     top = HEIGHT + _ROW * (k // 2)
     dash = _DASHES[style["dash"]]

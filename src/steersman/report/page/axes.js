@@ -20,6 +20,12 @@ function ticks(low, high, count) {
   return out;
 }
 
+// Ticks of a low panel: about so many, and never fewer than two.
+function fewTicks(low, high, count) {
+  const found = ticks(low, high, count);
+  return found.length > 1 ? found : ticks(low, high, 2 * count);
+}
+
 // Ticks of a logarithmic axis from 10^low to 10^high: 1, 2, 5 of every decade if it is short.
 function logTicks(low, high, count) {
   const factors = high - low > count ? [1] : high - low > count / 3 ? [1, 3] : [1, 2, 5];

@@ -66,8 +66,9 @@ class Panels {
     context.textAlign = "right";
     context.textBaseline = "middle";
     context.lineWidth = 1;
-    const step = roundStep(high - low, 3);
-    for (const tick of ticks(low, high, 3)) {
+    const marked = fewTicks(low, high, 3);
+    const step = marked.length > 1 ? marked[1] - marked[0] : high - low;
+    for (const tick of marked) {
       context.strokeStyle = tick === 0 ? colors.soft : colors.line;
       context.beginPath();
       context.moveTo(LEFT, y(tick));
