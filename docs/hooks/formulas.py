@@ -18,6 +18,9 @@ FORMULA = re.compile(
     re.DOTALL,
 )
 FIGURE = re.compile(r'<img alt="(?P<alt>[^"]*)" src="(?:[^"]*/)?images/(?P<name>\w+\.svg)" ?/?>')
+# Brackets of a matrix, which the converter leaves small.
+OPEN = re.compile(r"<mo>(&#x0005B;|&#x00028;)</mo>(?=<mtable)")
+CLOSE = re.compile(r"(?<=</mtable>)<mo>(&#x0005D;|&#x00029;)</mo>")
 ROLE = re.compile(r":(?:func|class|mod|meth|data):(?=<code>)")
 
 
@@ -28,7 +31,11 @@ def on_page_content(content: str, **_: Any) -> str:
 
 def _formula(match: re.Match[str]) -> str:
     display = "block" if match["open"] == "[" else "inline"
-    mathml = convert(html.unescape(match["latex"]).strip(), display=display)
+    # What GitHub draws and what the converter knows go by two names.
+    latex = html.unescape(match["latex"]).strip().replace("{aligned}", "{align*}")
+    mathml = convert(latex, display=display)
+    mathml = OPEN.sub(r'<mo stretchy="true" fence="true" form="prefix">\1</mo>', mathml)
+    mathml = CLOSE.sub(r'<mo stretchy="true" fence="true" form="postfix">\1</mo>', mathml)
     return f'<div class="formula">{mathml}</div>' if display == "block" else mathml
 
 

@@ -76,7 +76,20 @@ def test_every_page_of_the_repository_is_built(site: FilePath) -> None:
 
 
 def test_no_formula_is_left_as_it_was_written(site: FilePath) -> None:
+    count = 0
     for page in own_pages(site):
         text = page.read_text(encoding="utf-8")
         assert 'class="arithmatex"' not in text, page.name
         assert ":func:" not in text, page.name
+        for formula in re.findall(r"<math.*?</math>", text, re.DOTALL):
+            assert "\\" not in formula, f"{page.name}: {formula}"
+            assert "<mi>&</mi>" not in formula, f"{page.name}: {formula}"
+            count += 1
+    assert count > 200
+
+
+def test_figures_take_the_colour_of_the_page(site: FilePath) -> None:
+    text = (site / "equations" / "vehicle.html").read_text(encoding="utf-8")
+    assert text.count('<span class="figure"') == 3
+    assert 'fill="currentColor"' in text
+    assert "#808080" not in text

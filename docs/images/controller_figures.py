@@ -1,0 +1,235 @@
+"""Figures of the controllers: what their gains do, and what they cannot do."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from closed_loops import back_to_the_road, drive, responses
+
+from steersman.paths.basic import Circle
+from steersman.paths.eights import FigureEight
+from steersman.paths.lane_change import DoubleLaneChange
+from steersman.sensing import WaypointSensor
+
+
+def pid() -> dict[str, Any]:
+    """The derivative damps."""
+    gains = {"k_p": 0.1, "k_i": 0.0}
+    return responses(
+        "PID from 0.5 m beside the road, 10 m/s, k_p = 0.1 1/m",
+        {
+            f"k_d = {k_d} s/m": {"kind": "pid", "gains": {**gains, "k_d": k_d}}
+            for k_d in (0.0, 0.02, 0.05)
+        },
+        seconds=6.0,
+    )
+
+
+def pid_feedforward() -> dict[str, Any]:
+    """The steady turn's steering, or an integral that has to find it."""
+    lines = []
+    for name, controller in (
+        ("PID", {"kind": "pid"}),
+        ("PID with feed-forward", {"kind": "pid", "feedforward": True}),
+    ):
+        episode = drive(controller, FigureEight(), 8.0, seconds=30.0)
+        lines.append({"name": name, "x": episode["time"], "y": episode["lateral_error"]})
+    title = "Figure-eight at 8 m/s"
+    return {"title": title, "x": "time [s]", "y": "lateral error [m]", "lines": lines}
+
+
+def bearing_pid() -> dict[str, Any]:
+    """A point ahead is no point on the road."""
+    lines = []
+    for speed in (5.0, 8.0, 11.0):
+        episode = drive("bearing_pid", FigureEight(), speed, seconds=24.0)
+        lines.append(
+            {"name": f"{speed:.0f} m/s", "x": episode["time"], "y": episode["lateral_error"]}
+        )
+    title = "PID on the bearing (CARLA's gains), figure-eight"
+    return {"title": title, "x": "time [s]", "y": "lateral error [m]", "lines": lines}
+
+
+def pure_pursuit() -> dict[str, Any]:
+    """The look-ahead decides; the linear theory with each."""
+    figure = responses(
+        "Pure pursuit from 0.5 m beside the road, 5 m/s",
+        {
+            f"look-ahead {ahead:.0f} m": {
+                "kind": "pure_pursuit",
+                "look_ahead_time": 0.0,
+                "look_ahead_offset": ahead,
+            }
+            for ahead in (4.0, 8.0, 16.0)
+        },
+        speed=5.0,
+        seconds=10.0,
+    )
+    time = figure["lines"][0]["x"]
+    rate = 5.0 / 8.0
+    theory = 0.5 * np.exp(-rate * time) * (np.cos(rate * time) + np.sin(rate * time))
+    figure["lines"].append({"name": "linear theory, 8 m", "x": time, "y": theory})
+    return figure
+
+
+def pure_pursuit_corner() -> dict[str, Any]:
+    """A long look-ahead cuts corners."""
+    lines = []
+    for ahead in (4.0, 8.0, 16.0):
+        fields = {"kind": "pure_pursuit", "look_ahead_time": 0.0, "look_ahead_offset": ahead}
+        episode = drive(fields, FigureEight(), 5.0, seconds=30.0)
+        lines.append(
+            {
+                "name": f"look-ahead {ahead:.0f} m",
+                "x": episode["time"],
+                "y": episode["lateral_error"],
+            }
+        )
+    title = "Pure pursuit, figure-eight at 5 m/s, error of the centre of mass"
+    return {"title": title, "x": "time [s]", "y": "lateral error [m]", "lines": lines}
+
+
+def stanley() -> dict[str, Any]:
+    """Small errors decay at the rate gain v / (softening + v)."""
+    figure = responses(
+        "Stanley from 0.5 m beside the road, 10 m/s",
+        {f"gain {gain} 1/s": {"kind": "stanley", "gain": gain} for gain in (0.75, 1.5, 3.0)},
+        seconds=5.0,
+    )
+    time = figure["lines"][0]["x"]
+    theory = 0.5 * np.exp(-1.5 * 10.0 / 11.0 * time)
+    figure["lines"].append({"name": "linear theory, 1.5 1/s", "x": time, "y": theory})
+    return figure
+
+
+def lqr() -> dict[str, Any]:
+    """Error against steering, by one weight."""
+    return responses(
+        "LQR from 0.5 m beside the road, 10 m/s",
+        {f"q_lateral = {q} 1/m^2": {"kind": "lqr", "q_lateral": q} for q in (0.1, 1.0, 10.0)},
+    )
+
+
+def lqr_gains() -> dict[str, Any]:
+    """The gains over speed."""
+    from steersman.controllers.lqr import Lqr, gain_at
+    from steersman.vehicles import CarlaModel3
+
+    state = Lqr().init(CarlaModel3(), 0.05)
+    speeds = np.linspace(1.0, 40.0, 118)
+    gains = np.array([gain_at(state.gains, v) for v in speeds])
+    names = ("k1, of e1 [rad/m]", "k2, of e1' [rad s/m]", "k3, of e2 [-]", "k4, of e2' [s]")
+    lines = [{"name": n, "x": speeds, "y": gains[:, i]} for i, n in enumerate(names)]
+    title = "LQR's gains over speed, default weights"
+    return {"title": title, "x": "speed [m/s]", "y": "gain", "lines": lines}
+
+
+def sliding_mode() -> dict[str, Any]:
+    """The slope of the surface is the rate of decay."""
+    return responses(
+        "Sliding mode from 0.5 m beside the road, 10 m/s",
+        {f"slope {c} 1/s": {"kind": "sliding_mode", "slope": c} for c in (0.5, 1.0, 2.0)},
+        seconds=6.0,
+    )
+
+
+def mpc_price() -> dict[str, Any]:
+    """The price of steering in the linear MPC."""
+    return responses(
+        "Linear MPC from 0.5 m beside the road, 10 m/s",
+        {f"r = {r} 1/rad^2": {"kind": "mpc", "r": r} for r in (1.0, 30.0, 100.0, 300.0)},
+        seconds=5.0,
+    )
+
+
+def mpc_pid_speed() -> dict[str, Any]:
+    """One model for all speeds, or a model for each."""
+    lines = []
+    for name, fields in (
+        ("one model, 30 km/h", {"kind": "mpc_pid"}),
+        ("a model for each speed", {"kind": "mpc_pid", "scheduled": True}),
+    ):
+        for speed in (8.0, 16.0):
+            episode = drive(fields, Circle(), speed, seconds=10.0)
+            lines.append(
+                {
+                    "name": f"{name}, {speed:.0f} m/s",
+                    "x": episode["time"],
+                    "y": 1e3 * episode["lateral_error"],
+                }
+            )
+    title = "MPC-PID on the circle of 50 m"
+    return {"title": title, "x": "time [s]", "y": "lateral error [mm]", "lines": lines}
+
+
+def mpc_delay() -> dict[str, Any]:
+    """What 0.2 s of steering delay does, and what knowing it is worth."""
+    lines = []
+    for name, fields in (
+        ("mpc_delay, delay found", {"kind": "mpc_delay"}),
+        ("mpc_delay, delay given", {"kind": "mpc_delay", "delay": 0.2}),
+        ("lqr, which knows of none", {"kind": "lqr"}),
+    ):
+        episode = drive(fields, FigureEight(), 8.0, seconds=20.0, delay=0.2)
+        lines.append({"name": name, "x": episode["time"], "y": episode["lateral_error"]})
+    title = "Steering that acts 0.2 s late, figure-eight at 8 m/s"
+    return {"title": title, "x": "time [s]", "y": "lateral error [m]", "lines": lines}
+
+
+def mpc_delay_noise() -> dict[str, Any]:
+    """What the filter of the road takes out of the steering."""
+    lines = []
+    for name, filtered in (("filter_road: false", False), ("filter_road: true", True)):
+        fields = {"kind": "mpc_delay", "filter_road": filtered}
+        noisy = WaypointSensor(error_range=0.1)
+        episode = drive(fields, DoubleLaneChange(), 10.0, sensor=noisy)
+        lines.append({"name": name, "x": episode["time"], "y": episode["steer_command"]})
+    title = "Waypoints shifted by up to 0.1 m: double lane change at 10 m/s"
+    return {"title": title, "x": "time [s]", "y": "steering command [-]", "lines": lines}
+
+
+def policy_trim() -> dict[str, Any]:
+    """The integral loop around the network."""
+    lines = []
+    for name, trim in (("trim 0", 0.0), ("trim as its card says", None)):
+        fields = {"kind": "policy", "trim": trim}
+        episode = drive(fields, Circle(), 18.0, seconds=30.0)
+        errors = 1e3 * episode["lateral_error"]
+        lines.append({"name": name, "x": episode["time"], "y": errors})
+    title = "The packaged policy on the circle of 50 m, 18 m/s"
+    return {"title": title, "x": "time [s]", "y": "lateral error [mm]", "lines": lines}
+
+
+def everybody() -> dict[str, Any]:
+    """Every tuned controller's way back to the road."""
+    from steersman import core_yaml, tuned
+
+    lines = []
+    for name in ("pid", "pure_pursuit", "stanley", "lqr", "sliding_mode", "mpc_pid", "mpc_delay"):
+        file = tuned.locate(f"tuned/{name}")
+        assert file is not None
+        fields = core_yaml.load(file.read_text(encoding="utf-8"))["controller"]
+        time, error = back_to_the_road(fields)
+        lines.append({"name": name, "x": time, "y": error})
+    title = "From 0.5 m beside the road at 10 m/s, gains of tuned/"
+    return {"title": title, "x": "time [s]", "y": "lateral error [m]", "lines": lines}
+
+
+FIGURES = {
+    "pid": pid,
+    "pid_feedforward": pid_feedforward,
+    "bearing_pid": bearing_pid,
+    "pure_pursuit": pure_pursuit,
+    "pure_pursuit_corner": pure_pursuit_corner,
+    "stanley": stanley,
+    "lqr": lqr,
+    "lqr_gains": lqr_gains,
+    "sliding_mode": sliding_mode,
+    "mpc_price": mpc_price,
+    "mpc_pid_speed": mpc_pid_speed,
+    "mpc_delay": mpc_delay,
+    "mpc_delay_noise": mpc_delay_noise,
+    "policy_trim": policy_trim,
+    "everybody": everybody,
+}
