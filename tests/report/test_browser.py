@@ -177,6 +177,7 @@ def test_slider_and_signals_scrub(visit, runs):
 def test_what_is_told_at_the_cursor_is_what_was_recorded(visit, runs):
     page = visit("several")
     part(page, "slider").fill("3.5")
+    assert cursor(page) == pytest.approx(3.5, abs=0.01)
     told = page.locator(".values").first.inner_text()
     episode = runs["several"][0].episode
     speed = float(np.hypot(episode["v_x"], episode["v_y"])[70])
