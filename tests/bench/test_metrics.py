@@ -214,3 +214,13 @@ def test_the_table_names_units_and_meanings():
     for name, metric in METRICS.items():
         assert metric.unit, name
         assert metric.meaning, name
+
+
+def test_interventions_are_counted_with_their_time():
+    driver = [0, 1, 1, 3, 0, 0, 2, 2]
+    got = summarise(episode(8, driver=driver, reason=[0, 5, 5, 3, 0, 0, 6, 6]))
+    assert got["interventions"] == 2
+    assert got["intervened_s"] == pytest.approx(5 * episode(8).dt)
+    assert summarise(episode(3))["interventions"] == 0
+    begun = summarise(episode(2, driver=[1, 1]))
+    assert begun["interventions"] == 1

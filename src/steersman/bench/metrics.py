@@ -16,7 +16,7 @@ import numpy as np
 
 from steersman.bench.reversals import reversals
 from steersman.episode import OFF_TRACK, ROLL_OVER, Episode
-from steersman.types import FloatArray, Status
+from steersman.types import Driver, FloatArray, Status
 
 MetricFunction: TypeAlias = Callable[[Episode], float]
 # ISO 11270 judges lateral jerk as a moving average over this time [s].
@@ -179,6 +179,17 @@ def fallbacks(episode: Episode) -> float:
     return float(np.count_nonzero(episode["status"] == Status.FALLBACK))
 
 
+def interventions(episode: Episode) -> float:
+    """Number of times that a supervisor took the steering from its controller."""
+    away = episode["driver"] != Driver.INNER
+    return float(np.count_nonzero(np.diff(away, prepend=False) & away))
+
+
+def intervened(episode: Episode) -> float:
+    """Time in which somebody else than the supervised controller steered [s]."""
+    return float(np.count_nonzero(episode["driver"] != Driver.INNER)) * float(episode.dt)
+
+
 def control_time_p50(episode: Episode) -> float:
     """Median computing time of a control step [us]."""
     return 1e6 * _percentile(episode["control_time"], 50.0)
@@ -234,6 +245,10 @@ METRICS: dict[str, Metric] = {
     "rolled_over": Metric(rolled_over, "-", "the car rolled over", bool),
     "saturated": Metric(saturated, "-", "control steps with the command clipped to a limit", int),
     "fallbacks": Metric(fallbacks, "-", "control steps answered by the controller's fallback", int),
+    "interventions": Metric(interventions, "-", "times that a supervisor took the steering", int),
+    "intervened_s": Metric(
+        intervened, "s", "time in which the supervised controller did not steer"
+    ),
     "control_time_us_p50": Metric(control_time_p50, "us", "median computing time of a step"),
     "control_time_us_p99": Metric(control_time_p99, "us", "99th percentile of the same"),
     "control_time_us_max": Metric(control_time_max, "us", "longest computing time of a step"),

@@ -43,13 +43,12 @@ class ControllerComponent(Component):
         """
         return state
 
-    @final
     def step(self, state: Any, observation: Observation) -> tuple[Decision, Any]:
         """Decide the steering for the next control period, in [-1, 1].
 
         An observation that is not finite gets the present steering, marked as a fallback, and
         leaves the state alone. So does a decision that is not: numbers may be finite and still
-        overflow on their way.
+        overflow on their way. Nobody but a :class:`Wrapper` overrides this.
         """
         if not is_finite(observation):
             return _hold(observation), state
@@ -60,6 +59,20 @@ class ControllerComponent(Component):
             steer = within_limits(steer)
             status = Status.SATURATED if status == Status.SOLVED else status
         return Decision(steer, status), after
+
+
+class Wrapper(ControllerComponent):
+    """A controller around others: it sees every observation, and passes on whole decisions."""
+
+    @abstractmethod
+    def step(self, state: Any, observation: Observation) -> tuple[Decision, Any]:
+        """Decide the steering for the next control period, in [-1, 1]."""
+
+    @final
+    def decide(self, state: Any, observation: Observation) -> tuple[float, Status, Any]:
+        """The same without what only a whole decision says."""
+        decision, after = self.step(state, observation)
+        return decision.steer, decision.status, after
 
 
 def _hold(observation: Observation) -> Decision:

@@ -1,0 +1,139 @@
+"""One of those who may steer under a supervisor: asked at every step, judged, told."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from steersman.controllers.base import ControllerComponent
+from steersman.errors import ConfigError
+from steersman.types import Observation, Reason, Status
+
+# Limits are exceeded by more than rounding.
+_ROUNDING = 1e-9
+
+
+class Rules(NamedTuple):
+    """What a candidate has to keep."""
+
+    dt: float
+    """Control period [s]."""
+    step: float
+    """Largest change of the command in a period [-]."""
+    hasty_time: float
+    """How long commands may ask for more than that [s]."""
+    deadline: float | None
+    """Longest time for an answer [s]."""
+
+
+class Candidate(NamedTuple):
+    """A controller's state, and how it does."""
+
+    state: Any
+    fresh: Any
+    """Its state before the first step."""
+    steer: float | None = None
+    """The command that it asked for last [normalised]; None if that was none."""
+    status: Status = Status.SOLVED
+    fault: Reason = Reason.NONE
+    healthy: float = math.inf
+    """For how long it has been without a fault [s]."""
+    hasty: float = 0.0
+    """For how long its commands have changed too fast [s]."""
+
+    def failed(self, fault: Reason, *, restart: bool = False) -> Candidate:
+        """The same after a fault; it starts anew if its state cannot be trusted."""
+        if restart:
+            return Candidate(self.fresh, self.fresh, fault=fault, healthy=0.0)
+        return self._replace(fault=fault, healthy=0.0)
+
+
+def ask(
+    controller: ControllerComponent,
+    before: Candidate,
+    observation: Observation,
+    last: float,
+    rules: Rules,
+    clock: Callable[[], float],
+    *,
+    first: bool,
+) -> Candidate:
+    """Ask for a command and judge it.
+
+    Args:
+        controller: whose state ``before`` holds.
+        before: how it did until now.
+        observation: what can be seen; usable.
+        last: the steering executed last [normalised].
+        rules: what it has to keep.
+        clock: the time [s]; read only where there is a deadline.
+        first: whether this is the first step.
+
+    Raises:
+        ConfigError: at the first step, what the user has to mend.
+    """
+    own = observation._replace(preview=observation.preview.copy())  # it may write into it
+    begun = clock() if rules.deadline is not None else 0.0
+    try:
+        decision, state = controller.step(before.state, own)
+        steer: Any = decision.steer  # of another package's controller it may be anything
+        status: Any = decision.status
+    except Exception as error:  # whatever it may be: nobody else is there to catch it
+        if first and isinstance(error, ConfigError):
+            raise
+        return before.failed(Reason.EXCEPTION, restart=True)
+    took = clock() - begun if rules.deadline is not None else 0.0
+    if not _is_number(steer):
+        return before.failed(Reason.COMMAND, restart=True)
+    after = _judged(before, float(steer), last, rules)
+    after = after._replace(state=state, status=_status(status))
+    fault = _fault(after, took, rules)
+    if fault is not Reason.NONE:
+        return after.failed(fault)
+    return after._replace(fault=fault, healthy=after.healthy + rules.dt)
+
+
+def tell(controller: ControllerComponent, candidate: Candidate, steer: float) -> Candidate:
+    """What was executed instead of its command."""
+    try:
+        return candidate._replace(state=controller.executed(candidate.state, steer))
+    except Exception:  # noqa: BLE001 - as above
+        return candidate.failed(Reason.EXCEPTION, restart=True)
+
+
+def _is_number(value: Any) -> bool:
+    """Whether it is a finite number; neither yes and no are, nor a text or a list of one."""
+    if isinstance(value, bool):
+        return False
+    return isinstance(value, int | float | np.number) and math.isfinite(value)
+
+
+def _status(status: Any) -> Status:
+    """What is unknown is no success."""
+    try:
+        return Status(status)
+    except ValueError:
+        return Status.FALLBACK
+
+
+def _judged(before: Candidate, steer: float, last: float, rules: Rules) -> Candidate:
+    """The candidate with this command."""
+    own = last if before.steer is None else before.steer
+    # After somebody else steered, some go on from there and some from their own.
+    change = min(abs(steer - own), abs(steer - last))
+    hasty = before.hasty + rules.dt if change > rules.step + _ROUNDING else 0.0
+    return before._replace(steer=steer, hasty=hasty)
+
+
+def _fault(candidate: Candidate, took: float, rules: Rules) -> Reason:
+    assert candidate.steer is not None
+    faults = (
+        (rules.deadline is not None and took > rules.deadline, Reason.DEADLINE),
+        (abs(candidate.steer) > 1.0 + _ROUNDING, Reason.COMMAND_LIMIT),
+        (candidate.status is Status.FALLBACK, Reason.UNSOLVED),
+        (candidate.hasty > rules.hasty_time, Reason.COMMAND_RATE),
+    )
+    return next((reason for found, reason in faults if found), Reason.NONE)

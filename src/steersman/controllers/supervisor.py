@@ -1,0 +1,269 @@
+"""A controller for a real loop: watches another one, and lets a simpler one steer in its place.
+
+docs/supervisor.md has what is watched, why the thresholds are what they are, and what this is not.
+The scheme is the simplex architecture (Sha, Using simplicity to control complexity, IEEE Software
+18, 2001): a trusted controller takes over from one that does more but is trusted less.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Annotated, Any, ClassVar, NamedTuple
+
+from steersman.config import Of, param, register
+from steersman.controllers.base import ControllerComponent, Wrapper, within_limits
+from steersman.controllers.blind import blind_steer
+from steersman.controllers.candidate import Candidate, Rules, ask, tell
+from steersman.controllers.swings import Swings
+from steersman.controllers.watch import Seen, input_fault, look
+from steersman.types import Decision, Driver, Observation, Reason, Status
+from steersman.vehicles import Vehicle
+
+# Times [s] that differ by less are the same, but for rounding.
+_SAME = 1e-9
+
+_Controller = Annotated[ControllerComponent, Of("controller")]
+
+
+class SupervisorState(NamedTuple):
+    """What the supervisor carries from step to step."""
+
+    vehicle: Vehicle
+    dt: float
+    candidates: tuple[Candidate, ...]
+    """Inner controller, fallback and last, in the order of ``Driver``."""
+    driver: Driver = Driver.INNER
+    """Who steers, short gaps in the observations apart."""
+    reason: Reason = Reason.NONE
+    """Why that is not the inner controller."""
+    last: float | None = None
+    """The steering executed last [normalised]; None before the first usable observation."""
+    offset: float = 0.0
+    """By how much the steering before the last hand-over differed from the new driver's [-]."""
+    fade: float = 0.0
+    """Share of it that is still added."""
+    seen: Seen | None = None
+    blind: float = 0.0
+    """For how long no observation could be used [s]."""
+    reckoned: float = 0.0
+    """How long after what was seen last the executed steering was meant for [s]."""
+    swings: Swings = Swings()
+    """Of the lateral acceleration under the present driver."""
+
+
+@register("controller", "supervisor")
+class Supervisor(Wrapper):
+    """Watches a controller, its inputs and commands, and hands over to fallbacks if need be."""
+
+    clock: ClassVar[Any] = staticmethod(time.perf_counter)
+    """Tells the time [s]; read only where there is a deadline."""
+
+    inner: _Controller = param("mpc_delay", "-", "The controller that is watched.")
+    fallback: _Controller = param("tuned/mpc_pid", "-", "Steers in its place.")
+    last: _Controller = param("tuned/pid_feedforward", "-", "Steers if the fallback fails too.")
+    deadline: float | None = param(
+        None, "s", "Longest time for an answer, of each; null: time does not matter.", gt=0
+    )
+    rate: float | None = param(
+        None, "1/s", "Largest rate of the command; null: the vehicle's faster one.", gt=0
+    )
+    corridor: float = param(
+        1.2, "m", "Lateral error, foreseen, at which the inner controller is out.", gt=0
+    )
+    foresight: float = param(
+        0.5, "s", "How far ahead that error is reckoned with its present rate.", ge=0
+    )
+    stale_time: float = param(
+        0.3, "s", "How long the observation may stay the same to the bit while moving.", ge=0
+    )
+    bridge_time: float = param(
+        0.25, "s", "Gaps in usable observations up to this need no hand-over.", ge=0
+    )
+    hasty_time: float = param(
+        0.3,
+        "s",
+        "How long commands may change faster than `rate`; they are limited anyway.",
+        ge=0,
+    )
+    swing: float = param(
+        3.0,
+        "m/s^2",
+        "Lateral acceleration (less the road's) that turns back by less is calm.",
+        gt=0,
+    )
+    swings: int = param(6, "-", "So many turns in `swing_window` are an oscillation.", ge=2)
+    swing_window: float = param(5.0, "s", "Time in which they are counted.", gt=0)
+    swing_error: float = param(
+        0.5, "m", "Who swings and yet keeps the car closer to the path, may go on.", ge=0
+    )
+    recover_time: float = param(
+        2.0, "s", "How long a controller has to be without fault before it steers again.", ge=0
+    )
+    blend_time: float = param(0.5, "s", "Time in which the difference at a hand-over fades.", ge=0)
+
+    def init(self, vehicle: Vehicle, dt: float) -> SupervisorState:
+        """State before the first step; all three controllers are made ready."""
+        states = [controller.init(vehicle, dt) for controller in self._controllers()]
+        return SupervisorState(vehicle, dt, tuple(Candidate(s, s) for s in states))
+
+    def step(self, state: SupervisorState, observation: Any) -> tuple[Decision, SupervisorState]:
+        """Decide the steering for the next control period.
+
+        Finite, within [-1, 1], and no farther from the last one than the rate allows, whatever is
+        observed (None if nothing came) and whatever the controllers do.
+
+        Raises:
+            ConfigError: at the first step, a controller does not fit into this loop.
+        """
+        fault = input_fault(observation)
+        if fault is Reason.NONE:
+            seen = look(state.seen, observation, state.dt)
+            state = state._replace(seen=seen)
+            if seen.age <= self.stale_time + _SAME:
+                return self._sighted(state, observation)
+            fault = Reason.STALE
+        return self._blind(state, observation, fault)
+
+    def executed(self, state: SupervisorState, steer: float) -> SupervisorState:
+        """The next change counts from what was executed; all three are told."""
+        if state.last is None or steer == state.last:
+            return state
+        return self._told(state, steer)
+
+    def _controllers(self) -> tuple[ControllerComponent, ...]:
+        return self.inner, self.fallback, self.last
+
+    def _sighted(self, state: SupervisorState, o: Observation) -> tuple[Decision, SupervisorState]:
+        """One step with a usable observation."""
+        first = state.last is None
+        last = within_limits(o.steer) if state.last is None else state.last
+        rules = self._rules(state)
+        asked = [
+            ask(controller, candidate, o, last, rules, self.clock, first=first)
+            for controller, candidate in zip(self._controllers(), state.candidates, strict=True)
+        ]
+        beyond_road = o.v_x * (o.yaw_rate - o.v_x * o.curvature)
+        swings = state.swings.after(beyond_road, self.swing, self.swing_window, state.dt)
+        state = state._replace(swings=swings)
+        candidates = self._watched(state, asked, o)
+        driver = _choose(state.driver, candidates, self.recover_time)
+        after = state._replace(candidates=candidates, driver=driver, blind=0.0)
+        after = after._replace(reason=_reason(state, after))
+        if driver is Driver.HOLD:
+            wanted, status, after = self._hold(after, last)
+        else:
+            wanted, status = candidates[driver].steer or 0.0, candidates[driver].status
+            handed_over = driver is not state.driver or state.blind > 0.0
+            if driver is not state.driver:
+                after = after._replace(swings=Swings())
+            wanted, after = self._blended(after, wanted, last if handed_over else None)
+            after = after._replace(reckoned=0.0)
+        steer = _limited(wanted, last, rules.step)
+        if driver is not Driver.INNER:
+            status = Status.FALLBACK
+        elif steer != wanted and status is Status.SOLVED:
+            status = Status.SATURATED
+        return Decision(steer, status, driver, after.reason), self._told(after, steer)
+
+    def _blind(
+        self, state: SupervisorState, o: Any, fault: Reason
+    ) -> tuple[Decision, SupervisorState]:
+        """One step without: the driver stays who it is, unless it takes too long."""
+        if state.last is None or state.seen is None:
+            return Decision(_present(o), Status.FALLBACK, Driver.HOLD, fault), state
+        after = state._replace(blind=state.blind + state.dt)
+        if after.blind > self.bridge_time + _SAME:
+            lost = tuple(one._replace(healthy=0.0) for one in state.candidates)
+            after = after._replace(candidates=lost, driver=Driver.HOLD, reason=fault)
+        wanted, _, after = self._hold(after, state.last)
+        steer = _limited(wanted, state.last, self._rules(state).step)
+        return Decision(steer, Status.FALLBACK, Driver.HOLD, fault), self._told(after, steer)
+
+    def _hold(self, state: SupervisorState, last: float) -> tuple[float, Status, SupervisorState]:
+        """Steering of nobody: on along the road that was seen last."""
+        assert state.seen is not None
+        now = max(state.seen.age + state.blind, state.dt)
+        steer = blind_steer(
+            state.vehicle, state.seen.observation, last, state.reckoned, now, state.dt
+        )
+        # With a usable observation the next step counts from a new one.
+        reckoned = now if state.blind > 0.0 else 0.0
+        return steer, Status.FALLBACK, state._replace(reckoned=reckoned)
+
+    def _watched(
+        self, state: SupervisorState, candidates: list[Candidate], o: Observation
+    ) -> tuple[Candidate, ...]:
+        """The candidates, judged by what the car does."""
+        inner, fallback, last = candidates
+        drift = o.v_x * math.sin(o.heading_error) + o.v_y * math.cos(o.heading_error)
+        off, soon = abs(o.lateral_error), abs(o.lateral_error + self.foresight * drift)
+        swinging = len(state.swings.ages) >= self.swings and off > self.swing_error
+        if state.driver is Driver.INNER:
+            if swinging and not inner.fault:
+                inner = inner.failed(Reason.OSCILLATION)
+            limit = self.corridor
+        else:  # it is not trusted before the car is well back
+            limit = 0.5 * self.corridor
+        if max(off, soon) > limit and not inner.fault:
+            inner = inner.failed(Reason.CORRIDOR)
+        if state.driver is Driver.FALLBACK and swinging and not fallback.fault:
+            fallback = fallback.failed(Reason.OSCILLATION)
+        return inner, fallback, last
+
+    def _blended(
+        self, state: SupervisorState, wanted: float, handed_over_at: float | None
+    ) -> tuple[float, SupervisorState]:
+        """The driver's command plus what is left of the difference at the hand-over."""
+        offset, fade = state.offset, state.fade
+        if handed_over_at is not None:
+            offset, fade = handed_over_at - wanted, 1.0
+        fade = max(fade - state.dt / self.blend_time, 0.0) if self.blend_time > 0.0 else 0.0
+        steer = wanted + fade * offset if fade > 0.0 else wanted
+        return steer, state._replace(offset=offset, fade=fade)
+
+    def _told(self, state: SupervisorState, steer: float) -> SupervisorState:
+        pairs = zip(self._controllers(), state.candidates, strict=True)
+        told = tuple(tell(controller, candidate, steer) for controller, candidate in pairs)
+        return state._replace(candidates=told, last=steer)
+
+    def _rules(self, state: SupervisorState) -> Rules:
+        vehicle, rate = state.vehicle, self.rate
+        if rate is None:
+            rate = max(vehicle.steer_rate_up, vehicle.steer_rate_down)
+        return Rules(state.dt, rate * state.dt, self.hasty_time, self.deadline)
+
+
+def _choose(before: Driver, candidates: tuple[Candidate, ...], recover_time: float) -> Driver:
+    """The best of those without fault; who is better than the driver has to be so for a time.
+
+    After a time without any driver the fallbacks are taken as they are.
+    """
+    for driver in (Driver.INNER, Driver.FALLBACK, Driver.LAST):
+        one = candidates[driver]
+        trusted = one.healthy >= recover_time - _SAME
+        at_once = driver >= before or (before is Driver.HOLD and driver is not Driver.INNER)
+        if not one.fault and (trusted or at_once):
+            return driver
+    return Driver.HOLD
+
+
+def _reason(before: SupervisorState, after: SupervisorState) -> Reason:
+    """Why the driver is who it is: the fault of the one who steered until now, if it had one."""
+    if after.driver is Driver.INNER:
+        return Reason.NONE
+    if after.driver is before.driver or before.driver is Driver.HOLD:
+        return before.reason
+    return after.candidates[before.driver].fault or before.reason
+
+
+def _limited(wanted: float, last: float, step: float) -> float:
+    """Within [-1, 1], and no farther than ``step`` from the last."""
+    return within_limits(min(max(wanted, last - step), last + step))
+
+
+def _present(observation: Any) -> float:
+    """The measured steering, as far as there is one."""
+    steer = getattr(observation, "steer", 0.0)
+    usable = isinstance(steer, float) and math.isfinite(steer)
+    return within_limits(steer) if usable else 0.0

@@ -1,0 +1,72 @@
+"""What a supervisor can tell from an observation alone: missing, not finite, impossible, stale."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from steersman.controllers.base import is_finite
+from steersman.types import Observation, Reason
+
+# The largest magnitude that a car on its road can measure, by the observation's fields after the
+# time: lateral error [m], heading error [rad], v_x and v_y [m/s], yaw rate [rad/s], steering [-]
+# (sensors may read a little more than full lock), curvature [1/m]. Far beyond what can be driven:
+# whatever is larger is a fault of measuring, not of driving.
+_MOST = (20.0, 3.2, 100.0, 30.0, 5.0, 1.1, 1.0)
+# Waypoints farther from the car than this many times the preview's length are none.
+_FARTHEST = 2.0
+# A car that is slower may well see the same for ever [m/s].
+_STANDING = 0.5
+
+
+def input_fault(observation: object) -> Reason:
+    """Why nobody can steer by this observation; ``NONE`` if one can."""
+    if not isinstance(observation, Observation):
+        return Reason.MISSING
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):
+            if not is_finite(observation):
+                return Reason.INPUT_NOT_FINITE
+            return Reason.NONE if _possible(observation) else Reason.INPUT_RANGE
+    except (AttributeError, TypeError, ValueError):  # its fields are something else than numbers
+        return Reason.MISSING
+
+
+def _possible(o: Observation) -> bool:
+    if any(abs(value) > most for value, most in zip(o[1:8], _MOST, strict=True)):
+        return False
+    reach = _FARTHEST * len(o.preview) * o.spacing + _MOST[0]
+    return o.preview.shape[1:] == (2,) and bool(np.abs(o.preview).max() <= reach)
+
+
+class Seen(NamedTuple):
+    """The last usable observation that brought news, and how long ago that was."""
+
+    observation: Observation
+    age: float = 0.0
+    """For how long the same has come again and again [s]."""
+
+
+def look(seen: Seen | None, observation: Observation, dt: float) -> Seen:
+    """What is known after a usable observation came."""
+    if seen is not None and _repeats(seen.observation, observation):
+        return seen._replace(age=seen.age + dt)
+    # Whoever observes may use the array again.
+    return Seen(observation._replace(preview=observation.preview.copy()))
+
+
+def _repeats(before: Observation, now: Observation) -> bool:
+    """Whether an observation brings no news although the car moved.
+
+    It is the last one to the bit. If its time went on, a standing car may see just that, and so
+    may one that drives straight ahead on a straight without any error: then every number but the
+    speed is exactly zero, which no real sensor measures.
+    """
+    if before[1:8] != now[1:8] or not np.array_equal(before.preview, now.preview):
+        return False
+    if now.time == before.time:
+        return True
+    straight = not any((now.lateral_error, now.heading_error, now.v_y, now.yaw_rate, now.curvature))
+    return math.hypot(now.v_x, now.v_y) > _STANDING and not straight
