@@ -147,7 +147,7 @@ def test_who_takes_turns_never_works_at_the_same_time(tmp_path: FilePath) -> Non
 
 @pytest.mark.usefixtures("impatient")
 def test_a_function_that_works_alone(tmp_path: FilePath) -> None:
-    @alone
+    @alone("out")
     def nested(out: FilePath, depth: int = 0) -> int:
         return nested(out, depth=depth - 1) if depth else 7
 

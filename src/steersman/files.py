@@ -102,13 +102,17 @@ def only_one(folder: FilePath) -> Iterator[None]:
         lock.release()
 
 
-def alone(function: Callable[P, R]) -> Callable[P, R]:
-    """The function, which holds :func:`only_one` of its argument ``out``, a folder."""
-    signature = inspect.signature(function)
+def alone(argument: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Makes a function hold :func:`only_one` of the folder that ``argument`` names."""
 
-    @wraps(function)
-    def locked(*args: P.args, **kwargs: P.kwargs) -> R:
-        with only_one(FilePath(signature.bind(*args, **kwargs).arguments["out"])):
-            return function(*args, **kwargs)
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        signature = inspect.signature(function)
 
-    return locked
+        @wraps(function)
+        def locked(*args: P.args, **kwargs: P.kwargs) -> R:
+            with only_one(FilePath(signature.bind(*args, **kwargs).arguments[argument])):
+                return function(*args, **kwargs)
+
+        return locked
+
+    return decorate

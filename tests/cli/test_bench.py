@@ -62,6 +62,7 @@ def test_an_interruption_is_told(
         ("train", "demo", "steps=1000"),
         ("imitate", "demo"),
         ("compare", "pid", "lqr"),
+        ("reproduce", "--quick"),
     ],
 )
 def test_two_at_once_in_one_folder_are_one_line(

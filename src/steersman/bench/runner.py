@@ -44,7 +44,7 @@ def plan(scenarios: Sequence[Scenario], entrants: Sequence[Entrant]) -> list[Tas
     return tasks
 
 
-@alone
+@alone("out")
 def bench(
     scenarios: Sequence[Scenario],
     entrants: Sequence[Entrant],

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from steersman.cli import settings
 from steersman.cli.outcome import USER_ERROR
-from steersman.cli.output import note, show, show_json, table, write
+from steersman.cli.output import folded, note, show, show_json, table, write
 from steersman.errors import ConfigError, suggestion
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ def doctor(
         if not as_json:
             mark = "ok   " if finding.healthy else "FAULT"
             cure = f"\n      cure: {finding.cure}" if finding.cure else ""
-            write(f"{mark} {finding.name}: {finding.text}{cure}\n")
+            write(folded(f"{mark} {finding.name}: {finding.text}{cure}", sys.stdout) + "\n")
     if as_json:
         show_json([finding._asdict() for finding in found])
     if not all(finding.healthy for finding in found):

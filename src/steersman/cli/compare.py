@@ -188,7 +188,8 @@ def _show(outcome: dict[str, Any], folder: FilePath | None) -> None:
             out.add_row(*(row[key] for key in columns))
         if out.rows:
             show("", out)
-    show("", "In brackets: 95 % intervals of a bootstrap over pairs.")
+    drawn = "paths" if outcome["sort"] == "scenarios" else "stretches of the path"
+    show("", f"In brackets: 95 % intervals of a bootstrap over {drawn}.")
     if folder is not None:
         show(f"written to {folder}")
 

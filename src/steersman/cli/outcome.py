@@ -69,7 +69,9 @@ class OneLineGroup(TyperGroup):
 
 def fail(message: str, code: int = USER_ERROR) -> int:
     """Print the one line; the exit code that goes with it."""
-    sys.stderr.write(f"error: {one_line(message)}\n")
+    from steersman.cli.output import note  # which needs the codes of this module
+
+    note(f"error: {one_line(message)}")
     return code
 
 

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 # Share of the work between two lines of progress, where there are many steps.
 TOLD = 0.05
+# Columns that a progress bar takes beside its words, and the least that its words have.
+_BESIDE, _LEAST = 32, 20
 # Width of tables in files and pipes; a terminal has its own.
 _WIDTH = 80
 
@@ -110,12 +112,20 @@ def _mute() -> None:
 
 
 def note(text: str) -> None:
-    """A line for the reader on stderr; in a terminal folded between words."""
-    if sys.stderr.isatty():
-        width = console(sys.stderr, like=sys.stderr).width
-        text = fill(text, width, break_long_words=False, break_on_hyphens=False)
-    sys.stderr.write(f"{text}\n")
+    """A line for the reader on stderr."""
+    sys.stderr.write(f"{folded(text, sys.stderr)}\n")
     sys.stderr.flush()
+
+
+def folded(text: str, stream: TextIO) -> str:
+    """Lines as they are, so that programs can read them; for a terminal folded between words."""
+    if not stream.isatty():
+        return text
+    width = console(stream, like=stream).width
+    return "\n".join(
+        fill(line, width, break_long_words=False, break_on_hyphens=False)
+        for line in text.splitlines()
+    )
 
 
 def tell_compiling() -> None:
@@ -159,14 +169,17 @@ def _progress(text: str) -> Progress:
         TextColumn,
         TimeRemainingColumn,
     )
+    from rich.table import Column
 
+    out = console(sys.stderr, like=sys.stderr)
+    words = Column(no_wrap=True, overflow="ellipsis", max_width=max(out.width - _BESIDE, _LEAST))
     return Progress(
         SpinnerColumn(),
-        TextColumn(text, markup=False),
+        TextColumn(text, markup=False, table_column=words),
         BarColumn(bar_width=20),
         TaskProgressColumn(),
         TimeRemainingColumn(),
-        console=console(sys.stderr, like=sys.stderr),
+        console=out,
         transient=True,
     )
 

@@ -47,7 +47,7 @@ def load_preset(name: str) -> dict[str, Any]:
     return read_yaml(FilePath(str(files("steersman.presets").joinpath(f"{name}.yaml"))))
 
 
-@alone
+@alone("out")
 def train(
     config: TrainConfig,
     out: FilePath,

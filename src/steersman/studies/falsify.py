@@ -106,7 +106,7 @@ def for_one_car(plant: Any) -> list[str]:
     return [f"ranges.{name}=0" for name in CARS_DIFFER if has_one_car(plant)]
 
 
-@alone
+@alone("out")
 def falsify(
     config: FalsifyConfig, out: FilePath, progress: Progress | None = None
 ) -> dict[str, Any]:

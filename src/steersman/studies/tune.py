@@ -79,7 +79,7 @@ def cost(config: RunConfig, smoothness: float) -> float:
     return measure(config, smoothness).total
 
 
-@alone
+@alone("out")
 def tune(
     config: TuneConfig, out: FilePath, progress: Callable[[int, float], None] | None = None
 ) -> ControllerComponent:

@@ -49,7 +49,7 @@ COLUMNS = (
 _INITIAL, _DRIVES, _BATCHES = range(3)
 
 
-@alone
+@alone("out")
 def imitate(
     config: ImitationConfig,
     out: FilePath,

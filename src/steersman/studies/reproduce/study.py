@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple, cast
 
-from steersman.files import write_text
+from steersman.files import alone, write_text
 from steersman.learning.algorithms import Ddpg
 from steersman.provenance import provenance
 from steersman.studies.reproduce.away import WRONG, away
@@ -59,6 +59,7 @@ def estimate(plan: Plan) -> Estimate:
     return Estimate(len(configs), max(updates), (training + around) / AT_ONCE / 60.0 + drives)
 
 
+@alone("root")
 def reproduce(
     plan: Plan,
     root: FilePath,
