@@ -60,8 +60,12 @@ def test_whatever_is_loaded_is_there(site: FilePath) -> None:
 
 def test_every_component_has_its_fields_told(site: FilePath) -> None:
     for family in families():
+        # Other tests may have registered components of their own.
+        ours = {k: c for k, c in components(family).items() if c.__module__[:10] == "steersman."}
+        if not ours:
+            continue
         text = (site / "reference" / f"{family}.html").read_text(encoding="utf-8")
-        for name, cls in components(family).items():
+        for name, cls in ours.items():
             assert f'id="{name}"' in text
             for field in cls.model_fields:
                 assert field in text, f"{family} {name} {field}"
