@@ -184,7 +184,7 @@ def main() -> None:
     p = parts(source, read_network(source.data, source.name))
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        write_c(arguments.policy, folder, str)
+        write_c(arguments.policy, folder)
         compiled = {how: Compiled(p, folder, compiler, flags) for how, flags in COMPILED.items()}
         # As large as they are at speed.
         rng = np.random.default_rng(0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path as FilePath
 
@@ -9,6 +10,8 @@ import pytest
 from typer.testing import Result
 
 from steersman.cli.export import TARGETS
+from steersman.delivery import trial
+from steersman.errors import DataError
 from steersman.policy_file import locate, read_policy
 
 Steersman = Callable[..., Result]
@@ -26,6 +29,31 @@ def test_onnx_of_a_policy_of_the_package(steersman: Steersman, tmp_path: FilePat
     assert result.stdout.strip() == str(FilePath("precision_onnx", "precision.onnx"))
     assert "to the bit" in result.stderr
     assert read_policy(file)[0] == locate("precision").read_bytes()
+
+
+@pytest.mark.skipif(not any(map(shutil.which, trial.COMPILERS)), reason="there is no C compiler")
+def test_c_is_compiled_and_tried(steersman: Steersman, tmp_path: FilePath) -> None:
+    result = steersman("export", "precision", "--to", "c", "--out", "o")
+    assert result.stdout.strip() == str(FilePath("o", "steersman_precision.c"))
+    assert "0 other statuses: passed (again: make -C o test)" in result.stderr
+    assert {file.name for file in (tmp_path / "o").iterdir()} == {
+        *("steersman_precision.c", "steersman_precision.h", "test_precision.c", "Makefile"),
+        *("vector_precision.h", "precision.onnx", "precision.json"),
+    }
+    vector = tmp_path / "o" / "test_precision.c"
+    text = vector.read_text(encoding="ascii")
+    vector.write_text(text.replace("wrong == 0", "wrong == 1"), encoding="ascii")
+    with pytest.raises(DataError, match=r"the test vector fails: .*: FAILED"):
+        trial.try_out(tmp_path / "o" / "steersman_precision.c")
+    vector.write_text("nothing of the kind", encoding="ascii")
+    assert "not compiled: " in trial.try_out(tmp_path / "o" / "steersman_precision.c")
+
+
+def test_c_without_a_compiler(steersman: Steersman, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trial, "COMPILERS", ("no-such-compiler",))
+    result = steersman("export", "precision", "--to", "c", "--out", "o")
+    assert result.exit_code == 0
+    assert "there is no C compiler here; where there is one: make -C o test" in result.stderr
 
 
 @pytest.mark.parametrize(

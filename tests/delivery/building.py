@@ -76,7 +76,7 @@ def read(words: str | FilePath) -> Parts:
 def export(words: str | FilePath, folder: FilePath) -> Parts:
     """Write the C package of a policy into a folder."""
     folder.mkdir(exist_ok=True)
-    write_c(str(words), folder, str)
+    write_c(str(words), folder)
     return read(words)
 
 

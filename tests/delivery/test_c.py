@@ -130,7 +130,7 @@ def test_100_000_observations_agree_with_onnx() -> None:
     assert (abs(normalised(p.network, seen)) == FEATURE_LIMIT).any(axis=1).mean() > 0.1
     assert np.std(expected) > 0.3
     # ONNX Runtime is itself further away where hidden values are large.
-    some = seen[:20_000]
+    some = seen[:5000]
     session = load_network(p.source.data, "precision", some.shape[1])
     onnx = np.array([session(row[None, :]) for row in some])
     assert (abs(given[: len(some)] - onnx) <= TOLERANCE + rounding(p.network, some)).all()

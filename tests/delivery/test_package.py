@@ -162,7 +162,7 @@ def test_numbers_that_float32_has_no_room_for(file: FilePath, tmp_path: FilePath
     ):
         before = file.with_suffix(".json").read_text(encoding="utf-8")
         with pytest.raises(DataError, match=message) as caught:
-            write_c(str(edit(file, **fields)), tmp_path, str)
+            write_c(str(edit(file, **fields)), tmp_path)
         assert "\n" not in str(caught.value)
         file.with_suffix(".json").write_text(before, encoding="utf-8")
 
@@ -172,7 +172,7 @@ def test_a_fine_scale_of_nothing(tmp_path: FilePath) -> None:
     _, card = read_policy(file)
     edit(file, encoding={**card.encoding, "fine_error": 1e-60})
     with pytest.raises(DataError, match="fine_error: 1e-60 does not fit into float32"):
-        write_c(str(file), tmp_path, str)
+        write_c(str(file), tmp_path)
 
 
 def test_weights_that_overflow(file: FilePath, tmp_path: FilePath) -> None:
@@ -181,11 +181,11 @@ def test_weights_that_overflow(file: FilePath, tmp_path: FilePath) -> None:
     net.w1[0, 0] = 1e35
     replace(file, network(net, card.scale))
     with pytest.raises(DataError, match=r"hidden values up to 1\.0e\+37 leave float32"):
-        write_c(str(file), tmp_path, str)
+        write_c(str(file), tmp_path)
 
 
 def test_nothing_is_written_of_what_is_refused(file: FilePath, tmp_path: FilePath) -> None:
     (tmp_path / "out").mkdir()
     with pytest.raises(DataError):
-        write_c(str(edit(file, rate_limit=1e300)), tmp_path / "out", str)
+        write_c(str(edit(file, rate_limit=1e300)), tmp_path / "out")
     assert not list((tmp_path / "out").iterdir())

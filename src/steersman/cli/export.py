@@ -46,8 +46,11 @@ class Target(NamedTuple):
 
 def _c(source: str, folder: FilePath) -> Sequence[FilePath]:
     from steersman.delivery.package import write_c
+    from steersman.delivery.trial import try_out
 
-    return write_c(source, folder, note)
+    files = write_c(source, folder)
+    note(try_out(files[0]))
+    return files
 
 
 def _onnx(source: str, folder: FilePath) -> Sequence[FilePath]:

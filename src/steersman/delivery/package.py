@@ -38,7 +38,7 @@ def write_onnx(words: str, folder: FilePath, tell: Tell) -> Sequence[FilePath]:
     return file, card
 
 
-def write_c(words: str, folder: FilePath, tell: Tell) -> Sequence[FilePath]:
+def write_c(words: str, folder: FilePath) -> Sequence[FilePath]:
     """The policy as C99: header, source, test vector with its program, Makefile, network, card.
 
     Raises:
@@ -59,7 +59,6 @@ def write_c(words: str, folder: FilePath, tell: Tell) -> Sequence[FilePath]:
     card = source.card.model_copy(update={"limits": limits})
     _write(folder, name, card, {**contents, f"{name}.onnx": source.data})
     read_policy(folder / f"{name}.onnx")
-    tell(f"to compile it and run its test vector: make -C {folder} test")
     return [folder / each for each in contents]
 
 
