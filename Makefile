@@ -58,5 +58,5 @@ lock: $(STAMP)
 	touch $(STAMP)
 
 clean:
-	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .import_linter_cache \
+	rm -rf $(VENV) site .pytest_cache .mypy_cache .ruff_cache .import_linter_cache \
 	  .hypothesis .coverage .coverage.*
