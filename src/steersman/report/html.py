@@ -14,6 +14,7 @@ from steersman import core_yaml
 from steersman.errors import DataError
 from steersman.files import write_text
 from steersman.report import tables, web
+from steersman.report.conditions import by_conditions
 from steersman.report.runs import Run
 from steersman.report.scene import Group
 from steersman.report.seen import recorded
@@ -57,7 +58,8 @@ def render(runs: Sequence[Run], title: str) -> str:
     """The page as text."""
     groups = group_by_path(runs)
     training = curves(runs)
-    shown = [Group(group_title(group), group, half_width(group)) for group in groups]
+    roads = [Group(group_title(group), group, half_width(group)) for group in groups]
+    shown = [part for road in roads for part in by_conditions(road)]
     page = web.template("page.html.j2")
     content = {
         "title": title,

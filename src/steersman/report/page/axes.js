@@ -65,14 +65,15 @@ function luminance(rgb) {
   return 0.2126 * r + 0.7152 * g + 0.0722 * b;
 }
 
-// The colour, darker or lighter until it stands out from the page by 3.2 : 1.
+// The colour, lighter on dark and darker on light pages until it stands out. Light pages ask for
+// less: darker, the two blues and the two oranges of the palette would look alike.
 function visible(color, paper) {
   const back = luminance(channels(paper));
   const goal = back > 0.2 ? 0 : 1;
   let rgb = channels(color);
   for (let k = 0; k < 20; k++) {
     const own = luminance(rgb);
-    if ((Math.max(own, back) + 0.05) / (Math.min(own, back) + 0.05) >= 3.2) break;
+    if ((Math.max(own, back) + 0.05) / (Math.min(own, back) + 0.05) >= (goal ? 3.2 : 2)) break;
     rgb = rgb.map((c) => c + (goal - c) * 0.08);
   }
   return `#${rgb.map((c) => Math.round(255 * c).toString(16).padStart(2, "0")).join("")}`;

@@ -30,6 +30,7 @@ class Keys {
       n: () => p.step(1),
       p: () => p.step(-1),
       "?": () => this.toggleHelp(),
+      Escape: () => p.parts.map.focus(),
     };
   }
 
@@ -45,6 +46,7 @@ class Keys {
     const { target, key } = event;
     if (this.help.open) return key === "?";
     if (!this.enabled.checked && key.length === 1 && key !== " ") return false;
+    if (key === "Escape") return this.player.section.contains(target);
     // These have a use for keys of their own.
     if (target.closest("select, textarea, input:not([type=range])")) return false;
     if (key === " " && target.closest("button, summary, a")) return false;

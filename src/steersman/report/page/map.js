@@ -81,7 +81,13 @@ class RoadMap {
     for (const drive of shown) this.drawMarks(context, view, drive);
     const order = shown.filter((drive) => drive !== state.lead).concat(shown.includes(state.lead) ? [state.lead] : []);
     for (const drive of order) this.drawDrive(context, view, ratio, drive, rows.get(drive), state);
+    for (const drive of order) this.drawBadge(context, view, drive, rows.get(drive));
     scaleBar(context, view);
+    if (this.factor !== 1) {
+      context.textAlign = "left";
+      context.font = `600 12px ${theme.font}`;
+      context.fillText(`lateral errors drawn ×${this.factor}`, 12, 20);
+    }
   }
 
   drawRoad(context, view, ratio) {
@@ -160,8 +166,12 @@ class RoadMap {
     drawCar(context, view, drive, pose, ratio, drive === state.lead ? 0.85 : 0.5);
     context.globalAlpha = 1;
     if (!over) drawVelocity(context, view, pose);
+  }
+
+  // Numbers of cars that are close to each other stand beside each other.
+  drawBadge(context, view, drive, row) {
+    const pose = drive.pose(row, this.factor);
     const [px, py] = view.toScreen(pose.x, pose.y);
-    // Numbers of cars that are close to each other stand beside each other.
     const off = Math.max(0.5 * drive.car.width * view.scale, 10) + 14;
     drawNumber(context, px + 20 * (drive.number - 1), py - off, drive);
   }

@@ -2,6 +2,7 @@
 
 // Width of what is first seen of the road [m].
 const NEAR = 90;
+const CROWD = 6;
 const RATES = [0.1, 0.25, 0.5, 1, 2, 5, 10, 30];
 
 class Player {
@@ -55,7 +56,9 @@ class Player {
     this.map = new RoadMap(group, this.drives, this.columns);
     this.map.magnify(Number(this.parts.magnify.value));
     const lead = this.drives.find((drive) => drive.length) || this.drives[0];
-    Object.assign(this.state, { hidden: new Set(), lead, playing: false });
+    // Of a crowd on one road, the first are seen until others are asked for.
+    const hidden = new Set(this.drives.length > CROWD ? this.drives.slice(CROWD) : []);
+    Object.assign(this.state, { hidden, lead, playing: false });
     this.lists();
     this.parts.note.textContent = this.remarks(group);
     this.section.dataset.group = String(index);
@@ -93,6 +96,7 @@ class Player {
     if (!seen) words.push("What the controllers saw of the road is not known here.");
     if (!known) words.push("The vehicle is not recorded: drawn is the default one.");
     if (this.drives.some((drive) => !drive.kept)) words.push("Long drives are thinned: every peak is kept, not every step.");
+    if (this.state.hidden.size) words.push(`Of ${this.drives.length} drives ${CROWD} are shown: click the names of others.`);
     return words.join(" ");
   }
 
@@ -295,6 +299,8 @@ class Player {
     this.setLead(mark.drive);
     this.view.scale = Math.max(this.view.scale, 6);
     this.seek(mark.drive[this.state.axis][mark.row]);
+    const { top, bottom } = this.parts.map.getBoundingClientRect();
+    if (bottom < 80 || top > window.innerHeight - 80) this.section.scrollIntoView();
     this.say(`${mark.drive.name}, ${clock(markTime(mark))}: ${mark.text}`);
   }
 
