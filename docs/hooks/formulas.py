@@ -1,6 +1,7 @@
 """Formulas as MathML, which browsers draw by themselves; figures as part of the page.
 
-And docstrings' references (``:func:`name```), which the reader of a page takes as code.
+State diagrams, which GitHub draws, become tables: drawing them here would take a script from
+elsewhere. And docstrings' references (``:func:`name```), which the reader of a page takes as code.
 """
 
 from __future__ import annotations
@@ -21,7 +22,19 @@ FIGURE = re.compile(r'<img alt="(?P<alt>[^"]*)" src="(?:[^"]*/)?images/(?P<name>
 # Brackets of a matrix, which the converter leaves small.
 OPEN = re.compile(r"<mo>(&#x0005B;|&#x00028;)</mo>(?=<mtable)")
 CLOSE = re.compile(r"(?<=</mtable>)<mo>(&#x0005D;|&#x00029;)</mo>")
+DIAGRAM = re.compile(r"^```mermaid\nstateDiagram-v2\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+CHANGE = re.compile(r"^\s*(\w+) --> (\w+): (.*)$", re.MULTILINE)
 ROLE = re.compile(r":(?:func|class|mod|meth|data):(?=<code>)")
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Replace state diagrams."""
+    return DIAGRAM.sub(_table, markdown)
+
+
+def _table(match: re.Match[str]) -> str:
+    rows = [f"| `{a}` | `{b}` | {when} |" for a, b, when in CHANGE.findall(match[1])]
+    return "\n".join(["| from | to | when |", "|---|---|---|", *rows])
 
 
 def on_page_content(content: str, **_: Any) -> str:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from closed_loops import back_to_the_road, drive, responses
 
+from steersman.controllers.base import ControllerComponent
+from steersman.controllers.lqr import Lqr
+from steersman.controllers.supervisor import Supervisor
 from steersman.paths.basic import Circle
 from steersman.paths.eights import FigureEight
 from steersman.paths.lane_change import DoubleLaneChange
 from steersman.sensing import WaypointSensor
+from steersman.types import Observation, Status
+from steersman.vehicles import Vehicle
 
 
 def pid() -> dict[str, Any]:
@@ -201,6 +206,37 @@ def policy_trim() -> dict[str, Any]:
     return {"title": title, "x": "time [s]", "y": "lateral error [mm]", "lines": lines}
 
 
+class Stuck(ControllerComponent):
+    """Steers as LQR does, and from a moment on keeps what it commanded last, with a good face."""
+
+    family: ClassVar[str] = "controller"  # of no registry: nobody is meant to drive with it
+    kind: ClassVar[str] = "stuck"
+
+    moment: float = 3.0
+
+    def init(self, vehicle: Vehicle, dt: float) -> Any:
+        """State before the first step, and no command yet."""
+        return Lqr().init(vehicle, dt), 0.0
+
+    def decide(self, state: Any, observation: Observation) -> tuple[float, Status, Any]:
+        """The regulator's steering, or the last one."""
+        inner, last = state
+        if observation.time >= self.moment:
+            return last, Status.SOLVED, state
+        steer, status, inner = Lqr().decide(inner, observation)
+        return steer, status, (inner, steer)
+
+
+def supervisor() -> dict[str, Any]:
+    """A controller that gets stuck on a bend, alone and supervised."""
+    lines = []
+    for name, controller in (("alone", Stuck()), ("supervised", Supervisor(inner=Stuck()))):
+        episode = drive(controller, FigureEight(), 8.0, seconds=10.0)
+        lines.append({"name": name, "x": episode["time"], "y": episode["lateral_error"]})
+    title = "The controller's command gets stuck at the entry of a bend, figure-eight at 8 m/s"
+    return {"title": title, "x": "time [s]", "y": "lateral error [m]", "lines": lines}
+
+
 def everybody() -> dict[str, Any]:
     """Every tuned controller's way back to the road."""
     from steersman import core_yaml, tuned
@@ -231,5 +267,6 @@ FIGURES = {
     "mpc_delay": mpc_delay,
     "mpc_delay_noise": mpc_delay_noise,
     "policy_trim": policy_trim,
+    "supervisor": supervisor,
     "everybody": everybody,
 }

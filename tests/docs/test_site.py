@@ -97,3 +97,9 @@ def test_figures_take_the_colour_of_the_page(site: FilePath) -> None:
     assert text.count('<span class="figure"') == 3
     assert 'fill="currentColor"' in text
     assert "#808080" not in text
+
+
+def test_a_state_diagram_is_a_table(site: FilePath) -> None:
+    text = (site / "supervisor.html").read_text(encoding="utf-8")
+    assert "stateDiagram" not in text
+    assert "<td>fault of the fallback</td>" in text
