@@ -32,7 +32,7 @@ from steersman.delivery.graph import exact, read_network
 from steersman.delivery.package import write_c
 from steersman.delivery.parity import TOLERANCE, random_features
 from steersman.delivery.source import read_source
-from steersman.delivery.vector import rows
+from steersman.delivery.vector import Row, answers, drawn, rows
 from steersman.files import write_text
 from steersman.learning.train import TrainConfig
 from steersman.provenance import provenance
@@ -43,6 +43,7 @@ from steersman.vehicles import CarlaModel3
 ROUNDS = 15
 CALLS = 1000
 COMPARED = 100_000
+DRIVE = 30
 COMPILED = {
     "portable": ("-O3",),
     "this machine's instructions": ("-O3", "-march=native"),
@@ -171,6 +172,30 @@ def parity(p: Parts, code: Compiled) -> dict[str, float]:
     }
 
 
+def steps_parity(p: Parts, code: Compiled) -> dict[str, float]:
+    """Largest differences of steering over whole steps of every size, thirty to a drive."""
+    rng = np.random.default_rng(1)
+    sizes = 10.0 ** rng.uniform(-42.0, 15.0, COMPARED)
+    sizes[::2] = rng.uniform(0.0, 2.0, COMPARED // 2)
+    given = [Row(i % DRIVE == 0, drawn(p, rng, x), 0.0, None) for i, x in enumerate(sizes)]
+    seen = packed([row.seen for row in given])
+    steers = np.empty(COMPARED, np.float32)
+    for i in range(0, COMPARED, DRIVE):
+        drive = seen[i : i + DRIVE]
+        code.steps(pointer(drive), len(drive), pointer(steers[i:]))
+    expected = np.array([answer.steer for answer in answers(p, given)])
+    start = state = p.policy.init(CarlaModel3(), p.card.dt)
+    onnx = np.empty(COMPARED)
+    for i, row in enumerate(given):
+        decision, state = p.policy.step(start if row.restart else state, row.seen)
+        onnx[i] = decision.steer
+    return {
+        "steps": COMPARED,
+        "steps_c_from_exact_network": float(abs(steers - expected).max()),
+        "steps_python_with_onnxruntime_from_exact_network": float(abs(onnx - expected).max()),
+    }
+
+
 def main() -> None:
     """Measure, print, and write if asked."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -191,6 +216,8 @@ def main() -> None:
         usual = rng.uniform(-1.0, 1.0, (CALLS, len(p.network.scale))) / p.network.scale
         times = latency(sides(p, compiled, np.ascontiguousarray(usual, np.float32)))
         agreement = parity(p, compiled["portable"])
+        if p.card.base is None:
+            agreement |= steps_parity(p, compiled["portable"])
     for what, value in times.items():
         print(f"{what:50s} {value:8.2f} us")  # noqa: T201 - its output
     for what, value in agreement.items():

@@ -60,6 +60,7 @@ def test_c_without_a_compiler(steersman: Steersman, monkeypatch: pytest.MonkeyPa
     ("words", "message"),
     [
         ("precision --to onx", "--to: unknown target 'onx'; did you mean 'onnx'?"),
+        (" --to onnx --out o", "RUN: expected the name of what to export, given nothing"),
         ("precison --to onnx --out o", "did you mean 'precision'?"),
         ("folder --to onnx --out o", "folder: no policy.onnx in this folder"),
         ("other.onnx --to onnx --out o", "other.onnx"),
@@ -69,8 +70,10 @@ def test_c_without_a_compiler(steersman: Steersman, monkeypatch: pytest.MonkeyPa
     ],
 )
 @pytest.mark.usefixtures("wrong_files")
-def test_wrong_words(steersman: Steersman, words: str, message: str) -> None:
-    result = steersman("export", *words.split())
+def test_wrong_words(steersman: Steersman, tmp_path: FilePath, words: str, message: str) -> None:
+    before = {file.name for file in tmp_path.iterdir()}
+    result = steersman("export", *words.split(" "))
     assert result.exit_code == 2
     assert message in result.stderr
+    assert {file.name for file in tmp_path.iterdir()} == before
     assert len(result.stderr.splitlines()) == 1

@@ -9,6 +9,7 @@ raises a :class:`~steersman.errors.SteersmanError` about an input that is not wh
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path as FilePath
 from typing import Annotated, NamedTuple
 
@@ -16,7 +17,7 @@ import typer
 
 from steersman.cli import settings
 from steersman.cli.output import note, write
-from steersman.errors import ConfigError, suggestion
+from steersman.errors import ConfigError, DataError, SteersmanError, suggestion
 
 EXAMPLES = (
     "\b\n"
@@ -101,5 +102,16 @@ def export(
     on stdout.
     """
     chosen = target(to)
-    folder = settings.out_folder(f"{FilePath(run).resolve().stem}_{to}" if out is None else out)
-    write(f"{chosen.write(run, folder)[0]}\n")
+    if not run.strip():
+        raise DataError("RUN: expected the name of what to export, given nothing")
+    out = f"{FilePath(run).resolve().stem}_{to}" if out is None else out
+    was_there = FilePath(out).exists()
+    folder = settings.out_folder(out)
+    try:
+        files = chosen.write(run, folder)
+    except SteersmanError:
+        if not was_there:
+            with suppress(OSError):  # something may have been written before the fault
+                folder.rmdir()
+        raise
+    write(f"{files[0]}\n")
