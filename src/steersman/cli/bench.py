@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -13,7 +12,16 @@ import typer
 
 from steersman.cli import settings
 from steersman.cli.outcome import INTERRUPTED
-from steersman.cli.output import TOLD, note, share_bar, show, show_json, table, tell_compiling
+from steersman.cli.output import (
+    TOLD,
+    animated,
+    note,
+    share_bar,
+    show,
+    show_json,
+    table,
+    tell_compiling,
+)
 from steersman.errors import ConfigError, suggestion
 
 if TYPE_CHECKING:
@@ -189,7 +197,7 @@ def _drive(scenarios: Any, found: Any, folder: FilePath, jobs: int | None, engin
 def suite_progress(title: str) -> Iterator[Callable[[float, float], None]]:
     """Told (simulated seconds done, in all): a bar in a terminal, else now and then a line."""
     note(title)
-    if sys.stderr.isatty():
+    if animated():
         with share_bar("driving") as update:
             assert update is not None  # it is where stderr is a terminal
             yield lambda done, total: update(done / max(total, 1.0))

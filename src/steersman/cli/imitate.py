@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,7 +9,7 @@ import typer
 
 from steersman.cli import settings, train
 from steersman.cli.outcome import INTERRUPTED
-from steersman.cli.output import note, steps_bar, tell_compiling, write
+from steersman.cli.output import animated, note, steps_bar, tell_compiling, write
 
 if TYPE_CHECKING:
     from steersman.learning.imitation.config import ImitationConfig
@@ -114,12 +113,11 @@ def imitate_with_bar(
         def tick(rounds: float) -> None:
             update(rounds * steps, text)
 
-        in_terminal = sys.stderr.isatty()
         return run(
             config,
             folder,
             tell,
-            tick=tick if in_terminal else None,
+            tick=tick if animated() else None,
             notify=note,
             overwrite=overwrite,
             resume=resume,

@@ -149,10 +149,15 @@ def tell_compiling() -> None:
     event.register("numba:compile", Teller())  # type: ignore[no-untyped-call]
 
 
+def animated() -> bool:
+    """Whether stderr is a terminal in which bars can move."""
+    return sys.stderr.isatty() and os.environ.get("TERM", "") not in {"dumb", "unknown"}
+
+
 @contextmanager
 def share_bar(title: str) -> Iterator[Callable[[float], None] | None]:
-    """A progress bar on stderr that is told the share done; None unless it is a terminal."""
-    if not sys.stderr.isatty():
+    """A progress bar on stderr that is told the share done; None where bars cannot move."""
+    if not animated():
         yield None
         return
     with _progress("{task.description}") as bar:
@@ -192,7 +197,7 @@ def steps_bar(
 
     Elsewhere a line each time, but no sooner than a share ``every`` of the steps after the last.
     """
-    if not sys.stderr.isatty():
+    if not animated():
         due = 0.0
 
         def line(done: float, text: str) -> None:
@@ -216,7 +221,7 @@ def steps_bars(
 
     Elsewhere than in a terminal, a line for whatever is new.
     """
-    if not sys.stderr.isatty():
+    if not animated():
 
         def line(title: str, done: float, text: str, new: bool) -> None:
             if new:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 import time
 from collections.abc import Callable
 from typing import Annotated, Any
@@ -12,7 +11,7 @@ import typer
 
 from steersman.cli import settings
 from steersman.cli.outcome import INTERRUPTED
-from steersman.cli.output import note, steps_bar, tell_compiling, write
+from steersman.cli.output import animated, note, steps_bar, tell_compiling, write
 
 EXAMPLES = (
     "\b\n"
@@ -71,7 +70,7 @@ def reproduce(
 def _run(plan: Any, folder: Any, *, other_version: bool) -> dict[str, Any]:
     from steersman.studies import reproduce as study
 
-    if not sys.stderr.isatty():
+    if not animated():
         return study.reproduce(plan, folder, _lines(), note, other_version=other_version)
     with steps_bar(_SHARES, "trainings") as update:
 

@@ -112,7 +112,7 @@ def write_comparison(
     Args:
         found: of :func:`steersman.studies.compare.compare.result`.
         out: file of the page; a comparison over scenarios puts figures into ``plots/`` beside it.
-        cases: worst drives, of :func:`steersman.bench.replay.worst_cases`.
+        cases: drives to show, of :func:`steersman.bench.replay.worst_cases` and ``median_cases``.
         episodes: of a comparison of drives: the drives by name.
 
     Raises:
@@ -172,7 +172,8 @@ def _against(found: Mapping[str, Any]) -> list[dict[str, Any]]:
             }
         )  # fmt: skip
     who = [f"{letter}: {name} ({source})." for letter, name, source in legend(found)]
-    out[0]["text"] = [*who, *(f"{line}." for line in found["warnings"]), *out[0]["text"]]
+    out[0]["text"] = [*who, *out[0]["text"]]
+    out[0]["warnings"] = [f"{line[:1].upper()}{line[1:]}." for line in found["warnings"]]
     return out
 
 

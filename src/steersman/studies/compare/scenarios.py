@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 
 from steersman.bench import drive
 from steersman.bench.drive import Row
+from steersman.bench.entrants import Entrant
 from steersman.bench.pairs import FEW_PATHS, against
-from steersman.bench.replay import worst_cases
+from steersman.bench.replay import median_cases, worst_cases
 from steersman.bench.runner import bench
 from steersman.bench.suite import Scenario, Suite
 from steersman.bench.suites import suite as read_suite
@@ -106,8 +107,8 @@ def compare_scenarios(
     Returns:
         ``scenarios`` and ``seeds``: what was driven; ``summary`` of all
         (:func:`steersman.bench.summary.summarise_rows`); ``comparisons``: for each but the first,
-        of :func:`steersman.bench.pairs.against`; ``cases``: worst drives, if everybody was driven
-        now; ``trainings``: what the cards of trainings tell; ``warnings``.
+        of :func:`steersman.bench.pairs.against`; ``cases``: worst and median drives, if everybody
+        was driven now; ``warnings``.
 
     Raises:
         ConfigError: a controller does not fit the suite, or nobody drove the same scenario.
@@ -137,9 +138,17 @@ def compare_scenarios(
         "seeds": list(over.seeds),
         "summary": summarise_rows(every, found),
         "comparisons": comparisons,
-        "cases": worst_cases(every, over.scenarios, drivers) if everybody else [],
+        "cases": _cases(every, over.scenarios, drivers) if everybody else [],
         "warnings": warnings,
     }
+
+
+def _cases(
+    rows: Sequence[Row], scenarios: Sequence[Scenario], drivers: Sequence[Entrant]
+) -> list[dict[str, Any]]:
+    """Drives to show, driven once more: each one's worst and one for its measure."""
+    cases = (worst_cases, median_cases)
+    return [case for find in cases for case in find(rows, scenarios, drivers)]
 
 
 def few_paths(count: int) -> str:
