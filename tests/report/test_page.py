@@ -16,7 +16,7 @@ import pytest
 from steersman.bench.metrics import summarise
 from steersman.config import build
 from steersman.errors import DataError, SteersmanError
-from steersman.report import Run, Table, tables, write_report
+from steersman.report import Run, Table, tables, web, write_report
 from steersman.report import html as module
 from steersman.report.html import LIMIT, group_title, render
 from steersman.report.signals import Drive, group_by_path
@@ -151,6 +151,28 @@ def test_runs_that_failed_and_fallbacks_are_marked(runs):
     assert ' bad">off track</td>' in page
     assert 'bad">3</td>' in page
     assert page.count(' bad">') == 2
+
+
+def test_a_single_drive_has_its_figures_in_large_letters(drive):
+    episode = drive(n=100, end="roll_over")
+    values = {**summarise(episode), "interventions": 2}
+    page = render([Run("one", episode, values)], "t")
+    tiles = re.findall(r"<div><dt>([^<]*)</dt><dd([^>]*)>([^<]*)", page)
+    found = {title: (text.strip(), "bad" in marks) for title, marks, text in tiles}
+    assert found["ended by"] == ("roll over", True)
+    assert found["max |d|"] == ("10", False)
+    assert found["interventions"] == ("2", True)
+    assert "interventions" not in dict(
+        re.findall(r"<dt>([^<]*)</dt>(.)", render([Run("one", episode, summarise(episode))], "t"))
+    )
+    several = render([Run("one", episode, values), Run("two", episode, values)], "t")
+    assert "<dt>ended by" not in several
+    assert "inter-ventions" in several
+    assert "inter-ventions" not in render([Run("one", episode, summarise(episode))] * 2, "t")
+
+
+def test_nothing_in_the_script_ends_it_early():
+    assert not re.search(r"</script|<!--", web.script(), re.IGNORECASE)
 
 
 def test_each_configuration_is_shown_once(runs):

@@ -174,7 +174,9 @@ class TestMarks:
         driver, reason = np.zeros(100), np.zeros(100)
         driver[40:60], reason[40:60] = Driver.FALLBACK, Reason.INPUT_NOT_FINITE
         driver[99], reason[99] = Driver.HOLD, Reason.DEADLINE
-        columns = {**episode.columns, "driver": driver, "reason": reason}
+        status = np.where(driver > 0, Status.FALLBACK, Status.SOLVED).astype(float)
+        columns = {**episode.columns, "driver": driver, "reason": reason, "status": status}
+        assert "fallback" not in {m["kind"] for m in marks(replace(episode, columns=columns))}
         found = [m for m in marks(replace(episode, columns=columns)) if m["kind"] == "intervention"]
         assert [(m["row"], m["until"]) for m in found] == [(40, 59), (99, 99)]
         assert found[0]["text"] == "intervention: input not finite, fallback steers"

@@ -64,7 +64,7 @@ def render(runs: Sequence[Run], title: str) -> str:
     content = {
         "title": title,
         "style": web.resource("page.css"),
-        "columns": tables.SUMMARY,
+        "columns": tables.summary_columns(runs),
         "tiles": _tiles(runs),
         "summaries": _summaries(runs, groups),
         "all_metrics": tables.all_metrics(_measured(runs)),
@@ -109,7 +109,9 @@ def _summaries(
     runs: Sequence[Run], groups: Sequence[Sequence[Drive]]
 ) -> list[tuple[str, list[tuple[str, list[tables.Cell]]]]]:
     """Rows of the summary table under the title of their path."""
-    rows = {run.name: tables.summary_row(run) for run in _measured(runs) if run.training is None}
+    columns = tables.summary_columns(runs)
+    driven = [run for run in _measured(runs) if run.training is None]
+    rows = {run.name: tables.summary_row(run, columns) for run in driven}
     out = []
     for group in groups:
         mine = [(d.name, rows.pop(d.name)) for d in group if d.name in rows]

@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from steersman.episode import Episode
 from steersman.report.pack import stretches
 from steersman.report.tables import text
-from steersman.types import Status
+from steersman.types import Driver, Status
 
 WORST, END = "worst", "end"
 SATURATED, FALLBACK, INTERVENTION = "saturated", "fallback", "intervention"
@@ -25,6 +26,8 @@ WORDS = {
 _WORST, _APART = 3, 5.0
 # Deviations below this share of the largest are not worth a look.
 _SMALL = 0.1
+# ... nor are those below this [m].
+_NOTHING = 1e-5
 # Spans of the same kind with a shorter break between them are one [s].
 _BREAK = 0.5
 MOST = 40
@@ -41,8 +44,13 @@ def marks(episode: Episode) -> list[dict[str, Any]]:
         return []
     return [
         *_worst(episode),
-        *_spans(episode, Status.SATURATED, SATURATED),
-        *_spans(episode, Status.FALLBACK, FALLBACK),
+        *_spans(episode, episode["status"] == Status.SATURATED, SATURATED),
+        # Under a supervisor every other driver counts as a fallback; that is an intervention.
+        *_spans(
+            episode,
+            (episode["status"] == Status.FALLBACK) & (episode["driver"] == Driver.INNER),
+            FALLBACK,
+        ),
         *_interventions(episode),
         *_end(episode),
     ]
@@ -56,7 +64,7 @@ def _worst(episode: Episode) -> list[dict[str, Any]]:
     free = np.ones(len(error), dtype=bool)
     while len(out) < _WORST and free.any():
         row = int(np.argmax(np.where(free, error, -1.0)))
-        if out and error[row] < _SMALL * error.max():
+        if error[row] < max(_SMALL * error.max(), _NOTHING):
             break
         free &= np.abs(time - time[row]) > _APART
         if not _is_peak(error, row):
@@ -78,10 +86,10 @@ def _ordinal(k: int) -> str:
     return ("", "2nd ", "3rd ")[k]
 
 
-def _spans(episode: Episode, status: Status, kind: str) -> list[dict[str, Any]]:
+def _spans(episode: Episode, marked: NDArray[np.bool_], kind: str) -> list[dict[str, Any]]:
     most = max(round(_BREAK / episode.dt), 1)
     joined: list[list[int]] = []
-    for first, behind in stretches(episode["status"] == status):
+    for first, behind in stretches(marked):
         if joined and first - joined[-1][1] < most:
             joined[-1][1] = behind
         else:

@@ -32,6 +32,8 @@ class Cell(NamedTuple):
     bad: bool = False
 
 
+# Of these any is too many.
+_BAD = frozenset({"fallbacks", "interventions"})
 SUMMARY = (
     Column("mean_abs_lateral_error_m", "mean |d|", "mm", 1e3),
     Column("steady.mean_abs_lateral_error_m", "same, last half", "mm", 1e3),
@@ -46,6 +48,7 @@ SUMMARY = (
     Column("mean_speed_m_s", "mean speed", "m/s"),
     Column("saturated", "clip-ped", "steps"),
     Column("fallbacks", "fall-backs", "steps"),
+    Column("interventions", "inter-ventions", "times"),
     Column("control_time_us_p50", "step time p50", "µs"),
     Column("control_time_us_p99", "step time p99", "µs"),
 )
@@ -83,13 +86,19 @@ def flat(metrics: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     return out
 
 
-def summary_row(run: Run) -> list[Cell]:
+def summary_columns(runs: Sequence[Run]) -> list[Column]:
+    """The columns of these runs' summary: interventions only where there was one."""
+    any_ = any(run.metrics.get("interventions") for run in runs)
+    return [column for column in SUMMARY if any_ or column.header != _IF_ANY]
+
+
+def summary_row(run: Run, columns: Sequence[Column] = SUMMARY) -> list[Cell]:
     """Who drove what, how the run ended, and the summary's metrics."""
     values = flat(run.metrics)
     done = values.get("completed")
     end = str(values.get("end", NOTHING)).replace("_", " ")
     who = [Cell(_kind(run, part)) for part in ("controller", "vehicle")]
-    return [*who, Cell(end, bad=done is False), *(_summary_cell(values, c) for c in SUMMARY)]
+    return [*who, Cell(end, bad=done is False), *(_summary_cell(values, c) for c in columns)]
 
 
 class Tile(NamedTuple):
@@ -103,6 +112,7 @@ class Tile(NamedTuple):
 
 # Of these a page of one drive shows tiles.
 _TILES = ("mean |d|", "95 % |d|", "max |d|", "mean speed", "max |a_y|", "clip-ped", "fall-backs")
+_IF_ANY = "inter-ventions"
 
 
 def tiles(run: Run) -> list[Tile]:
@@ -113,7 +123,8 @@ def tiles(run: Run) -> list[Tile]:
     words = [Tile(part, _kind(run, part).replace("_", " ")) for part in ("controller", "vehicle")]
     out = [*words, Tile("ended by", end, bad=done is False)]
     for column in SUMMARY:
-        if column.header in _TILES:
+        shown = column.header in _TILES or (column.header == _IF_ANY and values.get(column.metric))
+        if shown:
             found = _summary_cell(values, column)
             title = column.header.replace("-", "")
             out.append(Tile(title, found.text, column.unit, found.bad))
@@ -135,7 +146,7 @@ def _summary_cell(values: Mapping[str, Any], column: Column) -> Cell:
     value = values.get(column.metric)
     if isinstance(value, float):
         value *= column.scale
-    return Cell(text(value, 3), number=True, bad=column.metric == "fallbacks" and bool(value))
+    return Cell(text(value, 3), number=True, bad=column.metric in _BAD and bool(value))
 
 
 def all_metrics(runs: Sequence[Run]) -> list[dict[str, Any]]:

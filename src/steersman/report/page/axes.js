@@ -26,8 +26,10 @@ function fewTicks(low, high, count) {
   return found.length > 1 ? found : ticks(low, high, 2 * count);
 }
 
-// Ticks of a logarithmic axis from 10^low to 10^high: 1, 2, 5 of every decade if it is short.
+// Ticks of a logarithmic axis from 10^low to 10^high: 1, 2, 5 of every decade if it is short, even
+// steps within one decade.
 function logTicks(low, high, count) {
+  if (high - low <= 1) return ticks(10 ** low, 10 ** high, count);
   const factors = high - low > count ? [1] : high - low > count / 3 ? [1, 3] : [1, 2, 5];
   const out = [];
   for (let k = Math.floor(low); k <= high; k++) {

@@ -56,6 +56,7 @@ class TrainingPanel {
       context.fillText(log ? number(tick, 2) : tickText(tick, step), SMALL.left - 6, py(tick));
     }
     context.textAlign = "center";
+    context.fillStyle = colors.soft;
     for (const tick of ticks(x0, x1, 4)) context.fillText(number(tick, 4), px(tick), height - SMALL.bottom + 10);
     context.fillText(this.training.x, (SMALL.left + width) / 2, height - 8);
     context.fillStyle = colors.ink;
