@@ -346,6 +346,13 @@ class TestTrain:
         assert result.stderr.startswith("500/1000 steps: reward 0.51, error 12.3 mm, off track 4")
         assert (trained[0].steps, trained[0].seed) == (1000, 4)
 
+    def test_a_folder_does_not_hide_a_preset(
+        self, steersman: Steersman, trained: list[TrainConfig], tmp_path: FilePath
+    ) -> None:
+        (tmp_path / "demo").mkdir()
+        assert steersman("train", "demo", "steps=1000", "--out", "agent").exit_code == 0
+        assert trained[0].steps == 1000
+
     def test_a_file(
         self, steersman: Steersman, trained: list[TrainConfig], tmp_path: FilePath
     ) -> None:

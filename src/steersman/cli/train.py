@@ -128,7 +128,7 @@ def _for_one_car(tree: dict[str, Any], assignments: list[str]) -> dict[str, Any]
 
 def _is_file(name: str) -> bool:
     file = FilePath(name)
-    return file.suffix in {".yaml", ".yml"} or file.name != name or file.exists()
+    return file.suffix in {".yaml", ".yml"} or file.name != name or file.is_file()
 
 
 def train_with_bar(
