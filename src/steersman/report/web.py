@@ -91,7 +91,8 @@ def parts(
     data = {
         "groups": scenes(groups, blob, budget),
         "signals": [
-            {"key": s.key, "title": s.title, "unit": s.unit, "shown": s.shown} for s in SIGNALS
+            {"key": s.key, "title": s.title, "unit": s.unit, "step": s.step, "shown": s.shown}
+            for s in SIGNALS
         ],
         "training": training,
     }

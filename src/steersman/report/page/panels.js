@@ -38,7 +38,7 @@ class Panels {
   setWindow(state) {
     const [low, high] = state.range;
     if (!(state.span < high - low)) {
-      this.window = [low, Math.max(high, low + 1e-3)];
+      this.window = [low, Math.max(high, low + 0.1)];
       return;
     }
     const from = clamp(state.cursor - state.span / 2, low, high - state.span);
@@ -59,7 +59,7 @@ class Panels {
     const bottom = (k + 1) * this.height - 3;
     const spans = drives.map((drive) => this.rows(drive, state)).filter(Boolean);
     const ranges = spans.map(({ drive, first, last }) => drive.range(signal.key, first, last));
-    const [low, high] = padded(Math.min(...ranges.map(([a]) => a)), Math.max(...ranges.map(([, b]) => b)));
+    const [low, high] = padded(Math.min(...ranges.map(([a]) => a)), Math.max(...ranges.map(([, b]) => b)), 5 * signal.step);
     const y = (value) => bottom - ((value - low) / (high - low)) * (bottom - top);
     const { colors, font } = theme;
     context.font = `11px ${font}`;
@@ -210,8 +210,8 @@ class Panels {
 }
 
 // A range with some air, never empty.
-function padded(low, high) {
+function padded(low, high, least = 1e-6) {
   if (!(high >= low)) return [-1, 1];
-  const air = Math.max((high - low) * 0.06, Math.abs(high) * 1e-3, 1e-6);
+  const air = Math.max((high - low) * 0.06, Math.abs(high) * 1e-3, least);
   return [low - air, high + air];
 }
