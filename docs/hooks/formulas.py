@@ -44,8 +44,9 @@ def on_page_content(content: str, **_: Any) -> str:
 
 def _formula(match: re.Match[str]) -> str:
     display = "block" if match["open"] == "[" else "inline"
-    # What GitHub draws and what the converter knows go by two names.
+    # What GitHub draws and what the converter knows go by two names; names with digits it slants.
     latex = html.unescape(match["latex"]).strip().replace("{aligned}", "{align*}")
+    latex = latex.replace(r"\operatorname{atan2}", r"\text{atan2}")
     mathml = convert(latex, display=display)
     mathml = OPEN.sub(r'<mo stretchy="true" fence="true" form="prefix">\1</mo>', mathml)
     mathml = CLOSE.sub(r'<mo stretchy="true" fence="true" form="postfix">\1</mo>', mathml)

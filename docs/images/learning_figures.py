@@ -1,4 +1,4 @@
-"""Figures of sensing, speed, rewards and schedules."""
+"""Figures of paths, sensing, speed, rewards and schedules."""
 
 from __future__ import annotations
 
@@ -48,6 +48,22 @@ def waypoints() -> dict[str, Any]:
     ]
     title = "Waypoint errors on the circle of 50 m, in the vehicle's frame"
     return {"title": title, "x": "x, ahead [m]", "y": "y, left [m]", "lines": lines}
+
+
+def curvatures() -> dict[str, Any]:
+    """Curvature over arc length of roads of the library."""
+    lines = []
+    for name, fields in (
+        ("figure_eight", {"kind": "figure_eight"}),
+        ("double_lane_change", {"kind": "double_lane_change"}),
+        ("random_road, seed 3", {"kind": "random_road", "seed": 3}),
+    ):
+        path: Any = resolve("path", fields)
+        where = np.arange(0.0, min(path.length, 300.0), 0.5)
+        values = [path.at(s).kappa for s in where]
+        lines.append({"name": name, "x": where, "y": values})
+    title = "Curvature of roads, left positive"
+    return {"title": title, "x": "arc length [m]", "y": "curvature [1/m]", "lines": lines}
 
 
 def fine_error() -> dict[str, Any]:
@@ -136,6 +152,7 @@ def learning_rates() -> dict[str, Any]:
 
 FIGURES = {
     "waypoints": waypoints,
+    "curvatures": curvatures,
     "fine_error": fine_error,
     "speed_cap": speed_cap,
     "track_rewards": track_rewards,

@@ -22,7 +22,7 @@ from .pages import ROOT
 POLICY = ROOT / "src" / "steersman" / "policies" / "precision.onnx"
 # Folders of trainings (or imitations), of tunings, and of drives.
 TRAININGS = ("agent", "agent2", "dagger", "residual", "demo/training", "bc", "mine")
-TUNINGS = ("tune", "tuned", "tune_pid")
+TUNINGS = ("tune", "tuned", "tune_pid", "stanley")
 DRIVES = ("monza_mpc", "monza_agent", "first")
 ROAD = "x,y\n0,0\n40,0\n80,5\n120,15\n160,15\n200,0\n"
 
