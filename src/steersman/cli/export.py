@@ -16,6 +16,7 @@ from typing import Annotated, NamedTuple
 import typer
 
 from steersman.cli import settings
+from steersman.cli.dataset import home as dataset_home
 from steersman.cli.output import note, write
 from steersman.errors import ConfigError, DataError, SteersmanError, suggestion
 
@@ -25,11 +26,13 @@ EXAMPLES = (
     "  steersman export precision --to c --out build/precision\n"
     "  steersman export runs/agent/policy.onnx --to onnx --out delivery\n"
     "  steersman export runs/monza --to mcap\n"
+    "  steersman export demo --to minari --out datasets\n"
     "\n"
     "\b\n"
 )
 POLICY = "a training's folder, a policy of the package, or an .onnx or .json file"
 DRIVE = "a folder of steersman drive --out, or an episode's .npz file"
+DATA = "a training's folder or preset (its demonstrator drives), a drive, or a ROS 2 recording"
 
 
 class Target(NamedTuple):
@@ -43,6 +46,8 @@ class Target(NamedTuple):
     """What is written, as the help says it."""
     write: Callable[[str, FilePath], Sequence[FilePath]]
     """From RUN and a folder to the files written into it, the one to name first."""
+    home: Callable[[], str | None] = lambda: None
+    """The folder without --out, if it is not ./NAME_TARGET."""
 
 
 def _c(source: str, folder: FilePath) -> Sequence[FilePath]:
@@ -66,10 +71,17 @@ def _mcap(source: str, folder: FilePath) -> Sequence[FilePath]:
     return export_mcap(source, folder)
 
 
+def _minari(source: str, folder: FilePath) -> Sequence[FilePath]:
+    from steersman.cli.dataset import export_minari
+
+    return export_minari(source, folder)
+
+
 TARGETS = (
     Target("c", POLICY, "C99 source without dependencies, test vector, Makefile, card", _c),
     Target("onnx", POLICY, "the network as a checked ONNX file with its card", _onnx),
     Target("mcap", DRIVE, "a recording with ROS 2 messages", _mcap),
+    Target("minari", DATA, "a dataset of what was seen and done", _minari, dataset_home),
 )
 EXAMPLES += "\n".join(f"  --to {t.name}: from {t.takes}: {t.makes}" for t in TARGETS)
 
@@ -104,7 +116,8 @@ def export(
     chosen = target(to)
     if not run.strip():
         raise DataError("RUN: expected the name of what to export, given nothing")
-    out = f"{FilePath(run).resolve().stem}_{to}" if out is None else out
+    if out is None:
+        out = chosen.home() or f"{FilePath(run).resolve().stem}_{to}"
     was_there = FilePath(out).exists()
     folder = settings.out_folder(out)
     try:

@@ -22,6 +22,7 @@ _EXTRAS = {
     "carla": "carla",
     "jinja2": "report",
     "mcap": "logs",
+    "minari": "minari",
     "msgpack": "carla",
     "onnx": "export",
     "pyarrow": "bench",

@@ -45,6 +45,15 @@ def read_episode(file: FilePath) -> Episode:
     return episode
 
 
+def holds_episode(file: FilePath) -> bool:
+    """Whether a recording is an episode of ours.
+
+    Raises:
+        DataError: it cannot be read.
+    """
+    return file.suffix == ".mcap" and _record(file) is not None
+
+
 def _motion(logged: int, m: Any) -> tuple[float, ...]:
     p, v = m.pose.pose.position, m.twist.twist
     time = (logged - schemas.EPOCH * 1_000_000_000) * 1e-9
@@ -55,14 +64,23 @@ def _column(found: list[Any], name: str) -> FloatArray:
     return np.array([float(getattr(m, name, np.nan)) for m in found])
 
 
-def _head(file: FilePath) -> dict[str, Any]:
-    """What the metadata say of the episode."""
+def _record(file: FilePath) -> dict[str, str] | None:
+    """The metadata record of an episode."""
     from mcap.reader import make_reader
 
     with opened(file), file.expanduser().open("rb") as stream:  # opened() tells what is wrong
         records = make_reader(stream).iter_metadata()
         found = [record.metadata for record in records if record.name == schemas.METADATA]
-        head = json.loads(found[0]["episode"]) if found else None
+    return found[0] if found else None
+
+
+def _head(file: FilePath) -> dict[str, Any]:
+    """What the metadata say of the episode."""
+    record = _record(file)
+    try:
+        head = json.loads((record or {}).get("episode", "null"))
+    except ValueError as error:
+        raise DataError(f"{file}: not an episode of Steersman ({error})") from None
     if not isinstance(head, dict):
         raise DataError(f"{file}: holds no episode of Steersman, only topics")
     return head

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import model_validator
+from pydantic import field_validator, model_validator
 
 from steersman.config import Of, Settings, build, override, param
 from steersman.errors import ConfigError
@@ -43,6 +43,16 @@ class ImitationConfig(Settings):
 
     problem: Problem = param(Problem(), "-", "Roads, cars, input, action, and who demonstrates.")
     method: Literal["dagger", "bc"] = param("dagger", "-", "DAgger or behaviour cloning.")
+    data: tuple[str, ...] = param(
+        (),
+        "-",
+        "bc: Minari datasets, ROS 2 recordings or episodes to learn from, instead of driving.",
+    )
+    label: Literal["demonstrated", "executed"] = param(
+        "demonstrated",
+        "-",
+        "data: learn the demonstrator's action where there is one, or what was executed.",
+    )
     rounds: int = param(10, "-", "Rounds of driving and fitting.", ge=1, le=1000)
     steps: int = param(
         200_000, "steps", "Environment steps of all vehicles together, over all rounds.", gt=0
@@ -69,6 +79,21 @@ class ImitationConfig(Settings):
     )
     threads: int = param(1, "-", "Threads of the linear algebra; more may change last bits.", ge=1)
 
+    @field_validator("data", mode="before")
+    @classmethod
+    def _listed(cls, value: object) -> object:
+        return (value,) if isinstance(value, str) else value
+
+    @model_validator(mode="after")
+    def _given(self) -> ImitationConfig:
+        if self.data and self.method != "bc":
+            raise ConfigError(
+                f"learning from data is behaviour cloning: nobody drives; set method=bc, not "
+                f"{self.method}",
+                ("data",),
+            )
+        return self
+
     @model_validator(mode="after")
     def _rounds(self) -> ImitationConfig:
         if not self.problem.plant.embedded and self.vehicles != 1:
@@ -77,7 +102,7 @@ class ImitationConfig(Settings):
                 f"{self.vehicles} is not allowed; plant={kind} drives one vehicle: 1 [-]",
                 ("vehicles",),
             )
-        if not self.problem.demonstration.enabled:
+        if not self.problem.demonstration.enabled and not self.data:
             raise ValueError("problem.demonstration.enabled is false: there is nobody to imitate")
         if self.steps < self.rounds * self.vehicles:
             raise ValueError(

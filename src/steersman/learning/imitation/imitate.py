@@ -16,16 +16,16 @@ from typing import Any
 
 import numpy as np
 
-from steersman.config import build, dump
+from steersman.config import build
 from steersman.errors import TrainingDiverged
 from steersman.files import alone, replacing
 from steersman.learning import checkpoint
 from steersman.learning.arithmetic import arithmetic
 from steersman.learning.export import export_policy
-from steersman.learning.fleet import FleetDriver
-from steersman.learning.imitation.collect import Dataset, Drives, Driving, collect
+from steersman.learning.imitation.collect import Dataset, Drives
 from steersman.learning.imitation.config import ImitationConfig
 from steersman.learning.imitation.fit import Regression
+from steersman.learning.imitation.sources import Driven, Given, Source
 from steersman.learning.record import Record
 from steersman.learning.snapshot import Tree
 from steersman.learning.validate import Score, Validator
@@ -81,13 +81,14 @@ def imitate(
         TrainingDiverged: the loss is no longer finite.
     """
     say = notify if notify is not None else _silent
+    given = Given(config) if config.data else None  # read before the folder is touched
     finished, saved = checkpoint.begin(config, out, say, overwrite=overwrite, resume=resume)
     if finished:
         return out / "policy.onnx"
     with arithmetic(config.threads):
-        imitation = _Imitation(config, out, reporter, tick, say)
-        with closing(imitation.driver):
-            return imitation.run(saved)
+        source: Source = given if given is not None else Driven(config)
+        with closing(source):
+            return _Imitation(config, source, out, reporter, tick, say).run(saved)
 
 
 def imitation_config(data: dict[str, Any]) -> ImitationConfig:
@@ -97,14 +98,6 @@ def imitation_config(data: dict[str, Any]) -> ImitationConfig:
         ConfigError: it names something unknown or holds values that are not allowed.
     """
     return build(ImitationConfig, data)
-
-
-def score_text(score: Score) -> str:
-    """A validation in a few words."""
-    return (
-        f"RMS error {1e3 * score.rms_error:.4g} mm, mean {1e3 * score.mean_error:.4g} mm, "
-        f"{score.failures} failed, RMS steering change {score.steer_activity:.4f}"
-    )
 
 
 def _silent(_: Any) -> None:
@@ -121,22 +114,21 @@ class _Imitation:
     def __init__(
         self,
         config: ImitationConfig,
+        source: Source,
         out: FilePath,
         reporter: Callable[[dict[str, float]], None] | None,
         tick: Callable[[float], None] | None,
         say: Callable[[str], None],
     ) -> None:
-        self.config, self.out, self.say = config, out, say
+        self.config, self.source, self.out, self.say = config, source, out, say
         self.reporter, self.tick = reporter, tick if tick is not None else _silent
         problem = config.problem
-        self.driver = FleetDriver(problem, config.vehicles)
-        world = self.driver.world
-        mirror = problem.encoding.mirror(world.encoding)
+        mirror = problem.encoding.mirror(problem.layout)
         self.regression = Regression(config.fit, mirror, self._seed(0, _INITIAL))
-        self.validator = Validator(problem, config.validation, self.driver.mover.shared)
+        self.validator = Validator(problem, config.validation, source.shared)
         self.data = Dataset.empty(len(mirror))
         self.best, self.off_track = math.inf, 0
-        self.demonstrator: Score
+        self.demonstrator: Score | None = None
         self.record: Record
         self.begun = time.process_time()
 
@@ -146,17 +138,16 @@ class _Imitation:
     def run(self, saved: Tree | None) -> FilePath:
         """All rounds that are left."""
         done = 0 if saved is None else int(saved["round"])
-        per_round = self.config.round_steps * self.config.vehicles
+        per_round = self.source.per_round
         resumed = None if saved is None else done * per_round
         self.record = Record(self.out, resumed, COLUMNS)
         try:
             if saved is None:
-                self.demonstrator = self._judge_demonstrator()
+                self.demonstrator = self.source.judge()
             else:
                 self._restore(saved)
                 self.say(f"{self.out}: going on after {done} of {self.config.rounds} rounds")
-            kind = self.config.problem.demonstration.controller.kind
-            self.say(f"{kind} itself on the validation drives: {score_text(self.demonstrator)}")
+            self.say(self.source.announce(self.demonstrator))
             for k in range(done, self.config.rounds):
                 self._round(k)
                 self.record.flush()
@@ -167,21 +158,10 @@ class _Imitation:
             self.record.close()
         return self.out / "policy.onnx"
 
-    def _judge_demonstrator(self) -> Score:
-        """How the demonstrator drives the validation, through the same action as the network."""
-        config = self.config
-        shared = self.driver.mover.shared
-        judge = Validator(config.problem, config.validation, shared, demonstrated=True)
-        return judge.score_demonstrator()
-
     def _round(self, k: int) -> None:
         config, regression = self.config, self.regression
-        drives = collect(
-            self.driver,
-            self._driving(k),
-            config.round_steps,
-            self._seed(k, _DRIVES),
-            lambda share: self.tick(k + 0.5 * share),
+        drives = self.source.round(
+            k, regression.act, self._seed(k, _DRIVES), lambda share: self.tick(k + 0.5 * share)
         )
         self.data = self.data.joined(drives.data)
         until = (k + 1) * config.fit.updates // config.rounds
@@ -197,7 +177,7 @@ class _Imitation:
             )
         score = self.validator.score(regression.act)
         self.off_track += drives.off_track
-        row = self._row(drives, loss, score)
+        row = self._row(k, drives, loss, score)
         self.record.add(row)
         if self.reporter is not None:
             self.reporter(row)
@@ -205,17 +185,9 @@ class _Imitation:
             self.best = score.total
             self._export(k + 1, score)
 
-    def _driving(self, k: int) -> Driving:
-        """Who drives in round ``k``; in the first one there is no network yet."""
-        config = self.config
-        total = config.round_steps * config.vehicles * config.rounds
-        sigma = config.noise.value(k * total / config.rounds, total)
-        beta = 1.0 if config.method == "bc" else config.beta.value(k * total / config.rounds, total)
-        return Driving(self.regression.act if k else None, beta, sigma, config.noise_theta)
-
-    def _row(self, drives: Drives, loss: float, score: Score) -> dict[str, float]:
+    def _row(self, k: int, drives: Drives, loss: float, score: Score) -> dict[str, float]:
         row = {
-            "steps": len(self.data.actions),
+            "steps": (k + 1) * self.source.per_round,
             "updates": self.regression.updates,
             "seconds": time.process_time() - self.begun,
             "training_error_mm": 1e3 * drives.mean_error,
@@ -235,14 +207,15 @@ class _Imitation:
         config = self.config
         note = {
             "method": config.method,
-            "demonstrator": dump(config.problem.demonstration.controller),
+            **self.source.note(),
             "rounds": rounds,
             "steps": len(self.data.actions),
             "updates": self.regression.updates,
-            "simulated_seconds": len(self.data.actions) * self.driver.dt,
+            "simulated_seconds": len(self.data.actions) * config.problem.plant.dt,
             "validation": _rounded(score),
-            "demonstrator_validation": _rounded(self.demonstrator),
         }
+        if self.demonstrator is not None:
+            note["demonstrator_validation"] = _rounded(self.demonstrator)
         export_policy(self.regression.net, config, self.out, note)
 
     def _save_weights(self, steps: int) -> None:
@@ -266,7 +239,8 @@ class _Imitation:
         self.regression.restore(saved["weights"])
         self.record.restore(saved["rows"])
         self.best, self.off_track = saved["best"], saved["off_track"]
-        self.demonstrator = Score(*saved["demonstrator"])
+        judged = saved["demonstrator"]
+        self.demonstrator = None if judged is None else Score(*judged)
         self.begun = time.process_time() - saved["seconds"]
 
 

@@ -1,0 +1,126 @@
+"""A drive as data: what was seen, what was done, what a demonstrator would have done, who drove."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steersman.kernels import encode as enc
+from steersman.kernels import observe
+from steersman.learning.demonstration import (
+    Demonstrator,
+    demonstrated_action,
+    demonstrated_correction,
+)
+from steersman.learning.problem import Problem
+from steersman.types import FloatArray
+
+
+class Who(IntEnum):
+    """Who drove in a step."""
+
+    OWN = 0
+    """The policy that is trained or driven."""
+    DEMONSTRATOR = 1
+    RECORDED = 2
+    """Whoever drove the car of a recording: a person, or a controller that is not known."""
+
+
+class Trajectory(NamedTuple):
+    """One episode of T steps.
+
+    Actions are those of the problem, in [-1, 1]; steering is normalised, left positive. Where there
+    was nobody to ask they are NaN.
+    """
+
+    rows: FloatArray
+    """(T + 1, 7 + 2 waypoints) what the sensor told, before any encoding, the last one after the
+    last step: lateral error [m], heading error [rad], v_x, v_y [m/s], yaw rate [rad/s], steering
+    [-], curvature [1/m], waypoints x, y ahead [m]."""
+    places: FloatArray
+    """(T + 1, 4) the truth: lateral error [m], heading error [rad], arc length [m], speed [m/s]."""
+    actions: FloatArray
+    """(T,) executed actions."""
+    own: FloatArray
+    """(T,) the policy's actions, its exploration noise included."""
+    demonstrated: FloatArray
+    """(T,) the demonstrator's actions."""
+    steer: FloatArray
+    """(T,) executed steering."""
+    demonstrated_steer: FloatArray
+    """(T,) the demonstrator's steering."""
+    driver: NDArray[np.int8]
+    """(T,) ``Who`` drove."""
+    rewards: FloatArray
+    """(T,) of the problem's task."""
+    terminated: bool
+    """Whether it ended off the road; else it was cut off."""
+
+    @property
+    def steps(self) -> int:
+        """T."""
+        return len(self.steer)
+
+
+def features(problem: Problem, rows: FloatArray, steer: FloatArray) -> NDArray[np.float32]:
+    """What the problem's policy sees of a drive, (n, features), scaled and clipped.
+
+    The same as while driving, memory (integral, history, last command) included.
+
+    Args:
+        problem: whose encoding, sensor and base it is.
+        rows: (n, 7 + 2 waypoints) observations one control period apart.
+        steer: (n - 1,) or more: the steering executed after each of them.
+    """
+    table = problem.layout
+    scale = problem.encoding.scale(table)
+    memory = np.zeros(enc.memory_size(table))
+    line = np.zeros(enc.feature_count(table))
+    out = np.empty((len(rows), len(line)), np.float32)
+    base = None if problem.base is None else base_steering(problem, rows, steer)
+    for k, row in enumerate(rows):
+        enc.encode(table, row, memory, line)
+        if base is not None:
+            enc.tell_base(memory, base[k], line)
+        enc.normalise(line, scale)
+        out[k] = line
+        if k + 1 < len(rows):
+            enc.remember(table, row, memory, steer[k])
+    return out
+
+
+def base_steering(problem: Problem, rows: FloatArray, steer: FloatArray) -> FloatArray:
+    """What the base would have steered at each observation of a drive, (n,)."""
+    assert problem.base is not None
+    base = Demonstrator(problem.base, problem.vehicle, problem.plant.dt)
+    base.restart(0)
+    out = np.empty(len(rows))
+    for k, row in enumerate(rows):
+        if k:
+            base.executed(0, float(steer[k - 1]))
+        out[k] = base.propose(0, row, k * problem.plant.dt, problem.sensor.spacing)
+    return out
+
+
+def actions_for(
+    problem: Problem, rows: FloatArray, steer: FloatArray, wanted: FloatArray
+) -> FloatArray:
+    """The problem's actions (T,) that lead to the steering ``wanted`` (T,) at each step of a drive.
+
+    ``steer`` (T,) was executed; from it a rate goes on.
+    """
+    dt = problem.plant.dt
+    if problem.base is not None:
+        base = base_steering(problem, rows[: len(steer)], steer)
+        return demonstrated_correction(wanted, base, problem.authority)
+    last = np.concatenate((rows[:1, observe.O_STEER], steer[:-1]))
+    return demonstrated_action(wanted, last, problem.rate_limit if problem.indirect else 0.0, dt)
+
+
+def steps(trajectories: Iterable[Trajectory]) -> int:
+    """Steps of all episodes together."""
+    return sum(trajectory.steps for trajectory in trajectories)
