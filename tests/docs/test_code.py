@@ -8,6 +8,7 @@ a block says why neither is possible.
 from __future__ import annotations
 
 import re
+import shlex
 from pathlib import Path as FilePath
 from typing import Any, NoReturn
 
@@ -15,8 +16,9 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from steersman.cli import app, settings
+from steersman.cli import app, settings, train
 from steersman.cli.outcome import _UsageError
+from steersman.learning.train import train_config
 
 from . import world
 from .pages import PAGES, ROOT, Block, blocks, commands
@@ -108,6 +110,29 @@ def _missing_map(words: list[str]) -> bool:
 def test_make(target: str) -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     assert re.search(rf"^{target}:", makefile, re.M)
+
+
+NAMED = re.compile(r"`steersman ([a-z]+)(?: ([a-z]+))?[^`]*`")
+GROUPS = ("path", "carla")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_commands_named_in_the_text_exist(page: FilePath) -> None:
+    root: Any = typer.main.get_command(app)
+    for first, second in NAMED.findall(page.read_text(encoding="utf-8")):
+        assert first in root.commands, first
+        if first in GROUPS and second:
+            assert second in root.commands[first].commands, f"{first} {second}"
+
+
+def test_settings_that_the_guide_to_training_suggests() -> None:
+    text = (ROOT / "docs" / "train_your_own.md").read_text(encoding="utf-8")
+    table = text.partition("| what | for example |")[2].partition("\n\n")[0]
+    suggested = re.findall(r"`([^`]*=[^`]*)`", table)
+    assert len(suggested) > 8
+    for words in suggested:
+        given = [word for word in shlex.split(words) if not word.startswith("seeds=")]
+        train_config(train.read(["demo", *given]))
 
 
 @pytest.mark.parametrize("words", ["drive path=circel", "train demo --out x agent.gama=1"])
