@@ -124,6 +124,31 @@ def test_drives_are_compared_along_their_path(steersman: Steersman, tmp_path: Fi
     assert outcome["metrics"]["mpc"]["duration_s"] == outcome["metrics"]["slow"]["duration_s"]
     page = (tmp_path / "c" / "report.html").read_text()
     assert "B (fast) against A (slow)" in page
+    assert "one path, one drive of each" in page
+
+
+def test_who_leaves_the_road_is_not_flattered(steersman: Steersman) -> None:
+    """Both are compared where both drove, so it is said who drove no farther, and why."""
+    circle = ("path=circle", "speed=constant_speed", "duration=20")
+    for name, words in (("a", ()), ("b", ("speed.speed=30",))):
+        done = steersman("drive", *circle, "controller=pid", *words, "--out", name)
+        assert done.exit_code == 0
+    result = steersman("compare", "a", "b")
+    assert "b ended early (roll over after " in result.stderr
+    assert "what follows is not compared" in result.stderr
+
+
+def test_an_interruption_is_told(
+    steersman: Steersman, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stop(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("steersman.bench.journal.Journal.add", stop)
+    result = steersman("compare", "pid", "lqr", *SMALL, "--out", "c")
+    assert result.exit_code == 130
+    assert "interrupted; the same command goes on from c" in result.stderr
+    assert not (tmp_path / "c" / "compare.json").exists()
 
 
 def test_drives_on_different_paths_are_not_compared_along(steersman: Steersman) -> None:

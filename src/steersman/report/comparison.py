@@ -141,7 +141,9 @@ def _runs(found: Mapping[str, Any], episodes: Mapping[str, Episode]) -> list[Run
         for k, compared in enumerate(found["comparisons"])
         if (lines := rows(compared))
     ]
-    return [*drives, Run("drives", table=Table("Drives", columns, who)), *tables]
+    notes = [{"note": line} for line in found["warnings"]]
+    told = Run("notes", table=Table("To keep in mind", {"note": ""}, notes))
+    return [*drives, Run("drives", table=Table("Drives", columns, who)), told, *tables]
 
 
 def _driven(episode: Episode) -> dict[str, Any]:

@@ -58,12 +58,21 @@ def compare_drives(found: Sequence[Contestant]) -> dict[str, Any]:
             warnings.append(
                 f"{other.name}: only {along['blocks']} independent stretches: rough intervals"
             )
+    warnings += [_unfinished(n, e) for n, e in episodes.items() if not e.completed]
     return {
         "metrics": {name: summarise(episode) for name, episode in episodes.items()},
         "comparisons": comparisons,
         "warnings": warnings,
         "episodes": episodes,
     }
+
+
+def _unfinished(name: str, episode: Episode) -> str:
+    """What a comparison over the stretch that both drove does not show."""
+    end = episode.end.replace("_", " ")
+    return (
+        f"{name} ended early ({end} after {episode.distance:.0f} m); what follows is not compared"
+    )
 
 
 def _episodes(found: Sequence[Contestant]) -> dict[str, Episode]:
