@@ -1,117 +1,14 @@
-"""The page in a browser: headless Chromium of the system, driven by Playwright.
+"""The page in a browser: headless Chromium of the system, driven by Playwright."""
 
-All tests of a browser are in this file: Playwright keeps an event loop running in its thread, and
-the fixture below ends it, and the browser, before tests of other files run.
-"""
-
-import math
 import re
-import shutil
 import time
-from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
 
-from steersman.bench.metrics import summarise
-from steersman.config import build
-from steersman.report import Run, write_report
-from steersman.report.article import write_article
 from steersman.report.marks import marks
-from steersman.report.pack import Blob
-from steersman.report.scene import Group
-from steersman.report.signals import Drive
-from steersman.report.web import resource
-from steersman.rollout import RunConfig, run
 
-NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-CHROMIUM = next((found for found in map(shutil.which, NAMES) if found), None)
-EVIL = "</script><img src=x onerror=\"document.title='broken'\">{{ 7 * 7 }}&amp;<b>\u2028"
-DESK, PHONE = {"width": 1280, "height": 720}, {"width": 390, "height": 844}
-
-if CHROMIUM is None:
-    pytest.skip(f"no browser: none of {', '.join(NAMES)} is installed", allow_module_level=True)
-playwright_api = pytest.importorskip("playwright.sync_api", reason="the extra dev has playwright")
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with playwright_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM)
-        yield browser
-        browser.close()
-
-
-def driven(name, **tree):
-    base = {"path": "figure_eight", "speed": {"kind": "constant_speed", "speed": 12.0}}
-    config = build(RunConfig, {**base, "duration": 8.0, **tree})
-    episode = run(config)
-    return Run(name, episode, summarise(episode), config=dict(episode.meta))
-
-
-@pytest.fixture(scope="module")
-def runs(drive_factory):
-    delayed = {"kind": "simulator", "steering_delay": 0.3}
-    fast = {"kind": "constant_speed", "speed": 18.0}
-    one = drive_factory(n=1, meta={EVIL: EVIL})
-    off = driven("off", controller="pid", plant=delayed, speed=fast)
-    assert off.episode.end == "off_track"
-    noisy = {"kind": "waypoints", "error_range": 0.3}
-    return {
-        "several": [
-            driven("MPC", controller="mpc_pid"),
-            driven(EVIL, controller="stanley", sensor=noisy),
-            off,
-            Run("training", training={"steps": np.arange(3.0), EVIL: np.array([9.0, 0.1, 4.0])}),
-        ],
-        "one step": [Run(EVIL, one, summarise(one), config=one.meta)],
-        "off": [off],
-        "nothing": [Run("nothing", drive_factory(n=0))],
-    }
-
-
-@pytest.fixture(scope="module")
-def files(runs, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("pages")
-    return {
-        name: write_report(each, folder / f"{name.replace(' ', '_')}.html", EVIL)
-        for name, each in runs.items()
-    }
-
-
-@pytest.fixture(scope="module")
-def article(runs, tmp_path_factory):
-    groups = [
-        Group(f"{EVIL} {k}", [Drive(r.name, r.episode) for r in runs[name]], 1.5, [4])
-        for k, name in enumerate(("off", "one step"))
-    ]
-    section = {"title": "First", "text": [EVIL], "warnings": [EVIL]}
-    out = tmp_path_factory.mktemp("article") / "report.html"
-    return write_article([section, {"title": "Last", "text": []}], out, EVIL, replay=groups)
-
-
-@pytest.fixture
-def visit(browser, files):
-    """Open a page; at the end there must have been no error and no request for anything else."""
-    contexts, faults = [], []
-
-    def go(name, size=DESK, **settings):
-        context = browser.new_context(viewport=size, **settings)
-        contexts.append(context)
-        page = context.new_page()
-        address = (name if isinstance(name, FilePath) else files[name]).as_uri()
-        page.on("request", lambda r: r.url not in {address, "data:,"} and faults.append(r.url))
-        page.on("console", lambda m: faults.append(f"{m.type}: {m.text}"))
-        page.on("pageerror", lambda e: faults.append(str(e)))
-        page.set_default_timeout(20_000)
-        page.goto(address)
-        page.locator("#replay[data-ready]").wait_for(state="attached")
-        return page
-
-    yield go
-    for context in contexts:
-        context.close()
-    assert not faults
+PHONE = {"width": 390, "height": 844}
 
 
 def cursor(page):
@@ -165,33 +62,33 @@ def test_it_plays_at_its_rate_and_stops(visit):
     assert 0.0 <= cursor(page) < 1.0
 
 
-def test_slider_and_signals_scrub(visit, runs):
+def test_slider_and_signals_scrub(visit, drives):
     page = visit("several")
     part(page, "slider").fill("4")
     assert cursor(page) == pytest.approx(4.0, abs=0.01)
     box = part(page, "overlay").bounding_box()
     left, right = 58, 12  # panels.js
     part(page, "overlay").click(position={"x": left + (box["width"] - left - right) / 4, "y": 80})
-    end = max(r.episode["time"][-1] for r in runs["several"][:3])
+    end = max(r.episode["time"][-1] for r in drives["several"][:3])
     assert cursor(page) == pytest.approx(end / 4, abs=end / 500)
     assert part(page, "time").inner_text().startswith(f"{cursor(page):.2f} / {end:.1f} s")
 
 
-def test_what_is_told_at_the_cursor_is_what_was_recorded(visit, runs):
+def test_what_is_told_at_the_cursor_is_what_was_recorded(visit, drives):
     page = visit("several")
     part(page, "slider").fill("3.5")
     assert cursor(page) == pytest.approx(3.5, abs=0.01)
     told = page.locator(".values").first.inner_text()
-    episode = runs["several"][0].episode
+    episode = drives["several"][0].episode
     speed = float(np.hypot(episode["v_x"], episode["v_y"])[70])
     error = abs(1e3 * episode["lateral_error"][70])
     assert told.startswith(f"{speed:.1f} m/s · ")
     assert float(re.search(r"· ([\d.]+) mm", told)[1]) == pytest.approx(error, rel=0.01, abs=0.01)
 
 
-def test_marks_are_jumped_to_and_followed(visit, runs):
+def test_marks_are_jumped_to_and_followed(visit, drives):
     page = visit("off")
-    episode = runs["off"][0].episode
+    episode = drives["off"][0].episode
     wanted = marks(episode)
     buttons = page.locator(".moment")
     assert buttons.count() == len(wanted)
@@ -202,9 +99,9 @@ def test_marks_are_jumped_to_and_followed(visit, runs):
     assert "off track" in page.locator("[role=status]").inner_text()
 
 
-def test_keys_go_from_mark_to_mark_in_the_order_of_time(visit, runs):
+def test_keys_go_from_mark_to_mark_in_the_order_of_time(visit, drives):
     page = visit("several")
-    episodes = [r.episode for r in runs["several"][:3]]
+    episodes = [r.episode for r in drives["several"][:3]]
     times = sorted({float(e["time"][m["row"]]) for e in episodes for m in marks(e)} - {0.0})
     assert len(times) >= 3
     found = []
@@ -298,11 +195,11 @@ COLOURED = """(color) => {
 }"""
 
 
-def test_place_instead_of_time(visit, runs):
+def test_place_instead_of_time(visit, drives):
     page = visit("several")
     part(page, "slider").fill("2")
     part(page, "axis").select_option("along")
-    episode = runs["several"][0].episode
+    episode = drives["several"][0].episode
     assert cursor(page) == pytest.approx(float(episode["s"][40]), abs=0.02)
     page.keyboard.press("Escape")
     part(page, "map").focus()
@@ -314,11 +211,11 @@ def test_it_fits_a_phone_and_a_small_screen(visit):
     page = visit("several", PHONE, has_touch=True, is_mobile=True)
     assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
     page = visit("several")
-    assert page.evaluate("document.documentElement.scrollWidth") <= DESK["width"]
+    assert page.evaluate("document.documentElement.scrollWidth") <= 1280
     player = page.locator("#replay").bounding_box()
     signals = part(page, "signals").bounding_box()
     # From its heading to the last signal, the player is seen at once.
-    assert signals["y"] + signals["height"] - player["y"] <= DESK["height"]
+    assert signals["y"] + signals["height"] - player["y"] <= 720
     page.set_viewport_size(PHONE)
     state(page, "cursor")
     assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
@@ -376,40 +273,3 @@ def test_everything_that_can_be_operated_has_a_name_and_a_place_in_the_order(vis
     }""")
     assert unnamed == []
     assert page.evaluate("document.querySelector('.map').tabIndex") == 0
-
-
-def test_the_script_decodes_what_was_packed(browser):
-    rng = np.random.default_rng(3)
-    blob, columns = Blob(), []
-    for values, step in (
-        (rng.normal(0.0, 1e3, 500), 1e-3),
-        (np.array([1e9, -1e9, np.nan, 0.0]), 1.0),
-        (np.cumsum(rng.integers(-3, 4, 300)), 1.0),
-    ):
-        columns.append((values, blob.add(values, step)))
-    page = browser.new_page()
-    code = f"""(letters) => {{ document.body.innerHTML = '<p id="x"></p>';
-      document.getElementById("x").textContent = letters;
-      {resource("unpack.js")}
-      return unpacked("x").then((bytes) => {[entry for _, entry in columns]}.map(
-        (entry) => [...new Columns(bytes).read(entry)].map((v) => Number.isNaN(v) ? null : v)));
-    }}"""
-    got = page.evaluate(code, blob.packed())
-    page.close()
-    for found, (values, entry) in zip(got, columns, strict=True):
-        assert [v is None for v in found] == np.isnan(values).tolist()
-        known = np.array([math.nan if v is None else v for v in found])
-        assert known == pytest.approx(values, abs=0.501 * entry["q"], nan_ok=True)
-
-
-def test_front_wheels_turn_about_one_point(browser):
-    page = browser.new_page()
-    car = {"lf": 1.2, "lr": 1.8, "track": 1.6, "ackermann": True}
-    for angle in (0.5, -0.3, 0.01):
-        code = f"([car, angle]) => {{ {resource('car.js')} return frontWheels(car, angle); }}"
-        left, right = page.evaluate(code, [car, angle])
-        assert 1 / math.tan(right) - 1 / math.tan(left) == pytest.approx(1.6 / 3.0)
-        assert 1 / math.tan(right) + 1 / math.tan(left) == pytest.approx(2 / math.tan(angle))
-        parallel = page.evaluate(code, [{**car, "ackermann": False}, angle])
-        assert parallel == [angle, angle]
-    page.close()

@@ -72,3 +72,16 @@ function fillLegend(list, kinds) {
   const items = kinds.map((kind) => element("li", {}, glyphPicture(kind, ""), KINDS[kind]));
   list.replaceChildren(...items);
 }
+
+// Of a crowd, so many drives are shown at first.
+const CROWD = 6;
+
+// What a reader has to know of what is shown, and of what is not.
+function remarks(group, drives, hidden) {
+  const words = [`Corridor ±${number(group.half)} m.`];
+  if (!drives.some((drive) => drive.seen)) words.push("What the controllers saw of the road is not known here.");
+  if (!drives.every((drive) => drive.car.known)) words.push("The vehicle is not recorded: drawn is the default one.");
+  if (!drives.every((drive) => drive.kept)) words.push("Long drives are thinned: every peak is kept, not every step.");
+  if (hidden.size) words.push(`Of ${drives.length} drives ${CROWD} are shown: click the names of others.`);
+  return words.join(" ");
+}

@@ -70,6 +70,14 @@ function markTime(mark) {
   return mark.drive.time[mark.row];
 }
 
+// The mark that comes next after the cursor (direction 1), or came last before it (-1).
+function nextMark(drives, { axis, cursor }, direction) {
+  const at = (mark) => mark.drive[axis][mark.row];
+  const marks = drives.flatMap((drive) => drive.marks);
+  const ahead = marks.filter((mark) => (at(mark) - cursor) * direction > 1e-6);
+  return ahead.sort((a, b) => (at(a) - at(b)) * direction)[0];
+}
+
 function fillMoments(list, drives, jump) {
   const items = sortedMarks(drives).map((mark) => {
     const several = drives.length > 1 ? [numberBadge(mark.drive)] : [];

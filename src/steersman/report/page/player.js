@@ -2,7 +2,6 @@
 
 // Width of what is first seen of the road [m].
 const NEAR = 90;
-const CROWD = 6;
 const RATES = [0.1, 0.25, 0.5, 1, 2, 5, 10, 30];
 
 class Player {
@@ -60,7 +59,7 @@ class Player {
     const hidden = new Set(this.drives.length > CROWD ? this.drives.slice(CROWD) : []);
     Object.assign(this.state, { hidden, lead, playing: false });
     this.lists();
-    this.parts.note.textContent = this.remarks(group);
+    this.parts.note.textContent = remarks(group, this.drives, hidden);
     this.section.dataset.group = String(index);
     this.range();
     this.state.cursor = this.state.range[0];
@@ -89,17 +88,6 @@ class Player {
     }
   }
 
-  remarks(group) {
-    const seen = this.drives.some((drive) => drive.seen);
-    const known = this.drives.every((drive) => drive.car.known);
-    const words = [`Corridor ±${number(group.half)} m.`];
-    if (!seen) words.push("What the controllers saw of the road is not known here.");
-    if (!known) words.push("The vehicle is not recorded: drawn is the default one.");
-    if (this.drives.some((drive) => !drive.kept)) words.push("Long drives are thinned: every peak is kept, not every step.");
-    if (this.state.hidden.size) words.push(`Of ${this.drives.length} drives ${CROWD} are shown: click the names of others.`);
-    return words.join(" ");
-  }
-
   // Least and largest cursor.
   range() {
     const { axis, hidden } = this.state;
@@ -109,7 +97,6 @@ class Player {
     this.state.range = low <= high ? [low, high] : [0, 0];
     const { slider } = this.parts;
     [slider.min, slider.max] = this.state.range;
-    slider.step = "any";
     this.state.cursor = clamp(this.state.cursor, ...this.state.range);
   }
 
@@ -289,7 +276,6 @@ class Player {
     this.followOn(false);
     this.turnOn(false);
     this.view.fit(this.map.box);
-    this.wake();
   }
 
   // Go to a mark: its drive is shown and followed.
@@ -306,11 +292,8 @@ class Player {
 
   // The next mark, or the one before, of what is shown.
   step(direction) {
-    const { axis, cursor, hidden } = this.state;
-    const marks = this.drives.filter((drive) => !hidden.has(drive)).flatMap((drive) => drive.marks);
-    const at = (mark) => mark.drive[axis][mark.row];
-    const ahead = marks.filter((mark) => (at(mark) - cursor) * direction > 1e-6);
-    ahead.sort((a, b) => (at(a) - at(b)) * direction);
-    if (ahead.length) this.jump(ahead[0]);
+    const shown = this.drives.filter((drive) => !this.state.hidden.has(drive));
+    const mark = nextMark(shown, this.state, direction);
+    if (mark) this.jump(mark);
   }
 }
