@@ -77,7 +77,8 @@ def _turned(match: re.Match[str], src_uri: str) -> str:
     if path.startswith("docs/"):
         to = path.removeprefix("docs/")
     elif (ROOT / path).is_dir():
-        return f"{match['text']} (`{path}`)"
+        named = match["text"].strip("`") == path
+        return match["text"] if named else f"{match['text']} (`{path}`)"
     else:
         to = PAGES.get(path) or copy_of(path)
     to = posixpath.relpath(to, posixpath.dirname(src_uri) or ".")
