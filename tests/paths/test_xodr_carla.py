@@ -18,6 +18,7 @@ from steersman.paths.opendrive import OpenDrivePath
 from steersman.paths.xodr.joined import gap
 from steersman.paths.xodr.read import read_network
 from steersman.paths.xodr.ways import Ways
+from steersman.paths.xodr.write import opendrive
 
 from .. import carla_wheel
 from . import xodr_maps as maps
@@ -25,6 +26,7 @@ from . import xodr_maps as maps
 BESIDE = FilePath(__file__).resolve().parents[3] / "shared" / "data" / "opendrive"
 FOLDER = FilePath(os.environ.get("STEERSMAN_MAPS") or BESIDE)
 FILES = sorted(FOLDER.glob("*.xodr"))
+TOWNS = [file for file in FILES if file.stem.startswith("Town")]
 WHY = f"no maps to compare in {FOLDER}: set STEERSMAN_MAPS to a folder of them"
 # The place of a lane's end in CARLA is that of the next section's lane: stay within [m].
 INSIDE = 1e-4
@@ -84,3 +86,15 @@ def test_random_ways_on_maps_of_others(file: FilePath) -> None:
             point = path.at(s)
             assert path.project(point.x, point.y, near=s)[1] == pytest.approx(0.0, abs=1e-6)
             assert math.isfinite(point.kappa)
+
+
+@pytest.mark.skipif(not TOWNS, reason=WHY)
+@pytest.mark.parametrize("seed", [4, 7, 8])
+@pytest.mark.parametrize("file", TOWNS, ids=[file.stem for file in TOWNS])
+def test_smooth_ways_are_read_back(file: FilePath, seed: int) -> None:
+    # Smoothing leaves bends of many kilometres here and there.
+    path = OpenDrivePath(file=file, random=seed, distance=800.0, min_radius=8.0, smooth=0.05)
+    world = carla_wheel.load().Map(file.stem, opendrive(path))
+    for s in np.linspace(1e-3, path.length - 1e-3, 800):
+        at = world.get_waypoint_xodr(1, -1, s).transform.location
+        assert abs(path.project(at.x, -at.y, near=s)[1]) < 1e-4

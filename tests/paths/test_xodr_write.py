@@ -9,6 +9,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
+from steersman.kernels.path import PathTable
 from steersman.paths.base import PathComponent
 from steersman.paths.basic import Circle, Straight
 from steersman.paths.segments import Segment, end_pose, from_segments
@@ -27,6 +28,20 @@ def end(shape: Shape, part: float = 1.0) -> Pose:
     """Where a shape is after a part of its length."""
     bend = shape.kappa_start + part * (shape.kappa_end - shape.kappa_start)
     return end_pose([Segment(part * shape.length, shape.kappa_start, bend)], shape.start)
+
+
+class Bend(PathComponent):
+    """A bend of one radius between short straights."""
+
+    radius: float
+    """[m]; negative: to the right."""
+    bend: float
+    """Arc length [m]."""
+
+    def build_table(self) -> PathTable:
+        straight = Segment(1.0, 0.0, 0.0)
+        kappa = 1.0 / self.radius
+        return from_segments([straight, Segment(self.bend, kappa, kappa), straight])
 
 
 def angle(a: float, b: float) -> float:
@@ -152,6 +167,31 @@ def test_carla_finds_the_path_in_the_middle_of_its_lane(path: PathComponent) -> 
         assert math.dist((place.x, -place.y), there[:2]) < 1e-3
         assert angle(-math.radians(found.transform.rotation.yaw), there.psi) < 1e-4
         assert found.lane_width == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize("radius", [900.0, -1100.0, 8e3, -31e3, 3e5, 1e7, -1e9])
+@pytest.mark.parametrize("length", [0.05, 3.0, 60.0, 700.0])
+def test_carla_finds_bends_of_any_radius(radius: float, length: float) -> None:
+    # CARLA turns arcs about their centre in single precision: 2 mm at 31 km.
+    path = Bend(radius=radius, bend=length)
+    for shape in shapes(path.table):
+        for part in (0.5, 1.0 - 1e-12):
+            assert (
+                math.dist(end(shape, part)[:2], path.at(shape.s + part * shape.length)[:2]) < 1e-6
+            )
+    assert distance_in_carla(path, 100) < 1e-4
+
+
+def distance_in_carla(path: PathComponent, points: int) -> float:
+    """How far CARLA's lane centre is from an open path of at most a road, at most [m]."""
+    text = opendrive(path)
+    assert text.count("<road ") == 1
+    world = carla_wheel.load().Map("path", text)
+    found = []
+    for s in np.linspace(1e-3, path.length - 1e-3, points):
+        place = world.get_waypoint_xodr(1, -1, s).transform.location
+        found.append(math.dist((place.x, -place.y), path.at(s)[:2]))
+    return max(found)
 
 
 def test_carla_drives_all_the_way(path: PathComponent) -> None:

@@ -18,8 +18,14 @@ _APART = 1e-6
 _JUMP = 2e-5
 # Curvature and sharpness that differ by less are the same [1/m, 1/m^2].
 _SAME = 1e-10
-# A reader that turns an arc about its centre loses figures with the radius: shapes so long [m]
-# are lines before their radius is as large as that.
+# CARLA's reader turns an arc about its centre in single precision, so it loses as many figures as
+# the radius has: 0.5 mm at 8 km, 2 mm at 31 km. Beyond 1 km, below this curvature [1/m], an arc is
+# written as a spiral, which is read in double precision.
+_GENTLE = 1e-3
+# Both curvatures of a spiral must differ; so much between them is always enough [1/m].
+_APART_ENDS = 1e-7
+# The longer such a spiral, the farther off is the place where its curvature would be zero, from
+# which readers count; up to this length [m] double precision has figures enough.
 _LONGEST = 500.0
 
 
@@ -95,12 +101,20 @@ def _shape(pieces: FloatArray, sizes: FloatArray, first: int, last: int) -> Shap
 
 
 def _plain(length: float, start: float, end: float) -> tuple[float, float]:
-    """Both curvatures: equal, and zero, where that moves nothing by more than a micrometre."""
+    """Both curvatures: equal, and zero, where that moves nothing by more than a micrometre.
+
+    Equal but almost zero would be a very large arc: then they are as different as that allows.
+    """
     if max(abs(start), abs(end)) <= min(2.0 * _APART / length**2, _JUMP):
         return 0.0, 0.0
-    if abs(end - start) <= min(6.0 * _APART / length**2, _JUMP):
-        return (start + end) / 2.0, (start + end) / 2.0
-    return start, end
+    change = 6.0 * _APART / length**2
+    if abs(end - start) > min(change, _JUMP):
+        return start, end
+    middle = (start + end) / 2.0
+    if abs(middle) > _GENTLE:
+        return middle, middle
+    half = min(change, _APART_ENDS) / 2.0
+    return middle - half, middle + half
 
 
 def _part(shape: Shape, start: float, end: float) -> Shape:
