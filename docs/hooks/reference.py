@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -12,6 +13,7 @@ from steersman.cli.components import _COMMANDS, _command_settings, paragraphs
 from steersman.cli.fields import fields_of
 from steersman.config import components, families
 
+PAGES = Path(__file__).resolve().parents[1] / "equations"
 HEAD = "| field | default | unit | allowed | meaning |\n|---|---|---|---|---|"
 
 
@@ -54,8 +56,14 @@ def family_page(family: str) -> str:
     """The components of one family."""
     parts = [f"# {family}", f"What `steersman show {family} NAME` lists."]
     for name, cls in components(family).items():
-        parts += [f"## {name}", *map(_cell, paragraphs(cls)), _table(cls)]
+        parts += [f"## {name}", *map(_cell, paragraphs(cls)), _equations(name), _table(cls)]
     return "\n\n".join(part for part in parts if part)
+
+
+def _equations(name: str) -> str:
+    """The page that has a component's equations, if there is one."""
+    page = PAGES / f"{name}.md"
+    return f"[Its equations](../equations/{name}.md)" if page.is_file() else ""
 
 
 def _table(cls: Any) -> str:
