@@ -169,6 +169,23 @@ class TestMarks:
         # The stretch and what follows it after 21 steps are apart.
         assert [m["of"] for m in shown if "of" in m] == [500]
 
+    def test_faults_are_marked_whenever_they_are_there(self, drive):
+        fault = {"kind": "frozen", "begin": 5.0, "length": 0.5, "every": 8.0}
+        controller = {"kind": "supervisor", "inner": {"kind": "faulty", "fault": fault}}
+        found = marks(drive(n=500, meta={"config": {"controller": controller}}))
+        spans = [(m["row"], m["until"], m["text"]) for m in found if m["kind"] == "fault"]
+        assert spans == [(k, k + 9, "fault: frozen") for k in (100, 260, 420)]
+        once = {"kind": "answers_nan", "begin": 5.0, "length": None, "every": None}
+        for count, spans in ((500, [(100, 499)]), (50, [])):
+            config = {"controller": {"kind": "dying", "fault": once}}
+            found = marks(drive(n=count, meta={"config": config}))
+            assert [(m["row"], m["until"]) for m in found if m["kind"] == "fault"] == spans
+
+    @pytest.mark.parametrize("fault", [{}, {"begin": "x"}, {"begin": -1}, 3, None])
+    def test_what_is_no_fault_is_not_marked(self, drive, fault):
+        found = marks(drive(n=50, meta={"config": {"controller": {"fault": fault}}}))
+        assert {m["kind"] for m in found} == {"worst"}
+
     def test_interventions_are_marked_with_reason_and_who_steered(self, drive):
         episode = drive(n=100)
         driver, reason = np.zeros(100), np.zeros(100)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,14 +10,17 @@ from numpy.typing import NDArray
 
 from steersman.episode import Episode
 from steersman.report.pack import stretches
+from steersman.report.seen import recorded
 from steersman.report.tables import text
 from steersman.types import Driver, Status
 
 WORST, END = "worst", "end"
 SATURATED, FALLBACK, INTERVENTION = "saturated", "fallback", "intervention"
+FAULT = "fault"
 WORDS = {
     WORST: "largest |d|",
     END: "ended early",
+    FAULT: "fault",
     INTERVENTION: "intervention",
     FALLBACK: "fallback",
     SATURATED: "command clipped",
@@ -51,6 +55,7 @@ def marks(episode: Episode) -> list[dict[str, Any]]:
             (episode["status"] == Status.FALLBACK) & (episode["driver"] == Driver.INNER),
             FALLBACK,
         ),
+        *_faults(episode),
         *_interventions(episode),
         *_end(episode),
     ]
@@ -121,6 +126,39 @@ def _interventions(episode: Episode) -> list[dict[str, Any]]:
         words = f"{WORDS[INTERVENTION]}: {reason}, {who} steers"
         out.append({"kind": INTERVENTION, "row": row, "until": max(row, behind - 1), "text": words})
     return _longest(out)
+
+
+def _faults(episode: Episode) -> list[dict[str, Any]]:
+    """What a benchmark broke on purpose, each time that it did."""
+    fault = _fault(recorded(episode).get("controller"))
+    begin, length, every = (_number(fault.get(name)) for name in ("begin", "length", "every"))
+    if begin is None:
+        return []
+    time = episode["time"]
+    end = float(time[-1]) + episode.dt
+    starts = np.arange(begin, end - 1e-9, every) if every else np.array([begin])
+    out: list[dict[str, Any]] = []
+    for start in starts[starts < end]:
+        row, behind = np.searchsorted(time, [start - 1e-9, start + (length or end) - 1e-9])
+        out.append(
+            {"kind": FAULT, "row": int(row), "until": max(int(row), int(behind) - 1),
+             "text": f"{WORDS[FAULT]}: {str(fault.get('kind')).replace('_', ' ')}"}
+        )  # fmt: skip
+    return _longest([mark for mark in out if mark["row"] < len(episode)])
+
+
+def _fault(controller: Any) -> Mapping[str, Any]:
+    """The first fault in a dumped controller, however deep; empty without one."""
+    if not isinstance(controller, Mapping):
+        return {}
+    fault = controller.get("fault")
+    if isinstance(fault, Mapping):
+        return fault
+    return next((found for v in controller.values() if (found := _fault(v))), {})
+
+
+def _number(value: Any) -> float | None:
+    return float(value) if isinstance(value, (int, float)) and value >= 0 else None
 
 
 def _end(episode: Episode) -> list[dict[str, Any]]:

@@ -3,6 +3,7 @@
 const KINDS = {
   end: "ended early",
   worst: "largest |d|",
+  fault: "something breaks on purpose",
   intervention: "supervisor stepped in",
   fallback: "controller's fallback",
   saturated: "command clipped",
@@ -22,6 +23,12 @@ function drawGlyph(context, kind, px, py, size, color) {
     context.lineTo(px + size, py);
     context.lineTo(px, py + size);
     context.lineTo(px - size, py);
+    context.closePath();
+  } else if (kind === "fault") {
+    for (let k = 0; k < 10; k++) {
+      const reach = k % 2 ? 0.45 * size : 1.1 * size;
+      context.lineTo(px + reach * Math.sin((k * Math.PI) / 5), py - reach * Math.cos((k * Math.PI) / 5));
+    }
     context.closePath();
   } else if (kind === "intervention") {
     context.arc(px, py, size, 0, 2 * Math.PI);
