@@ -40,6 +40,11 @@ function fillDrives(list, drives, toggle, follow) {
 
 const STATES = { 1: "clipped", 2: "fallback" };
 
+function doing(drive, row) {
+  const helped = (mark) => mark.kind === "intervention" && mark.row <= row && row <= mark.until;
+  return drive.marks.some(helped) ? "supervisor" : STATES[drive.status[row]];
+}
+
 function valuesAt(drive, state) {
   const row = drive.row(state.axis, state.cursor);
   if (!drive.length) return "nothing recorded";
@@ -51,7 +56,7 @@ function valuesAt(drive, state) {
     `steer ${number(drive.value("steer", row), 2)}`,
   ];
   if (drive.over(state.axis, state.cursor)) words.push(drive.completed ? "finished" : drive.end);
-  else words.push(...[STATES[drive.status[Math.floor(row)]]].filter(Boolean));
+  else words.push(...[doing(drive, Math.floor(row))].filter(Boolean));
   return words.join(" · ");
 }
 
