@@ -72,6 +72,17 @@ def test_minaris_own_folder_is_respected(
     assert steersman("export", "tiny.yaml", "--to", "minari").stdout == "tiny_minari/tiny-v0\n"
 
 
+def test_what_a_training_kept_is_what_is_exported(steersman: Steersman, tmp_path: FilePath) -> None:
+    words = ("agent.hidden=[8,8]", "agent.vehicles=2", "agent.updates=1", "agent.batch=16")
+    checks = ("validation.vehicles=1", "steps=60", "keep=true")
+    (tmp_path / "tiny.yaml").write_text(TINY)
+    assert steersman("train", "tiny.yaml", *words, *checks, "--out", "kept").exit_code == 0
+    assert steersman("export", "kept", "--to", "minari", "--out", "sets").exit_code == 0
+    stored = store.read("sets/kept-v0")
+    assert stored.source == "training by ddpg"
+    assert steps(stored.trajectories) == 60
+
+
 def test_drives_and_recordings(steersman: Steersman, tmp_path: FilePath) -> None:
     drive = ("drive", "path=double_lane_change", "speed=constant_speed", "speed.speed=10")
     steersman(*drive, "--out", "runs/first", "--mcap", "first.mcap")

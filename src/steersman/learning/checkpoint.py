@@ -19,7 +19,7 @@ from steersman.learning.snapshot import Tree
 FOLDER = "resume"
 _FORMAT = 2
 _KEPT = 2
-_WRITTEN = ("checkpoints", FOLDER, "tensorboard")
+_WRITTEN = ("checkpoints", "data", FOLDER, "tensorboard")
 _FILES = ("config.yaml", "progress.csv", "policy.onnx", "policy.json")
 Notify = Callable[[str], None]
 

@@ -64,6 +64,9 @@ class TrainConfig(Settings):
         ge=0,
         le=10,
     )
+    keep: bool = param(
+        False, "-", "Keep every step as a Minari dataset in DIR/data (extra minari)."
+    )
     threads: int = param(1, "-", "Threads of the linear algebra; more may change last bits.", ge=1)
 
     @model_validator(mode="after")

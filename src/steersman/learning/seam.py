@@ -73,6 +73,7 @@ class Demonstrated(OffPolicyAlgorithm):
         own = self._own_action(learning_starts, action_noise, n_envs)
         self.sampled_steps += n_envs
         takes = self.demo_rng.random(n_envs) < self.p_action()
+        cast(PathFollowingVecEnv, self.env).choice = own[:, 0], takes
         if not takes.any():
             return own, own
         executed = own.copy()

@@ -115,6 +115,7 @@ class _Training:
         resumed_at: int | None = None,
     ) -> None:
         from steersman.learning.agent import make_agent
+        from steersman.learning.datasets.keep import Keeper
         from steersman.learning.validate import Validator
         from steersman.learning.vec_env import PathFollowingVecEnv
 
@@ -122,6 +123,7 @@ class _Training:
         self.next_tick = 0.0
         self.env = PathFollowingVecEnv(config.problem, config.agent.vehicles)
         self.agent = make_agent(config, self.env)
+        self.keeper = Keeper(self.env, out) if config.keep else None
         self.validator = Validator(config.problem, config.validation, self.env.driver.mover.shared)
         self.best = math.inf
         self.record = Record(out, resumed_at)
@@ -168,6 +170,8 @@ class _Training:
             )
             if not self.rows or self.rows[-1]["steps"] < agent.num_timesteps:
                 self._validate()
+            if self.keeper is not None:
+                self.keeper.finish(self.config.problem, f"training by {self.config.agent.kind}")
             self._save_weights()
             checkpoint.finish(self.out)
         finally:
@@ -181,6 +185,7 @@ class _Training:
             "agent": self.agent.snapshot(),
             "env": self.env.snapshot(),
             "rows": self.rows,
+            "kept": None if self.keeper is None else self.keeper.snapshot(),
             "sums": self._sums,
             "average": self.average.arrays(),
             "counters": {name: getattr(self, name) for name in _COUNTERS},
@@ -191,6 +196,8 @@ class _Training:
         """Go on from a checkpoint; what was recorded after it is forgotten."""
         self.agent.restore(saved["agent"])
         self.env.restore(saved["env"])
+        if self.keeper is not None:
+            self.keeper.restore(saved["kept"], self.agent.num_timesteps)
         self.record.restore(saved["rows"])
         self._sums[:] = saved["sums"]
         self.average.restore(saved["average"])
@@ -206,6 +213,8 @@ class _Training:
             self.next_checkpoint += self.config.checkpoint_interval
             self.record.flush()
             self._save_weights()
+            if self.keeper is not None:
+                self.keeper.flush(steps)
             checkpoint.save(self.out, steps, self.snapshot())
 
     def _after_step(self) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from gymnasium import spaces
@@ -16,6 +16,9 @@ from steersman.learning.fleet import FleetDriver
 from steersman.learning.problem import Problem
 from steersman.learning.snapshot import Tree, fill
 from steersman.types import FloatArray
+
+if TYPE_CHECKING:
+    from steersman.learning.datasets.recorder import Recorder
 
 _COUNTERS = ("off_track", "sum_error", "steps", "largest_reward")
 TERMINAL = (kernel.LEFT_CORRIDOR, kernel.ROLLED)
@@ -50,6 +53,11 @@ class PathFollowingVecEnv(VecEnv):
         self.steps = 0
         self.largest_reward = 0.0
         """Largest |reward| of a step so far."""
+        self.recorder: Recorder | None = None
+        """Keeps every step, if somebody wants that."""
+        self.choice: tuple[Any, Any] | None = None
+        """The agent's own actions and where the demonstrator takes the wheel, (n,) each, if the
+        agent tells; for the recorder alone."""
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Seed of all vehicles' generators; takes effect at the next reset, and only there."""
@@ -73,7 +81,12 @@ class PathFollowingVecEnv(VecEnv):
     def step_wait(self) -> Any:
         """Advance all vehicles; finished ones begin anew, as SB3 expects."""
         driver = self.driver
+        if self.recorder is not None:
+            own, takes = self.choice or (self._actions, np.zeros(self.num_envs))
+            self.recorder.choose(self._actions, own, takes)  # the demonstrator's number is one
         driver.step(self._actions)
+        if self.recorder is not None:
+            self.recorder.stepped()
         fleet = driver.fleet
         reward = fleet.reward[:, 0].astype(np.float32)
         self._sums += fleet.reward[:, 0]

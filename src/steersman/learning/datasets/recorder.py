@@ -11,6 +11,7 @@ from steersman.kernels import step as kernel
 from steersman.kernels.vehicle import VX, VY
 from steersman.learning.datasets.trajectory import Trajectory
 from steersman.learning.fleet import FleetDriver
+from steersman.learning.snapshot import Tree
 from steersman.types import FloatArray
 
 _FAILED = (kernel.LEFT_CORRIDOR, kernel.ROLLED)
@@ -72,14 +73,32 @@ class Recorder:
         for i in np.flatnonzero(fleet.ended != kernel.RUNNING).tolist():
             self._finish(i, terminated=int(fleet.ended[i]) in _FAILED)
 
+    def finished(self) -> list[Trajectory]:
+        """The episodes that have ended since this was last asked."""
+        found, self._finished = self._finished, []
+        begin = min(self._first)
+        del self._steps[:begin]
+        self._first = [first - begin for first in self._first]
+        return found
+
     def take(self) -> list[Trajectory]:
         """All episodes; those that are under way are cut off here."""
         for i in range(self._driver.n):
             if self._first[i] < len(self._steps):
                 self._finish(i, terminated=False)
-        found, self._finished, self._steps = self._finished, [], []
-        self._first = [0] * self._driver.n
-        return found
+        return self.finished()
+
+    def snapshot(self) -> dict[str, Any]:
+        """The episodes under way, once those that have ended were asked for."""
+        columns = zip(*self._steps, strict=True)
+        steps = [np.stack(column) for column in columns]
+        return {"first": list(self._first), "steps": dict(zip(_Step._fields, steps, strict=False))}
+
+    def restore(self, saved: Tree) -> None:
+        """Go on from a snapshot."""
+        self._first, self._finished = list(saved["first"]), []
+        columns = [saved["steps"][name] for name in _Step._fields if saved["steps"]]
+        self._steps = [_Step(*values) for values in zip(*columns, strict=True)]
 
     def _places(self) -> FloatArray:
         fleet = self._driver.fleet
