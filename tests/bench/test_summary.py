@@ -25,7 +25,7 @@ def row(
         "charged_rms_m": rms, "charged_mean_m": rms, "charged_p95_m": rms,
         "steer_change_rms": 0.01, "steer_reversals_per_min": 3.0,
         "control_time_us_p50": 5.0, "control_time_us_p99": 9.0, "computing_time_s": 0.01,
-        "speed": "constant",
+        "speed": "constant", "interventions": 0, "intervened_s": 0.0,
         "path_acceleration_m_s2": 2.0, "iso_11270": True, "r79": False, "saturated_share": 0.0,
         "weighted_acceleration_m_s2": 0.3, "deadline_misses_50ms": 0, "deadline_misses_10ms": 1,
         "duration_s": 10.0, "dt_s": 0.05,

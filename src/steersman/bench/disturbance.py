@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from steersman.bench.faults import Fault
 from steersman.config import Settings, param
 from steersman.controllers.mpc_pid import ModelError
 from steersman.kernels.vehicle import GRAVITY
@@ -53,6 +54,7 @@ class Disturbance(Settings):
     model: ModelError = param(
         ModelError(), "-", "Factors on the vehicle that model-based controllers believe in."
     )
+    fault: Fault | None = param(None, "-", "What breaks on the way; null: nothing.")
 
     def beyond(self, plant: PlantComponent) -> list[str]:
         """What of this the plant cannot do: elsewhere than in the simulator cars are what they are.
@@ -112,10 +114,11 @@ class Disturbance(Settings):
             return vehicle
         return vehicle.replace(**figures)
 
-    def figures(self) -> dict[str, float | None]:
-        """Every number by its name, those of the model as ``model_mass`` and so on."""
+    def figures(self) -> dict[str, float | str | None]:
+        """Every number by its name (``model_mass`` for the model's), what breaks by its kind."""
         plain = self.model_dump()
-        model = plain.pop("model")
+        model, fault = plain.pop("model"), plain.pop("fault")
+        plain["fault"] = None if fault is None else fault["kind"]
         return plain | {f"model_{name}": value for name, value in model.items()}
 
 

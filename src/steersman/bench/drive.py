@@ -22,21 +22,25 @@ Row: TypeAlias = dict[str, Any]
 # For estimates only [m/s].
 _USUAL_SPEED = 12.0
 # Of a row's columns: with others, what was driven before is driven again.
-VERSION = 4
+VERSION = 5
 FACTORS = ("path", "speed", "disturbance", "vehicle", "seed")
 
 
 def fitted(scenario: Scenario, entrant: Entrant) -> RunConfig:
     """The scenario's run with this controller.
 
-    A policy that reads more waypoints than the suite's sensor gives, or others, gets its own.
+    A policy that reads more waypoints than the suite's sensor gives, or others, gets its own. A
+    fault happens around the controller.
     """
     config, sensor = scenario.run, scenario.run.sensor
     plant = config.plant.recorded()
     if entrant.waypoints > sensor.count or entrant.spacing not in (0.0, sensor.spacing):
         count = max(entrant.waypoints, 4)
         sensor = sensor.model_copy(update={"count": count, "spacing": entrant.spacing})
-    parts = {"controller": entrant.controller, "sensor": sensor, "plant": plant}
+    controller, fault = entrant.controller, scenario.applied.fault
+    if fault is not None:
+        controller = fault.around(controller, config.seed)
+    parts = {"controller": controller, "sensor": sensor, "plant": plant}
     return config.model_copy(update=parts)
 
 
@@ -56,6 +60,8 @@ def digest(scenario: Scenario) -> str:
     """Changes with the name and with everything in the run of a scenario but its controller."""
     plan = dump(scenario.run) or {}
     del plan["controller"]
+    if scenario.applied.fault is not None:
+        plan["fault"] = dump(scenario.applied.fault)
     return _hashed(json.dumps([scenario.name, plan], sort_keys=True))
 
 

@@ -12,9 +12,11 @@ from typing import Any, NamedTuple
 from steersman import tuned
 from steersman.config import components, dump, lookup, read_yaml, resolve
 from steersman.controllers.base import ControllerComponent
+from steersman.controllers.supervisor import Supervisor
 from steersman.errors import ConfigError, DataError, suggestion
 from steersman.policy_file import PolicyCard, locate, read_policy, shipped
 
+_SUPERVISED = "supervised/"
 _YAML = (".yaml", ".yml")
 _ONNX, _POLICY = ".onnx", "policy"
 # Names of files that every tuning or training writes: there the folder's name tells more.
@@ -43,7 +45,7 @@ def entrants(words: Sequence[str]) -> list[Entrant]:
 
     A ``spec`` is a registered kind, a YAML file with a controller (as ``steersman tune`` writes
     it), ``tuned/NAME`` for one of the package, the ONNX file of a policy, or the name of a policy
-    of the package.
+    of the package; ``supervised/`` before any of them puts it under a supervisor.
 
     Raises:
         ConfigError: a kind is unknown, or two have the same name.
@@ -101,6 +103,8 @@ def _spacing(spec: str, cards: Sequence[PolicyCard]) -> float:
 
 
 def _controller(spec: str) -> ControllerComponent:
+    if spec.startswith(_SUPERVISED):
+        return Supervisor(inner=_controller(spec.removeprefix(_SUPERVISED)))
     file = FilePath(spec)
     if file.suffix == _ONNX:
         data: Any = {"kind": _POLICY, "file": spec}
@@ -155,6 +159,8 @@ def _from_yaml(file: FilePath) -> Mapping[str, Any]:
 
 def _short(spec: str) -> str:
     """The name of a specification without one."""
+    if spec.startswith(_SUPERVISED):
+        return f"{_SUPERVISED}{_short(spec.removeprefix(_SUPERVISED))}"
     file = FilePath(spec)
     if file.suffix not in (*_YAML, _ONNX):
         return file.name

@@ -2,6 +2,7 @@
 
 ``standard`` is the test suite, ``core`` a part of it. ``tuning`` is what gains are tuned on: it
 shares no path with the test suite. ``quick`` shows in seconds that a controller drives at all.
+``faults`` breaks sensors, actuators and controllers on the way.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from pathlib import Path as FilePath
 from typing import Any, TypeAlias
 
 from steersman.bench.disturbance import Disturbance, Mixed
+from steersman.bench.faults import Fault
 from steersman.bench.suite import CLEAN, Course, Suite
 from steersman.config import build, dump, override, read_yaml
 from steersman.controllers.mpc_pid import ModelError
@@ -168,11 +170,38 @@ def quick() -> Suite:
     return Suite(courses=courses, disturbances=chosen, mixed={"mixed": Mixed()})
 
 
+def faults() -> Suite:
+    """What breaks, one thing at a time, on the test suite's loops and on half of its roads."""
+    whole = standard().courses
+    loops = ("circle_50_left", "circle_50_right", "lemniscate", "figure_eight")
+    courses = {
+        name: whole[name].model_copy(
+            update={"speeds": {"constant": whole[name].speeds["constant"]}, "only": {}}
+        )
+        for name in (*loops, *(f"road_{seed}" for seed in HELD_OUT[:10]))
+    }
+    broken = {
+        "frozen_0.5s": Fault(kind="frozen", length=0.5, every=8.0),
+        "frozen_1s": Fault(kind="frozen", length=1.0, every=8.0),
+        "dropped_50%": Fault(kind="dropped", share=0.5),
+        "dropped_80%": Fault(kind="dropped", share=0.8),
+        "nan_0.2s": Fault(kind="nan", length=0.2, every=2.0),
+        "nan_1s": Fault(kind="nan", length=1.0, every=8.0),
+        "stuck_0.5s": Fault(kind="stuck", length=0.5, every=8.0),
+        "saturated": Fault(kind="saturated", limit=0.08),
+        "raises": Fault(kind="raises"),
+        "answers_nan": Fault(kind="answers_nan"),
+    }
+    chosen = {name: Disturbance(fault=fault) for name, fault in broken.items()}
+    return Suite(courses=courses, disturbances={CLEAN: Disturbance(), **chosen})
+
+
 SUITES: dict[str, Callable[[], Suite]] = {
     "standard": standard,
     "core": core,
     "tuning": tuning,
     "quick": quick,
+    "faults": faults,
 }
 
 

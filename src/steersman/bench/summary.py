@@ -86,6 +86,8 @@ def _figures(rows: Sequence[Row]) -> dict[str, Any]:
         "steer_reversals_per_min": _mean(_column(rows, "steer_reversals_per_min")),
         "control_time_us_p50": _median(_column(rows, "control_time_us_p50")),
         "control_time_us_p99": _median(_column(rows, "control_time_us_p99")),
+        "interventions": sum(row["interventions"] for row in rows),
+        "intervened_s": sum(row["intervened_s"] for row in rows),
         "fallbacks": sum(row["fallbacks"] for row in rows),
         "saturated_share": _mean(_column(rows, "saturated_share")),
         "weighted_acceleration_m_s2": _mean(_column(rows, "weighted_acceleration_m_s2")),

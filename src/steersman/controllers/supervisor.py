@@ -13,10 +13,10 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 
 from steersman.config import Of, param, register
 from steersman.controllers.base import ControllerComponent, Wrapper, within_limits
-from steersman.controllers.blind import blind_steer
 from steersman.controllers.candidate import Candidate, Rules, ask, tell
+from steersman.controllers.reckon import held, moved_on, reckoned
 from steersman.controllers.swings import Swings
-from steersman.controllers.watch import Seen, input_fault, look
+from steersman.controllers.watch import Seen, first_sight, input_fault, no_news
 from steersman.types import Decision, Driver, Observation, Reason, Status
 from steersman.vehicles import Vehicle
 
@@ -34,7 +34,7 @@ class SupervisorState(NamedTuple):
     candidates: tuple[Candidate, ...]
     """Inner controller, fallback and last, in the order of ``Driver``."""
     driver: Driver = Driver.INNER
-    """Who steers, short gaps in the observations apart."""
+    """Who steers."""
     reason: Reason = Reason.NONE
     """Why that is not the inner controller."""
     last: float | None = None
@@ -44,10 +44,6 @@ class SupervisorState(NamedTuple):
     fade: float = 0.0
     """Share of it that is still added."""
     seen: Seen | None = None
-    blind: float = 0.0
-    """For how long no observation could be used [s]."""
-    reckoned: float = 0.0
-    """How long after what was seen last the executed steering was meant for [s]."""
     swings: Swings = Swings()
     """Of the lateral acceleration under the present driver."""
 
@@ -78,7 +74,10 @@ class Supervisor(Wrapper):
         0.3, "s", "How long the observation may stay the same to the bit while moving.", ge=0
     )
     bridge_time: float = param(
-        0.25, "s", "Gaps in usable observations up to this need no hand-over.", ge=0
+        0.3, "s", "Gaps in usable observations up to this need no hand-over.", ge=0
+    )
+    reckon_time: float = param(
+        1.5, "s", "So long a gap the fallbacks steer by what would be seen; then nobody.", ge=0
     )
     hasty_time: float = param(
         0.3,
@@ -118,12 +117,20 @@ class Supervisor(Wrapper):
         """
         fault = input_fault(observation)
         if fault is Reason.NONE:
-            seen = look(state.seen, observation, state.dt)
-            state = state._replace(seen=seen)
-            if seen.age <= self.stale_time + _SAME:
-                return self._sighted(state, observation)
-            fault = Reason.STALE
-        return self._blind(state, observation, fault)
+            fault = no_news(state.seen, observation)
+        if fault is Reason.NONE:
+            return self._steered(state._replace(seen=first_sight(observation)), observation, fault)
+        if state.last is None or state.seen is None:  # there never was anything
+            return Decision(_present(observation), Status.FALLBACK, Driver.HOLD, fault), state
+        last, age, motion = state.seen
+        age, motion = age + state.dt, moved_on(state.vehicle, last, motion, state.last, state.dt)
+        state = state._replace(seen=Seen(last, age, motion))
+        if fault is Reason.STALE and age <= self.stale_time + _SAME:
+            return self._steered(state, observation, Reason.NONE)
+        told = None
+        if age <= self.reckon_time + _SAME:
+            told = reckoned(last, motion, last.time + age)
+        return self._steered(state, told, fault)
 
     def executed(self, state: SupervisorState, steer: float) -> SupervisorState:
         """The next change counts from what was executed; all three are told."""
@@ -134,65 +141,60 @@ class Supervisor(Wrapper):
     def _controllers(self) -> tuple[ControllerComponent, ...]:
         return self.inner, self.fallback, self.last
 
-    def _sighted(self, state: SupervisorState, o: Observation) -> tuple[Decision, SupervisorState]:
-        """One step with a usable observation."""
-        first = state.last is None
-        last = within_limits(o.steer) if state.last is None else state.last
+    def _steered(
+        self, state: SupervisorState, o: Observation | None, gap: Reason
+    ) -> tuple[Decision, SupervisorState]:
+        """One step with what is seen or, for ``gap``, would be; None if that is not known."""
+        last = state.last
+        if last is None:
+            assert o is not None
+            last = within_limits(o.steer)
         rules = self._rules(state)
-        asked = [
-            ask(controller, candidate, o, last, rules, self.clock, first=first)
-            for controller, candidate in zip(self._controllers(), state.candidates, strict=True)
-        ]
-        beyond_road = o.v_x * (o.yaw_rate - o.v_x * o.curvature)
-        swings = state.swings.after(beyond_road, self.swing, self.swing_window, state.dt)
-        state = state._replace(swings=swings)
-        candidates = self._watched(state, asked, o)
+        if o is not None:
+            surplus = o.v_x * (o.yaw_rate - o.v_x * o.curvature)  # beyond what the road asks for
+            swings = state.swings.after(surplus, self.swing, self.swing_window, state.dt)
+            state = state._replace(swings=swings)
+        candidates = self._asked(state, o, last, rules, gap)
         driver = _choose(state.driver, candidates, self.recover_time)
-        after = state._replace(candidates=candidates, driver=driver, blind=0.0)
+        after = state._replace(candidates=candidates, driver=driver)
         after = after._replace(reason=_reason(state, after))
         if driver is Driver.HOLD:
-            wanted, status, after = self._hold(after, last)
+            wanted, status = held(state.vehicle, o, last, state.dt), Status.FALLBACK
         else:
             wanted, status = candidates[driver].steer or 0.0, candidates[driver].status
-            handed_over = driver is not state.driver or state.blind > 0.0
             if driver is not state.driver:
-                after = after._replace(swings=Swings())
-            wanted, after = self._blended(after, wanted, last if handed_over else None)
-            after = after._replace(reckoned=0.0)
+                after = after._replace(swings=Swings(), offset=last - wanted, fade=1.0)
+            wanted, after = self._blended(after, wanted)
         steer = _limited(wanted, last, rules.step)
         if driver is not Driver.INNER:
             status = Status.FALLBACK
         elif steer != wanted and status is Status.SOLVED:
             status = Status.SATURATED
-        return Decision(steer, status, driver, after.reason), self._told(after, steer)
+        reason = gap if driver is Driver.INNER else after.reason
+        return Decision(steer, status, driver, reason), self._told(after, steer)
 
-    def _blind(
-        self, state: SupervisorState, o: Any, fault: Reason
-    ) -> tuple[Decision, SupervisorState]:
-        """One step without: the driver stays who it is, unless it takes too long."""
-        if state.last is None or state.seen is None:
-            return Decision(_present(o), Status.FALLBACK, Driver.HOLD, fault), state
-        after = state._replace(blind=state.blind + state.dt)
-        if after.blind > self.bridge_time + _SAME:
-            lost = tuple(one._replace(healthy=0.0) for one in state.candidates)
-            after = after._replace(candidates=lost, driver=Driver.HOLD, reason=fault)
-        wanted, _, after = self._hold(after, state.last)
-        steer = _limited(wanted, state.last, self._rules(state).step)
-        return Decision(steer, Status.FALLBACK, Driver.HOLD, fault), self._told(after, steer)
-
-    def _hold(self, state: SupervisorState, last: float) -> tuple[float, Status, SupervisorState]:
-        """Steering of nobody: on along the road that was seen last."""
-        assert state.seen is not None
-        now = max(state.seen.age + state.blind, state.dt)
-        steer = blind_steer(
-            state.vehicle, state.seen.observation, last, state.reckoned, now, state.dt
+    def _asked(
+        self,
+        state: SupervisorState,
+        o: Observation | None,
+        last: float,
+        rules: Rules,
+        gap: Reason,
+    ) -> tuple[Candidate, ...]:
+        """All three, judged by what they answer and by what the car does."""
+        if o is None:
+            return tuple(one.failed(gap) for one in state.candidates)
+        first = state.last is None
+        inner, *others = (
+            ask(controller, candidate, o, last, rules, self.clock, first=first)
+            for controller, candidate in zip(self._controllers(), state.candidates, strict=True)
         )
-        # With a usable observation the next step counts from a new one.
-        reckoned = now if state.blind > 0.0 else 0.0
-        return steer, Status.FALLBACK, state._replace(reckoned=reckoned)
+        if gap and state.seen is not None and state.seen.age > self.bridge_time + _SAME:
+            inner = inner.failed(gap)
+        return self._watched(state, (inner, *others), o)
 
     def _watched(
-        self, state: SupervisorState, candidates: list[Candidate], o: Observation
+        self, state: SupervisorState, candidates: tuple[Candidate, ...], o: Observation
     ) -> tuple[Candidate, ...]:
         """The candidates, judged by what the car does."""
         inner, fallback, last = candidates
@@ -211,16 +213,13 @@ class Supervisor(Wrapper):
             fallback = fallback.failed(Reason.OSCILLATION)
         return inner, fallback, last
 
-    def _blended(
-        self, state: SupervisorState, wanted: float, handed_over_at: float | None
-    ) -> tuple[float, SupervisorState]:
+    def _blended(self, state: SupervisorState, wanted: float) -> tuple[float, SupervisorState]:
         """The driver's command plus what is left of the difference at the hand-over."""
-        offset, fade = state.offset, state.fade
-        if handed_over_at is not None:
-            offset, fade = handed_over_at - wanted, 1.0
-        fade = max(fade - state.dt / self.blend_time, 0.0) if self.blend_time > 0.0 else 0.0
-        steer = wanted + fade * offset if fade > 0.0 else wanted
-        return steer, state._replace(offset=offset, fade=fade)
+        fade = 0.0
+        if self.blend_time > 0.0:
+            fade = max(state.fade - state.dt / self.blend_time, 0.0)
+        steer = wanted + fade * state.offset if fade > 0.0 else wanted
+        return steer, state._replace(fade=fade)
 
     def _told(self, state: SupervisorState, steer: float) -> SupervisorState:
         pairs = zip(self._controllers(), state.candidates, strict=True)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from steersman.controllers.base import is_finite
-from steersman.types import Observation, Reason
+from steersman.types import FloatArray, Observation, Reason
 
 # The largest magnitude that a car on its road can measure, by the observation's fields after the
 # time: lateral error [m], heading error [rad], v_x and v_y [m/s], yaw rate [rad/s], steering [-]
@@ -42,19 +42,26 @@ def _possible(o: Observation) -> bool:
 
 
 class Seen(NamedTuple):
-    """The last usable observation that brought news, and how long ago that was."""
+    """The last usable observation that brought news, and where the car is since."""
 
     observation: Observation
     age: float = 0.0
-    """For how long the same has come again and again [s]."""
+    """How long ago it came first [s]."""
+    motion: FloatArray | None = None
+    """Since then, as ``reckon.moved_on`` has it; None at once."""
 
 
-def look(seen: Seen | None, observation: Observation, dt: float) -> Seen:
-    """What is known after a usable observation came."""
-    if seen is not None and _repeats(seen.observation, observation):
-        return seen._replace(age=seen.age + dt)
-    # Whoever observes may use the array again.
+def first_sight(observation: Observation) -> Seen:
+    """What is known after news; a copy, as whoever observes may use the array again."""
     return Seen(observation._replace(preview=observation.preview.copy()))
+
+
+def no_news(seen: Seen | None, observation: Observation) -> Reason:
+    """``MISSING`` for the last sample again, ``STALE`` for one that is new but for its numbers."""
+    if seen is None or not _repeats(seen.observation, observation):
+        return Reason.NONE
+    again = observation.time == seen.observation.time
+    return Reason.MISSING if again else Reason.STALE
 
 
 def _repeats(before: Observation, now: Observation) -> bool:

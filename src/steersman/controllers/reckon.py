@@ -1,0 +1,90 @@
+"""Dead reckoning: what would be seen now, from what was seen last and what was steered since.
+
+The car is the nonlinear single track with linear tyres that ``mpc_delay`` predicts with, at the
+speed that was measured last; the road is that of the last waypoints.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from steersman.controllers.delay_plan import pose
+from steersman.controllers.pid import steady_wheel_angle
+from steersman.kernels import delay_mpc as kernel
+from steersman.kernels.preview import curvature_at, point_at
+from steersman.types import FloatArray, Observation
+from steersman.vehicles import Vehicle
+
+# How fast the steering goes to the middle where no road was seen [1/s].
+STRAIGHTEN = 0.5
+# A car that is slower is taken to stand, as the model has no meaning there [m/s].
+_STANDING = 0.5
+# Half a step along the road for its direction [m].
+_HALF = 0.05
+_NOTHING = np.zeros(2)
+
+
+def moved_on(
+    vehicle: Vehicle, seen: Observation, motion: FloatArray | None, steer: float, dt: float
+) -> FloatArray:
+    """Where the car is one period later: the kernel's motion since ``seen``.
+
+    Args:
+        vehicle: nominal parameters.
+        seen: the last usable observation.
+        motion: where it was until now; None: at ``seen``.
+        steer: the steering executed meanwhile [normalised].
+        dt: control period [s].
+    """
+    after = pose(seen) if motion is None else motion.copy()
+    if abs(seen.v_x) > _STANDING:
+        work = np.empty((2, kernel.N_MOTION))
+        road = (seen.preview, seen.spacing, seen.curvature)
+        kernel.hold(vehicle.table, seen.v_x, *road, _NOTHING, steer, dt, after, work)
+    return after
+
+
+def reckoned(seen: Observation, motion: FloatArray, time: float) -> Observation | None:
+    """What a car with this motion since ``seen`` would see; None beyond the road that was seen."""
+    way = float(motion[kernel.WAY])
+    if not (np.isfinite(motion).all() and 0.0 <= way <= (len(seen.preview) - 1) * seen.spacing):
+        return None
+    road = seen.preview, seen.spacing
+    x, y = point_at(*road, way)
+    before, behind = point_at(*road, way - _HALF), point_at(*road, way + _HALF)
+    tangent = math.atan2(behind[1] - before[1], behind[0] - before[0])
+    d, heading = float(motion[kernel.E1]), float(motion[kernel.E2])
+    x, y, yaw = x - d * math.sin(tangent), y + d * math.cos(tangent), tangent + heading
+    points = [point_at(*road, way + i * seen.spacing) for i in range(len(seen.preview))]
+    c, s = math.cos(yaw), math.sin(yaw)
+    preview = (np.array(points) - (x, y)) @ np.array([[c, -s], [s, c]])
+    return Observation(
+        time,
+        d,
+        math.remainder(heading, math.tau),
+        seen.v_x,
+        float(motion[kernel.VY]),
+        float(motion[kernel.RATE]),
+        float(motion[kernel.STEER]),
+        float(curvature_at(*road, seen.curvature, way)),
+        preview,
+        seen.spacing,
+    )
+
+
+def held(vehicle: Vehicle, seen: Observation | None, last: float, dt: float) -> float:
+    """Steering of nobody: the last one, changed as the road's bend changes in a period.
+
+    Without a road it goes to the middle.
+    """
+    if seen is None:
+        return math.copysign(max(abs(last) - STRAIGHTEN * dt, 0.0), last)
+    v = seen.v_x
+    ahead = curvature_at(seen.preview, seen.spacing, seen.curvature, max(v, 0.0) * dt)
+    here, there = (
+        vehicle.steer_for_wheel_angle(steady_wheel_angle(vehicle, v, kappa), v)
+        for kappa in (seen.curvature, ahead)
+    )
+    return last + there - here
