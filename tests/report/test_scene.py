@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from steersman.bench.faults import Fault
 from steersman.config import build, resolve
 from steersman.controllers.pid import Pid
 from steersman.report import Run
@@ -238,6 +239,33 @@ def test_waypoints_are_those_that_the_controller_saw(sensor):
     assert np.array_equal(waypoints(episode, path_of(episode)), SHOWN[-len(episode) :])
     vehicle, known = vehicle_of(episode)
     assert (vehicle.kind, known) == ("bmw_320i", True)
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        {"kind": "frozen", "begin": 1.0, "length": 0.5},
+        {"kind": "dropped", "begin": 0.5, "share": 0.6},
+        {"kind": "nan", "begin": 0.7, "length": 0.2, "every": 1.0},
+    ],
+)
+def test_waypoints_are_those_that_arrived_through_a_fault(fault):
+    SHOWN.clear()
+    tree = {
+        "path": "figure_eight", "duration": 3.0, "seed": 5,
+        "sensor": {"kind": "waypoints", "error_range": 0.1},
+        "speed": {"kind": "constant_speed", "speed": 9},
+    }  # fmt: skip
+    broken = build(Fault, fault).around(Watching(), 7)
+    episode = run(build(RunConfig, tree).model_copy(update={"controller": broken}))
+    found = waypoints(episode, path_of(episode))
+    assert np.array_equal(found, SHOWN[-len(episode) :], equal_nan=True)
+    bare = replace(episode, meta={**episode.meta, "config": {**episode.meta["config"],
+                                                             "controller": "pid"}})  # fmt: skip
+    assert not np.array_equal(found, waypoints(bare, path_of(bare)))
+    config = {**episode.meta["config"], "controller": {"kind": "faulty", "fault": {"kind": "x"}}}
+    strange = replace(episode, meta={**episode.meta, "config": config})
+    assert waypoints(strange, path_of(strange)) is None
 
 
 class TestRebuilt:

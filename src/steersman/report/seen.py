@@ -8,16 +8,18 @@ the configuration is not there, or names files that are gone, the page shows les
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from steersman.config import resolve
+from steersman.bench.faults import Faulty
+from steersman.config import build, resolve
+from steersman.controllers.base import Wrapper
 from steersman.episode import Episode
 from steersman.errors import SteersmanError
 from steersman.paths.base import PathComponent
 from steersman.sensing import Tracking, WaypointSensor
-from steersman.types import FloatArray, VehicleState
+from steersman.types import Decision, FloatArray, Observation, VehicleState
 from steersman.vehicles import CarlaModel3, Vehicle
 
 # Distance between points of a road, and how many there are at most [m].
@@ -92,13 +94,53 @@ def waypoints(episode: Episode, path: PathComponent | None) -> FloatArray | None
     sensor, seed = _part(episode, "sensor"), recorded(episode).get("seed", 0)
     if path is None or not isinstance(sensor, WaypointSensor) or not isinstance(seed, int):
         return None
+    try:
+        through = _Way(episode)
+    except SteersmanError:
+        return None
     rng = np.random.default_rng(seed)
     state = sensor.init(rng)
     places = np.stack([episode[name] for name in _TRACKING], axis=1).tolist()
     out = np.empty((len(episode), sensor.count, 2))
     for row, (vehicle, place) in enumerate(zip(_states(episode), places, strict=True)):
-        out[row] = sensor.observe(state, vehicle, Tracking(*place), path, rng).preview
+        told = sensor.observe(state, vehicle, Tracking(*place), path, rng)
+        out[row] = through.arrives(told)
     return out
+
+
+class _Witness(Wrapper):
+    """A controller that keeps the waypoints that it sees."""
+
+    family: ClassVar[str] = "controller"
+
+    def init(self, vehicle: Vehicle, dt: float) -> FloatArray:
+        """Nothing was seen yet."""
+        return np.zeros((0, 2))
+
+    def step(self, state: FloatArray, observation: Observation) -> tuple[Decision, FloatArray]:
+        """No steering, and what was seen."""
+        return Decision(0.0), observation.preview.copy()
+
+
+class _Way:
+    """The way from the sensor to the controller, with what a benchmark broke on it."""
+
+    def __init__(self, episode: Episode) -> None:
+        """As the record tells it; raises ``ConfigError`` where it tells no fault that there is."""
+        controller = recorded(episode).get("controller")
+        self._faulty: Faulty | None = None
+        if isinstance(controller, Mapping) and controller.get("kind") == Faulty.kind:
+            fault, seed = controller.get("fault"), controller.get("seed", 0)
+            self._faulty = build(Faulty, {"inner": _Witness(), "fault": fault, "seed": seed})
+            self._state = self._faulty.init(CarlaModel3(), episode.dt)
+
+    def arrives(self, told: Observation) -> FloatArray:
+        """The waypoints that arrive at the controller when these are sent."""
+        if self._faulty is None:
+            return told.preview
+        _, self._state = self._faulty.step(self._state, told)
+        seen: FloatArray = self._state.inner
+        return seen
 
 
 def _states(episode: Episode) -> list[VehicleState]:
