@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Callable, Iterator
 from itertools import count
@@ -21,6 +22,7 @@ from steersman.controllers.swings import Swings
 from steersman.episode import Episode
 from steersman.errors import ConfigError
 from steersman.kernels import delay_mpc as kernel
+from steersman.learning.snapshot import changed, read, rebuilt, write
 from steersman.paths.basic import Circle, Straight
 from steersman.plants.simulator import SimulatorConfig
 from steersman.rollout import RunConfig, RunError, run
@@ -28,7 +30,7 @@ from steersman.sensing import WaypointSensor, track
 from steersman.speed import ConstantSpeed
 from steersman.types import Command, Decision, Driver, Observation, Pose, Reason, Status
 
-from ..loops import CAR, DT, Posed, beside, drive, observe, same, scenes
+from ..loops import CAR, DT, Posed, answers, beside, drive, observe, same, scenes
 
 STEP = CAR.steer_rate_down * DT
 GOOD = 0.05
@@ -436,6 +438,21 @@ def test_what_does_not_fit_is_told_at_once() -> None:
     controller = Supervisor(inner="policy")
     with pytest.raises(ConfigError, match=r"set sensor\.count"):
         controller.step(controller.init(CAR, DT), few)
+
+
+def test_a_checkpoint_keeps_its_state() -> None:
+    """In the middle of an intervention, when numbers have lost their names."""
+    inner = Dying(base=resolve("controller", "pid"), at=0.3)
+    controller = Supervisor(inner=inner, recover_time=0.2)
+    observations: list[Any] = [*scenes(Posed())[:10], None, None, *scenes(Posed())[12:]]
+    for k in range(len(observations)):
+        state = fresh = controller.init(CAR, DT)
+        for observation in observations[:k]:
+            _, state = controller.step(state, observation)
+        file = io.BytesIO()
+        write({"state": changed(state, fresh)}, file)
+        again, rest = rebuilt(read(file)["state"], fresh), observations[k:]
+        assert answers(controller, rest, again) == answers(controller, rest, state)
 
 
 def test_nested_controllers_are_given_by_name_with_gains() -> None:

@@ -193,6 +193,10 @@ def faults() -> Suite:
         "answers_nan": Fault(kind="answers_nan"),
     }
     chosen = {name: Disturbance(fault=fault) for name, fault in broken.items()}
+    # Gaps are filled by reckoning with the car as it is known, which need not be the car.
+    chosen["nan_1s_soft"] = Disturbance(fault=broken["nan_1s"], c_f=0.7, c_r=0.7)
+    chosen["nan_1s_delay"] = Disturbance(fault=broken["nan_1s"], delay=0.1)
+    chosen["nan_1s_noise"] = Disturbance(fault=broken["nan_1s"], waypoint_noise=0.1)
     return Suite(courses=courses, disturbances={CLEAN: Disturbance(), **chosen})
 
 

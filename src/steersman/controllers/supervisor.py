@@ -16,7 +16,7 @@ from steersman.controllers.base import ControllerComponent, Wrapper, within_limi
 from steersman.controllers.candidate import Candidate, Rules, ask, tell
 from steersman.controllers.reckon import held, moved_on, reckoned
 from steersman.controllers.swings import Swings
-from steersman.controllers.watch import Seen, first_sight, input_fault, no_news
+from steersman.controllers.watch import NOTHING_SEEN, Seen, first_sight, input_fault, no_news
 from steersman.types import Decision, Driver, Observation, Reason, Status
 from steersman.vehicles import Vehicle
 
@@ -43,7 +43,7 @@ class SupervisorState(NamedTuple):
     """By how much the steering before the last hand-over differed from the new driver's [-]."""
     fade: float = 0.0
     """Share of it that is still added."""
-    seen: Seen | None = None
+    seen: Seen = NOTHING_SEEN
     swings: Swings = Swings()
     """Of the lateral acceleration under the present driver."""
 
@@ -120,7 +120,7 @@ class Supervisor(Wrapper):
             fault = no_news(state.seen, observation)
         if fault is Reason.NONE:
             return self._steered(state._replace(seen=first_sight(observation)), observation, fault)
-        if state.last is None or state.seen is None:  # there never was anything
+        if state.last is None:  # there never was anything
             return Decision(_present(observation), Status.FALLBACK, Driver.HOLD, fault), state
         last, age, motion = state.seen
         age, motion = age + state.dt, moved_on(state.vehicle, last, motion, state.last, state.dt)
@@ -162,7 +162,7 @@ class Supervisor(Wrapper):
             wanted, status = held(state.vehicle, o, last, state.dt), Status.FALLBACK
         else:
             wanted, status = candidates[driver].steer or 0.0, candidates[driver].status
-            if driver is not state.driver:
+            if driver != state.driver:
                 after = after._replace(swings=Swings(), offset=last - wanted, fade=1.0)
             wanted, after = self._blended(after, wanted)
         steer = _limited(wanted, last, rules.step)
@@ -189,7 +189,7 @@ class Supervisor(Wrapper):
             ask(controller, candidate, o, last, rules, self.clock, first=first)
             for controller, candidate in zip(self._controllers(), state.candidates, strict=True)
         )
-        if gap and state.seen is not None and state.seen.age > self.bridge_time + _SAME:
+        if gap and state.seen.age > self.bridge_time + _SAME:
             inner = inner.failed(gap)
         return self._watched(state, (inner, *others), o)
 
@@ -201,7 +201,7 @@ class Supervisor(Wrapper):
         drift = o.v_x * math.sin(o.heading_error) + o.v_y * math.cos(o.heading_error)
         off, soon = abs(o.lateral_error), abs(o.lateral_error + self.foresight * drift)
         swinging = len(state.swings.ages) >= self.swings and off > self.swing_error
-        if state.driver is Driver.INNER:
+        if state.driver == Driver.INNER:
             if swinging and not inner.fault:
                 inner = inner.failed(Reason.OSCILLATION)
             limit = self.corridor
@@ -209,7 +209,7 @@ class Supervisor(Wrapper):
             limit = 0.5 * self.corridor
         if max(off, soon) > limit and not inner.fault:
             inner = inner.failed(Reason.CORRIDOR)
-        if state.driver is Driver.FALLBACK and swinging and not fallback.fault:
+        if state.driver == Driver.FALLBACK and swinging and not fallback.fault:
             fallback = fallback.failed(Reason.OSCILLATION)
         return inner, fallback, last
 
@@ -241,7 +241,7 @@ def _choose(before: Driver, candidates: tuple[Candidate, ...], recover_time: flo
     for driver in (Driver.INNER, Driver.FALLBACK, Driver.LAST):
         one = candidates[driver]
         trusted = one.healthy >= recover_time - _SAME
-        at_once = driver >= before or (before is Driver.HOLD and driver is not Driver.INNER)
+        at_once = driver >= before or (before == Driver.HOLD and driver != Driver.INNER)
         if not one.fault and (trusted or at_once):
             return driver
     return Driver.HOLD
@@ -251,9 +251,9 @@ def _reason(before: SupervisorState, after: SupervisorState) -> Reason:
     """Why the driver is who it is: the fault of the one who steered until now, if it had one."""
     if after.driver is Driver.INNER:
         return Reason.NONE
-    if after.driver is before.driver or before.driver is Driver.HOLD:
-        return before.reason
-    return after.candidates[before.driver].fault or before.reason
+    if before.driver in {after.driver, Driver.HOLD}:
+        return Reason(before.reason)  # a checkpoint keeps numbers
+    return after.candidates[before.driver].fault or Reason(before.reason)
 
 
 def _limited(wanted: float, last: float, step: float) -> float:

@@ -51,14 +51,18 @@ class Seen(NamedTuple):
     """Since then, as ``reckon.moved_on`` has it; None at once."""
 
 
+# Before the first observation; a named tuple like every later one, so that checkpoints can keep it.
+NOTHING_SEEN = Seen(Observation(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.zeros((0, 2)), 1.0))
+
+
 def first_sight(observation: Observation) -> Seen:
     """What is known after news; a copy, as whoever observes may use the array again."""
     return Seen(observation._replace(preview=observation.preview.copy()))
 
 
-def no_news(seen: Seen | None, observation: Observation) -> Reason:
+def no_news(seen: Seen, observation: Observation) -> Reason:
     """``MISSING`` for the last sample again, ``STALE`` for one that is new but for its numbers."""
-    if seen is None or not _repeats(seen.observation, observation):
+    if not _repeats(seen.observation, observation):
         return Reason.NONE
     again = observation.time == seen.observation.time
     return Reason.MISSING if again else Reason.STALE
