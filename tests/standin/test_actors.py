@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 from typing import Any
 
 import pytest
@@ -31,6 +32,41 @@ def test_the_library_has_two_cars_and_two_sensors(world: Any) -> None:
     car = world.spawn_actor(blueprint, at(5.0))
     world.tick()
     assert world.get_actor(car.id).attributes["role_name"] == "hero"
+
+
+def test_attributes_are_those_of_the_catalogue(world: Any) -> None:
+    for name, generation, special, fittings in (
+        (MODEL3, 1, "electric", False),
+        ("vehicle.lincoln.mkz_2020", 2, "", True),
+    ):
+        blueprint = library(world).find(name)
+        assert blueprint.get_attribute("generation").as_int() == generation
+        assert blueprint.get_attribute("base_type").as_str() == "car"
+        assert blueprint.get_attribute("special_type").as_str() == special
+        assert blueprint.get_attribute("object_type").as_str() == ""
+        assert blueprint.get_attribute("has_lights").as_bool() is fittings
+        assert blueprint.get_attribute("has_dynamic_doors").as_bool() is fittings
+        assert blueprint.get_attribute("terramechanics").as_bool() is False
+        assert not blueprint.has_attribute("driver_id")
+    cars = library(world).filter("vehicle.*")
+    assert [car.id for car in cars if car.get_attribute("generation").as_int() == 1] == [MODEL3]
+
+
+def test_what_can_be_set_has_recommended_values(world: Any) -> None:
+    for blueprint in library(world):
+        for attribute in blueprint:
+            assert bool(attribute.recommended_values) == attribute.is_modifiable
+            if attribute.is_modifiable:
+                blueprint.set_attribute(attribute.id, random.choice(attribute.recommended_values))
+    blueprint = library(world).find(MODEL3)
+    roles = blueprint.get_attribute("role_name")
+    assert roles.recommended_values == ["autopilot", "scenario", "ego_vehicle"]
+    assert roles.as_str() == "autopilot"
+    color = random.choice(blueprint.get_attribute("color").recommended_values)
+    blueprint.set_attribute("color", color)
+    car = world.spawn_actor(blueprint, at(5.0))
+    assert car.attributes["color"] == color
+    assert car.attributes["special_type"] == "electric"
 
 
 def test_a_spawned_car_stands_where_it_was_put(world: Any) -> None:
@@ -204,7 +240,7 @@ def test_a_batch_answers_for_each_command(client: Any, world: Any) -> None:
             go.DestroyActor(second.actor_id),
         ]
     )
-    assert "not implemented" in answers[0].error
+    assert "autopilot is not implemented" in answers[0].error
     assert "no actor" in answers[2].error
     assert not answers[1].error
     assert not answers[3].error
@@ -222,6 +258,13 @@ def test_what_is_not_implemented_says_so(client: Any, world: Any) -> None:
         lambda: world.unload_map_layer(carla.MapLayer.Buildings),
     ):
         with pytest.raises(RuntimeError, match=r"stand-in: .*(not implemented|no map)"):
+            call()
+
+
+def test_autopilot_is_refused_by_name(client: Any, world: Any) -> None:
+    car = spawn(world)
+    for call in (lambda: car.set_autopilot(True), client.get_trafficmanager):
+        with pytest.raises(RuntimeError, match=r"autopilot \(the traffic manager\) is not implem"):
             call()
 
 

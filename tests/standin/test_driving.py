@@ -14,7 +14,7 @@ from steersman.types import Command, Pose
 from steersman.vehicles import CarlaModel3
 
 from .reference import NEAR, OFFSET, TURNED, assert_same, commands, drive, embedded, start
-from .serving import spawn, synchronous
+from .serving import MODEL3, at, spawn, synchronous
 
 carla = pytest.importorskip("carla", reason="the wheel 'carla' is not installed")
 
@@ -67,7 +67,7 @@ def test_an_ackermann_control_reaches_its_speed_and_angle(world: Any) -> None:
     assert math.hypot(velocity.x, velocity.y) == pytest.approx(8.0, abs=0.2)
     inner = car.get_wheel_steer_angle(carla.VehicleWheelLocation.FR_Wheel)
     outer = car.get_wheel_steer_angle(carla.VehicleWheelLocation.FL_Wheel)
-    assert 0.0 < outer < math.degrees(0.1) < inner
+    assert 0.0 < outer < inner < math.degrees(0.1)
     assert car.get_angular_velocity().z > 0.0
     # The wheels turn no faster than asked, and a plain control ends it all.
     car.apply_ackermann_control(carla.VehicleAckermannControl(steer=-0.1, steer_speed=0.1))
@@ -82,6 +82,29 @@ def test_an_ackermann_control_reaches_its_speed_and_angle(world: Any) -> None:
         world.tick()
     assert math.hypot(car.get_velocity().x, car.get_velocity().y) < 0.3
     assert car.get_control().brake == 1.0
+
+
+@pytest.mark.parametrize("name", [MODEL3, "vehicle.lincoln.mkz_2020"])
+def test_an_ackermann_angle_is_a_share_of_the_largest_wheel_angle(world: Any, name: str) -> None:
+    # As in CARLA's AckermannController.cpp: what the steering law does after that is not undone.
+    car = world.spawn_actor(world.get_blueprint_library().find(name), at(10.0))
+    lock = math.radians(car.get_physics_control().wheels[0].max_steer_angle)
+    car.set_target_velocity(carla.Vector3D(x=15.0))
+    car.apply_ackermann_control(carla.VehicleAckermannControl(steer=0.05, speed=15.0))
+    world.tick()
+    world.tick()
+    assert car.get_control().steer == pytest.approx(0.05 / lock, rel=1e-6)
+    speed = math.hypot(car.get_velocity().x, car.get_velocity().y)
+    inner = math.radians(car.get_wheel_steer_angle(carla.VehicleWheelLocation.FR_Wheel))
+    # At 20 to 60 km/h the curve falls from 0.9 to 0.8.
+    assert inner == pytest.approx(0.05 * (0.9 - 0.1 * (3.6 * speed - 20.0) / 40.0), rel=1e-3)
+    # A rate holds from one command to the next; beyond the lock there is nothing.
+    car.apply_ackermann_control(carla.VehicleAckermannControl(-2.0, 0.4, 15.0))
+    world.tick()
+    assert car.get_control().steer == pytest.approx((0.05 - 0.4 * 0.05) / lock, rel=1e-5)
+    car.apply_ackermann_control(carla.VehicleAckermannControl(-2.0, 0.0, 15.0))
+    world.tick()
+    assert car.get_control().steer == -1.0
 
 
 def test_controls_beyond_their_range_are_limited(world: Any) -> None:

@@ -25,6 +25,7 @@ _COMMANDS = {
     14: "set_actor_simulate_physics",
     19: "set_actor_location",
 }
+_AUTOPILOT = 16
 # Where a vehicle control says "reverse", which the longitudinal map does not have.
 _REVERSE = 4
 
@@ -187,7 +188,8 @@ def _execute(desk: Desk, command: Any, subject: int | None) -> list[Any]:
             fault = desk.execute(_COMMANDS[kind], [number, *rest])
             return [[0, [fault]]] if fault else [[1, number]]
         case [[int() as kind, _]]:
-            return [[0, [f"stand-in: command {kind} of a batch is not implemented"]]]
+            what = "autopilot" if kind == _AUTOPILOT else f"command {kind} of a batch"
+            return [[0, [f"stand-in: {what} is not implemented"]]]
     return [[0, ["stand-in: not a command of a batch"]]]
 
 

@@ -16,6 +16,9 @@ SPECTATOR = "spectator"
 
 # Types of attributes as CARLA counts them.
 _BOOL, _INT, _FLOAT, _STRING, _COLOR = range(1, 6)
+# Those of the Model 3 that clients name; there is nothing to paint here.
+_COLORS = ("17,37,103", "75,87,173", "180,44,44", "180,180,180", "44,44,44", "137,0,0")
+_PLACES = ("front", "back", "left", "right", "front_left", "front_right", "back_left", "back_right")
 _NOISE = ("accel_stddev", "gyro_stddev", "gyro_bias")
 
 
@@ -31,16 +34,23 @@ class Model(NamedTuple):
     """Of the body [m]."""
     radius: float
     """Of the wheels [m]."""
+    generation: int
+    """Of the asset, as CARLA's catalogue counts."""
+    special: str
+    """Special type there."""
+    fittings: bool
+    """Whether it has lights and doors there; here it has neither."""
 
 
 def models(model3: Vehicle) -> dict[str, Model]:
     """The vehicles by blueprint; ``model3`` is what drives behind the Model 3's name.
 
     Offsets, heights and radii: CARLA's blueprints; the MKZ's body is taken to be the Model 3's.
+    The rest: https://carla.readthedocs.io/en/0.9.16/catalogue_vehicles/.
     """
     return {
-        MODEL3: Model(model3, 0.45, -0.3, 1.49, 0.37),
-        MKZ: Model(CarlaMkz2020(), 0.6, -0.3, 1.49, 0.37),
+        MODEL3: Model(model3, 0.45, -0.3, 1.49, 0.37, 1, "electric", False),
+        MKZ: Model(CarlaMkz2020(), 0.6, -0.3, 1.49, 0.37, 2, "", True),
     }
 
 
@@ -49,25 +59,42 @@ def default_models() -> dict[str, Model]:
     return models(CarlaModel3())
 
 
-def _attribute(name: str, kind: int, value: str, modifiable: bool = True) -> list[Any]:
-    return [name, kind, value, [], modifiable, False]
+def _given(name: str, kind: int, value: str) -> list[Any]:
+    """An attribute that is told and cannot be set."""
+    return [name, kind, value, [], False, False]
+
+
+def _choice(name: str, kind: int, *values: str) -> list[Any]:
+    """An attribute that can be set; these are recommended, the first is what it begins with."""
+    return [name, kind, values[0], list(values), True, False]
+
+
+def _car(model: Model) -> list[list[Any]]:
+    """Attributes of a vehicle, as 0.9.16 makes them; without ``driver_id``: nobody sits in it."""
+    fittings = str(model.fittings).lower()
+    return [
+        _choice("role_name", _STRING, "autopilot", "scenario", "ego_vehicle"),
+        _choice("color", _COLOR, *_COLORS),
+        _choice("sticky_control", _BOOL, "true"),
+        _choice("terramechanics", _BOOL, "false"),
+        _given("object_type", _STRING, ""),
+        _given("base_type", _STRING, "car"),
+        _given("special_type", _STRING, model.special),
+        _given("number_of_wheels", _INT, "4"),
+        _given("generation", _INT, str(model.generation)),
+        _given("has_dynamic_doors", _BOOL, fittings),
+        _given("has_lights", _BOOL, fittings),
+    ]
 
 
 def definitions(vehicles: dict[str, Model]) -> list[list[Any]]:
     """The blueprint library as it travels: uid, id, tags, attributes."""
-    found: dict[str, list[list[Any]]] = {}
-    for name in vehicles:
-        found[name] = [
-            _attribute("base_type", _STRING, "car", False),
-            _attribute("number_of_wheels", _INT, "4", False),
-            _attribute("color", _COLOR, "180,180,180"),
-            _attribute("role_name", _STRING, "autopilot"),
-            _attribute("sticky_control", _BOOL, "true"),
-        ]
-    common = [_attribute("role_name", _STRING, "front"), _attribute("sensor_tick", _FLOAT, "0.0")]
-    noise = [_attribute(f"noise_{what}_{axis}", _FLOAT, "0.0") for what in _NOISE for axis in "xyz"]
-    found[IMU] = [*common, *noise, _attribute("noise_seed", _INT, "0")]
-    found[COLLISION] = [_attribute("role_name", _STRING, "front")]
+    place = _choice("role_name", _STRING, *_PLACES)
+    noise = [_choice(f"noise_{what}_{axis}", _FLOAT, "0.0") for what in _NOISE for axis in "xyz"]
+    found = {name: _car(model) for name, model in vehicles.items()}
+    tick, seed = _choice("sensor_tick", _FLOAT, "0.0"), _choice("noise_seed", _INT, "0")
+    found[IMU] = [place, tick, *noise, seed]
+    found[COLLISION] = [place]
     return [
         [uid, name, name.replace(".", ","), attributes]
         for uid, (name, attributes) in enumerate(found.items(), start=1)

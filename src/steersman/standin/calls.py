@@ -29,6 +29,16 @@ _NOTHING_ELSEWHERE = frozenset(
         "unload_map_layer",
     }
 )
+# Calls by which the client drives cars itself; their names would not tell a user what was refused.
+_AUTOPILOT = frozenset(
+    {
+        "add_traffic_manager_running",
+        "destroy_traffic_manager",
+        "get_traffic_manager_running",
+        "is_traffic_manager_running",
+        "set_actor_autopilot",
+    }
+)
 # What a malformed argument can raise deep inside; all of it is the client's to mend.
 _WRONG_ARGUMENTS = (
     ValueError,
@@ -79,7 +89,8 @@ class Desk:
     def answer(self, name: str, arguments: list[Any]) -> Any:
         """The result of a call; whatever is wrong with it becomes the error that is answered."""
         if name not in _answers:
-            text = f"stand-in: {name!r} is not implemented; docs/carla_standin.md lists what is"
+            what = "autopilot (the traffic manager)" if name in _AUTOPILOT else repr(name)
+            text = f"stand-in: {what} is not implemented; docs/carla_standin.md lists what is"
             warn_once(text)
             return failure(text, Reply.NOTHING if name in _NOTHING_ELSEWHERE else Reply.VALUE)
         reply, function = _answers[name]

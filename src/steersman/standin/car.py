@@ -107,4 +107,3 @@ def warm_up() -> None:
     car.advance(LONGEST_STEP, 1)
     car.wheel_angle(FRONT_LEFT)
     car.rolled_over()
-    car.vehicle.steer_for_wheel_angle(0.0, 0.0)

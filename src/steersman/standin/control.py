@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
 # Throttle, steer (right-positive), brake, hand brake, reverse, manual gear, gear.
 _CENTRED = (0.0, 0.0, 0.0, False, False, False, 0)
+_STEER = 1
+# A slower rate than this counts as none being asked for [rad/s].
+_NO_RATE = 1e-3
 
 
 class Gains(NamedTuple):
@@ -47,7 +50,6 @@ class Control:
         self.gains = Gains()
         self._ackermann: Ackermann | None = None
         self._pedal = 0.0
-        self._wheel = 0.0
 
     def direct(self, values: Any) -> Command:
         """Take a vehicle control from the wire: throttle, steer, brake, switches and gear.
@@ -82,7 +84,6 @@ class Control:
             raise Refused(f"an Ackermann control must be finite: {values!r:.80}")
         if self._ackermann is None:
             self._pedal = 0.0
-            self._wheel = math.nan
         self._ackermann = wanted
 
     def set_gains(self, values: Any) -> None:
@@ -102,20 +103,13 @@ class Control:
         """The command of an Ackermann request for the next tick; none: the last one holds.
 
         Speed error to acceleration by ``speed_kp`` per second, bounded by the request's; its error
-        moves the pedal, which stays where it is when acceleration is right. Wheels turn at the
-        requested rate towards the angle, by the inverse of the steering law.
+        moves the pedal, which stays where it is when acceleration is right.
         """
         wanted = self._ackermann
         if wanted is None or dt <= 0.0:
             return None
         speed, a_x = float(car.state[kernel.VX]), float(car.state[kernel.AX])
-        angle = 0.0 - wanted.steer
-        if math.isnan(self._wheel):
-            self._wheel = float(car.state[kernel.WHEEL])
-        reach = abs(wanted.steer_speed) * dt if wanted.steer_speed else math.inf
-        self._wheel += min(max(angle - self._wheel, -reach), reach)
-        steer = car.vehicle.steer_for_wheel_angle(self._wheel, abs(speed))
-        steer = min(max(steer, -1.0), 1.0)
+        steer = self._steer(wanted, car.vehicle.max_wheel_angle, dt)
         target = self.gains.speed_kp * (wanted.speed - speed) / dt
         most = abs(wanted.acceleration) or 3.0
         target = min(max(target, -most), most)
@@ -126,6 +120,19 @@ class Control:
         throttle, brake = max(self._pedal, 0.0), max(-self._pedal, 0.0)
         self.told = (throttle, 0.0 - steer, brake, False, False, False, 1)
         return Command(steer, throttle, brake)
+
+    def _steer(self, wanted: Ackermann, lock: float, dt: float) -> float:
+        """Steering command, left-positive: the angle as a share of the largest wheel angle [rad].
+
+        Like CARLA's controller (AckermannController.cpp): what the steering law then makes of a
+        command (the curve over speed, the outer wheel) is not undone, so the wheels turn less than
+        asked for. The rate holds from one command to the next, wherever the wheels are.
+        """
+        angle = min(max(0.0 - wanted.steer, -lock), lock)
+        if abs(wanted.steer_speed) >= _NO_RATE:
+            before, reach = 0.0 - self.told[_STEER] * lock, abs(wanted.steer_speed) * dt
+            angle = before + min(max(angle - before, -reach), reach)
+        return angle / lock
 
 
 def _limited(value: Any, low: float) -> float:
