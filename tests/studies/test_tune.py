@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
@@ -87,6 +88,14 @@ def test_an_interrupted_study_goes_on(tmp_path: FilePath) -> None:
         tune(study(), tmp_path, stop)
     tune(study(), tmp_path, lambda number, _: seen.append(number))
     assert seen == [1, 2, 3, 4, 5, 6]
+
+
+def test_a_lock_that_a_killed_study_left_is_no_hindrance(tmp_path: FilePath) -> None:
+    tune(study(trials=1), tmp_path)
+    (tmp_path / "study.jsonl.lock").symlink_to(tmp_path / "study.jsonl")
+    begun = time.monotonic()
+    tune(study(trials=2), tmp_path)
+    assert time.monotonic() - begun < 10.0  # Optuna would wait for half a minute
 
 
 def test_leaving_the_road_costs_more_than_staying_on_it_badly() -> None:

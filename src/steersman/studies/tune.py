@@ -136,9 +136,13 @@ def _opened(config: TuneConfig, out: FilePath) -> Any:
     from optuna.storages import JournalStorage
     from optuna.storages.journal import JournalFileBackend
 
+    journal = out / "study.jsonl"
+    # Optuna's own lock stays behind if it is killed while it writes, and would be waited for; by
+    # now this process is alone in the folder, so nobody holds it.
+    journal.with_name(f"{journal.name}.lock").unlink(missing_ok=True)
     study = optuna.create_study(
         study_name=config.controller.kind,
-        storage=JournalStorage(JournalFileBackend(str(out / "study.jsonl"))),
+        storage=JournalStorage(JournalFileBackend(str(journal))),
         load_if_exists=True,
     )
     for trial in study.get_trials(deepcopy=False, states=[_states().RUNNING]):
