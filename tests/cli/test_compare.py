@@ -179,7 +179,7 @@ def test_trainings_drive_with_their_policies(
         (("pid", "lqrr"), "unknown controller 'lqrr'; did you mean 'lqr'?"),
         (("pid", "none/"), "unknown controller 'none/'"),
         (("pid", "empty"), "empty: holds nothing to compare"),
-        (("pid", "several"), "several: name one of those in it: several/a, several/b"),
+        (("pid", "several"), "several: name one of those in it: several/a, several/b\n"),
         (("pid", "lqr", "suite=quik"), "unknown suite 'quik'; did you mean 'quick'?"),
         (("pid", "lqr", "corridor=-1"), "corridor: -1"),
         (("pid", "lqr", "suite=quick", "suite=core"), "given twice"),
@@ -201,6 +201,8 @@ def test_wrong_words_are_one_line(
     for name in ("a", "b"):
         (tmp_path / "several" / name).mkdir(parents=True)
         drive.save(tmp_path / "several" / name / "episode.npz")
+    (tmp_path / "several" / "checkpoints").mkdir()
+    np.savez(tmp_path / "several" / "checkpoints" / "weights.npz", a=np.zeros(2))  # no episode
     (tmp_path / "rows").mkdir()
     row = {"key": "1", "controller": "pid", "scenario": "s", "path": "p"}
     (tmp_path / "rows" / "rows.jsonl").write_text(json.dumps(row) + "\n")

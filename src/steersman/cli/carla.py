@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from steersman.cli.output import write
+from steersman.cli.output import folded, write
 
 if TYPE_CHECKING:
     from steersman.vehicles import Vehicle
@@ -62,10 +63,11 @@ def serve(
     )
 
     def ready(server: Server) -> None:
-        write(
+        line = (
             f"stand-in for a CARLA server: {server.host}:{server.port}, streams on "
-            f"{server.stream_port}; vehicle.tesla.model3 is {vehicle}; Ctrl-C stops it\n"
+            f"{server.stream_port}; vehicle.tesla.model3 is {vehicle}; Ctrl-C stops it"
         )
+        write(f"{folded(line, sys.stdout)}\n")
 
     run(server, ready)
     write("stand-in: stopped\n")

@@ -211,10 +211,15 @@ def _trainings(found: Mapping[str, Any]) -> list[dict[str, Any]]:
             "figures": [
                 _curve(records, column, title)
                 for column, title in _CURVES.items()
-                if all({"steps", column} <= set(record) for record in records.values())
+                if all(_drawable(record, column) for record in records.values())
             ],
         }
     ]
+
+
+def _drawable(record: Mapping[str, Any], column: str) -> bool:
+    """Whether a record makes a line of a column."""
+    return {"steps", column} <= set(record) and len(record["steps"]) > 1
 
 
 def _curve(records: Mapping[str, Mapping[str, Any]], column: str, title: str) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from steersman.bench.journal import NAME as ROWS
 from steersman.bench.journal import read_rows
 from steersman.bench.suite import Suite
 from steersman.config import build, read_yaml
-from steersman.episode import Episode, load_episode
+from steersman.episode import Episode, is_episode, load_episode
 from steersman.errors import ConfigError, DataError, suggestion
 
 # Most of them: they are told apart by a letter each.
@@ -111,7 +111,8 @@ def _nothing(folder: FilePath) -> str:
 
 def _inside(folder: FilePath) -> list[FilePath]:
     try:
-        return [f for name in ("*.npz", ROWS, _POLICY) for f in folder.rglob(name)]
+        found = [f for name in ("*.npz", ROWS, _POLICY) for f in folder.rglob(name)]
+        return [f for f in found if f.suffix != ".npz" or is_episode(f)]
     except OSError as error:
         raise DataError(f"{folder}: cannot be read ({error.strerror})") from None
 
