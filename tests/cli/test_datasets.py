@@ -50,6 +50,7 @@ def test_demonstrations_exported_and_cloned(steersman: Steersman, tmp_path: File
     result = steersman("imitate", *words)
     assert result.exit_code == 0
     assert "100% by demonstrator: sets/tiny-v0" in result.stderr
+    assert "\n1/1 rounds: RMS error " in result.stderr
     assert result.stdout == "clone/policy.onnx\n"
     # A training's folder names its configuration, too.
     assert steersman("export", "clone", "--to", "minari", "--out", "sets").exit_code == 0

@@ -101,14 +101,16 @@ def imitate_with_bar(
     """Imitate, and show tracking error and the time left on stderr."""
     from steersman.learning.imitation.imitate import imitate as run
 
-    steps = config.round_steps * config.vehicles
-    with steps_bar(steps * config.rounds, "imitation") as update:
+    # Data have no steps that are driven: there rounds are counted.
+    steps, noun = (1, "rounds") if config.data else (config.round_steps * config.vehicles, "steps")
+    with steps_bar(steps * config.rounds, "imitation", noun) as update:
         text = "imitation"
 
         def tell(row: dict[str, float]) -> None:
             nonlocal text
             text = progress_text(row)
-            update(row["steps"], text)
+            done = round(row["updates"] * config.rounds / config.fit.updates)
+            update(done if config.data else row["steps"], text)
 
         def tick(rounds: float) -> None:
             update(rounds * steps, text)

@@ -5,6 +5,7 @@ Only the folder is ever touched: nothing is looked up, downloaded or uploaded. d
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import shutil
@@ -109,6 +110,7 @@ def _fill(data: FilePath, dataset_id: str, stored: Stored) -> None:
         env_spec=EnvSpec(_ENVIRONMENT, _ENTRY_POINT, kwargs={"problem": dump(problem)}),
         data_format="arrow",
     )
+    storage.update_episodes(_buffer(problem, one) for one in stored.trajectories)
     storage.update_metadata(
         {
             "dataset_id": dataset_id,
@@ -124,10 +126,18 @@ def _fill(data: FilePath, dataset_id: str, stored: Stored) -> None:
                 "observation": names,
                 "drivers": {str(who.value): who.name.lower() for who in Who},
                 "steps": steps(stored.trajectories),
+                "sha256": _digests(data),
             },
         }
     )
-    storage.update_episodes(_buffer(problem, one) for one in stored.trajectories)
+
+
+def _digests(data: FilePath) -> dict[str, str]:
+    """SHA-256 of each file of numbers: Arrow has no checksum, and aborts on what is damaged."""
+    return {
+        file.relative_to(data).as_posix(): hashlib.sha256(file.read_bytes()).hexdigest()
+        for file in sorted(data.glob("*/*.arrow"))
+    }
 
 
 def _description() -> str:
@@ -179,6 +189,10 @@ def read(name: str) -> Stored:
         head = dataset.storage.metadata.get(_KEY)
         if not isinstance(head, dict) or head.get("format") != _FORMAT:
             raise DataError(f"{name}: is no dataset of Steersman: its observations are not known")
+        found, wanted = _digests(place / "data"), head["sha256"]
+        changed = [file for file in wanted if found.get(file) != wanted[file]]
+        if changed:
+            raise DataError(f"{name}: data/{changed[0]} is missing, damaged or was changed")
         problem = build(Problem, head["problem"])
         return Stored(problem, _trajectories(dataset), str(head["source"]))
     except ConfigError as error:
