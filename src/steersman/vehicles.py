@@ -53,6 +53,11 @@ class _Built:
 class Vehicle(Component):
     """A car with four wheels, steered in front. Defaults are a CARLA Tesla Model 3."""
 
+    @property
+    def title(self) -> str:
+        """What a reader calls it."""
+        return self.kind
+
     mass: float = param(1845.0, "kg", "Mass.", gt=0)
     yaw_inertia: float = param(3958.0, "kg m^2", "Moment of inertia about the z axis.", gt=0)
     l_f: float = param(1.168, "m", "Centre of mass to front axle.", gt=0)
@@ -273,6 +278,11 @@ class VehicleFile(Vehicle):
     """
 
     file: str = required("-", "YAML file with the vehicle's figures.")
+
+    @property
+    def title(self) -> str:
+        """The file's name."""
+        return FilePath(self.file).name
 
     @model_validator(mode="before")
     @classmethod

@@ -12,11 +12,14 @@ from typer.testing import CliRunner, Result
 from steersman.bench.suites import suite
 from steersman.cli import app
 from steersman.config import build, lookup
+from steersman.errors import PlantError
 from steersman.paths.basic import Circle
 from steersman.plants.carla import CarlaConfig
 from steersman.plants.simulator import SimulatorConfig
 from steersman.rollout import run
+from steersman.studies.calibrate import calibrate as module
 from steersman.studies.calibrate.calibrate import calibrate
+from steersman.studies.calibrate.identify import Fit
 from steersman.types import Command, Pose
 from steersman.vehicles import Bmw320i, CarlaModel3, Vehicle
 
@@ -144,6 +147,35 @@ def test_calibration_recovers_known_parameters(true: Vehicle) -> None:
     # What is not fitted stays what it was.
     assert found.vehicle.mass == believed.mass
     assert len(told) > 15
+
+
+@pytest.mark.parametrize("offset", [0.02, -0.02])
+def test_misaligned_steering_is_found(offset: float) -> None:
+    """Known or not before."""
+    true = CarlaModel3(steer_bias=offset)
+    for believed in (CarlaModel3(), true):
+        found = calibrate(Believed(true, believed), lambda _: None)
+        assert found.vehicle.steer_bias == pytest.approx(offset, abs=1e-6)
+        for name in ("max_wheel_angle", "c_f", "c_r", "yaw_inertia"):
+            assert getattr(found.vehicle, name) == pytest.approx(getattr(true, name), rel=5e-3)
+        assert found.fits["steering curve"].error < 1e-3
+
+
+@pytest.mark.parametrize(("usual", "told"), [(0.1, False), (1e-6, True)])
+def test_fits_that_leave_more_than_usual_are_told(
+    usual: float, told: bool, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(module.USUAL, "throttle map", usual)
+    result = steersman("carla", "calibrate", "plant=simulator", "--out", "car.yaml")
+    assert result.exit_code == 0, result.output
+    assert ("note: throttle map leaves" in result.stderr) == told
+
+
+def test_a_fit_that_is_no_cars_is_one_line() -> None:
+    fits = {"steering rate": Fit({"steer_rate_up": -1.0}, 0.0, "-")}
+    with pytest.raises(PlantError, match=r"calibrate: steering rate: the fit is no car's: .*-1"):
+        module._explained(CarlaModel3(), fits, "steering rate")
 
 
 def test_calibration_through_the_server_and_its_file(

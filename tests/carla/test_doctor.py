@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from steersman.plants import carla_doctor as doctor
+from steersman.plants.carla import CarlaConfig
 from steersman.plants.carla_doctor import Finding, _Run
 from steersman.plants.simulator import SimulatorConfig
 from steersman.types import Command, Pose, VehicleState
@@ -83,8 +84,27 @@ def test_runs_that_differ(apart: float, healthy: bool) -> None:
     assert healthy or faulty(found, "nothing else may run on the server")
 
 
+@pytest.mark.parametrize(
+    ("blueprint", "believed", "read", "cure"),
+    [
+        ("vehicle.tesla.model3", CarlaModel3(), False, ""),
+        ("vehicle.tesla.model3", CarlaModel3(mass=1093.0), True, ""),
+        ("vehicle.tesla.model3", CarlaModel3(mass=1093.0), False, "plant.read_physics=true"),
+        ("vehicle.lincoln.mkz_2020", CarlaModel3(), True, "vehicle=carla_mkz2020"),
+        ("vehicle.audi.tt", CarlaModel3(), True, ""),
+    ],
+)
+def test_what_is_believed_of_the_car(
+    blueprint: str, believed: CarlaModel3, read: bool, cure: str
+) -> None:
+    config = CarlaConfig(vehicle=blueprint, read_physics=read)
+    found = doctor._vehicle(config, believed, CarlaModel3())
+    assert found.healthy == (cure == "")
+    assert cure in found.cure
+
+
 def test_what_the_server_tells_otherwise() -> None:
-    assert doctor._differences(CAR, CAR) == "as it is believed to be"
+    assert doctor._differences(CAR, CAR) == ""
     other = CAR.replace(mass=2100.0, steer_curve_factor=(1.0, 1.0, 1.0, 1.0))
     said = doctor._differences(CAR, other)
-    assert said == "the server tells mass 2100 (not 1845), another steering curve"
+    assert said == "mass 2100 (not 1845), another steering curve"

@@ -90,8 +90,36 @@ def test_a_server_that_is_starting_is_waited_for(monkeypatch: pytest.MonkeyPatch
 def test_somebody_who_never_answers(lib: Any) -> None:
     with listening() as listener:
         port = listener.getsockname()[1]
-        with pytest.raises(PlantError, match=r"connecting: no answer within 0\.5 s; .*plant\.tim"):
+        with pytest.raises(PlantError, match=r"no answer within 0\.5 s; .*plant\.port"):
             config(port, timeout=0.5).make(CarlaModel3())
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        b"SSH-2.0-OpenSSH_9.2\r\n",
+        b"HTTP/1.0 400 Bad request\r\n\r\n",
+        b"\xc1" * 64,
+        b"\x94\x01\x07\xc0\xc0",  # an answer to another question
+        b"\xdd\xff\xff\xff\xff",  # an array that would fill the memory
+        b"",
+    ],
+)
+def test_somebody_who_is_no_carla_server(lib: Any, words: bytes) -> None:
+    """The client itself would end the process."""
+
+    def answer() -> None:
+        stream, _ = listener.accept()
+        with stream:
+            stream.recv(64)
+            stream.sendall(words)
+
+    with listening() as listener:
+        other = threading.Thread(target=answer)
+        other.start()
+        with pytest.raises(PlantError, match="somebody answers, but not as a CARLA server does"):
+            config(listener.getsockname()[1]).make(CarlaModel3())
+        other.join()
 
 
 @pytest.mark.parametrize(
@@ -156,7 +184,8 @@ def test_a_failed_start_leaves_nothing_behind(carla: CarlaConfig, raw: Any) -> N
 DRIVE = (sys.executable, "-c", "from steersman.cli import main; main()", "drive", "duration=600")
 
 
-def test_ctrl_c_leaves_nothing_behind(carla: CarlaConfig, raw: Any) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_leaves_nothing_behind(carla: CarlaConfig, raw: Any, number: signal.Signals) -> None:
     words = ("plant=carla", f"plant.port={carla.port}", "plant.warm_up=0.1")
     process = subprocess.Popen(
         [*DRIVE, *words, "--json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -170,7 +199,7 @@ def test_ctrl_c_leaves_nothing_behind(carla: CarlaConfig, raw: Any) -> None:
         world = raw.get_world()
         for _ in range(80):  # past spawning and the run-up
             world.wait_for_tick(20.0)
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         out, error = process.communicate(timeout=30.0)
     finally:
         if process.poll() is None:
@@ -193,7 +222,7 @@ def abandon(plant: CarlaPlant) -> None:
 
 
 def test_a_stale_session_is_recovered(carla: CarlaConfig, raw: Any) -> None:
-    plant = carla.make(CarlaModel3())
+    plant = carla.model_copy(update={"rendering": False}).make(CarlaModel3())
     plant.enter(Straight())
     plant.reset(START, 5.0, 0.0)
     abandon(plant)
@@ -201,6 +230,7 @@ def test_a_stale_session_is_recovered(carla: CarlaConfig, raw: Any) -> None:
     with driving(carla) as again:
         assert "left in synchronous mode by a client that is gone" in again.session.notes[0]
         assert "1 of its vehicles" in again.session.notes[0]
+        assert not again.session._found.no_rendering_mode
         assert again.step(HOLD).v_x == pytest.approx(8.0, abs=0.5)
         assert len(again.session.world.get_actors().filter("vehicle.*")) == 1
     assert left_behind(raw) == (False, 0)
@@ -315,7 +345,9 @@ def test_a_server_that_dies_in_mid_run() -> None:
                 killed.append(time.monotonic())
                 os.kill(own.process.pid, signal.SIGKILL)
 
-        with pytest.raises(PlantFailure, match=r"no answer within 2 s; .*, at t = ") as caught:
+        with pytest.raises(
+            PlantFailure, match=r"ticking: the server is gone: .*, at t = "
+        ) as caught:
             run(running(plant=plant, path=Circle(), duration=120.0), progress)
         assert time.monotonic() - killed[0] < 15.0
         assert len(caught.value.episode) == 101  # told after the 100th step
@@ -374,5 +406,8 @@ def test_a_route_on_a_map_of_the_server(lib: Any, tmp_path: FilePath) -> None:
         assert found.end == "duration"
         world = lib.Client("127.0.0.1", own.port).get_world()
         assert world.get_map().name.endswith("Ring")  # it was not replaced
+        message = r"at s = \d+ m the path is not on a road of Ring, the nearest lane is \d"
+        with pytest.raises(PlantError, match=message):
+            run(running(plant=plant, path=Circle(radius=50.0), duration=1.0))
         expected = run(running(controller="pid", **words_of))
         assert max(abs(found["x"] - expected["x"])) < 1e-3

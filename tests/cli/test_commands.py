@@ -169,6 +169,7 @@ class TestDrive:
         assert data["config"]["path"] == {"kind": "circle", "radius": 40.0, "direction": "left"}
         assert set(METRICS) < set(data["metrics"])
         assert data["metrics"]["end"] == "duration"
+        assert data["metrics"]["plant"] == "embedded simulator"
         assert data["metrics"]["duration_s"] == pytest.approx(2.0)
         assert build(RunConfig, data["config"]).duration == 2.0
 
@@ -251,7 +252,7 @@ class TestDrive:
         assert result.exit_code == 2
         assert result.stdout == ""
         assert result.stderr.startswith("error: controller 'pid' returned steering nan")
-        assert "at t = 1.50 s" in result.stderr
+        assert "at t = 1.50 s; what was driven until then is in run" in result.stderr
         assert result.stderr.count("\n") == 1
         episode = load_episode(tmp_path / "run" / "episode.npz")
         assert (episode.end, len(episode)) == ("error", 30)

@@ -106,6 +106,7 @@ def bench(
     plan, read = _plan(suite, assignments, maps)
     jobs = jobs_for(plan, jobs, engine)
     found = entrants(named)
+    settings.tell_plant(plan.plant)
     folder = settings.out_folder(out)
     tell_compiling()
     scenarios, left_out = plan.scenarios(numbers), plan.left_out(numbers)

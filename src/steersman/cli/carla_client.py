@@ -111,6 +111,7 @@ def calibrate(
 
 def _show(found: Calibration, file: str) -> None:
     from steersman.messages import field_unit
+    from steersman.studies.calibrate.calibrate import USUAL
 
     figures = table("figure", "before", "fitted", "unit", right=("before", "fitted"))
     kind = type(found.vehicle)
@@ -119,6 +120,12 @@ def _show(found: Calibration, file: str) -> None:
             if isinstance(value, float):
                 unit = field_unit(kind.model_fields[name])
                 figures.add_row(name, f"{getattr(found.before, name):.5g}", f"{value:.5g}", unit)
+    for name, fit in found.fits.items():
+        if fit.error > USUAL[name]:
+            note(
+                f"note: {name} leaves {fit.error:.2g} {fit.unit}, usual is {USUAL[name]:g} at most:"
+                " the car does something that the fitted model does not have"
+            )
     left = ", ".join(f"{name} {fit.error:.2g} {fit.unit}" for name, fit in found.fits.items())
     show(figures, f"\nRMS errors that the fits leave: {left}", f"written to {file}")
 

@@ -11,7 +11,7 @@ import typer
 from steersman.cli import recording, settings
 from steersman.cli.outcome import INTERRUPTED
 from steersman.cli.output import note, share_bar, show, show_json, table, tell_compiling
-from steersman.errors import DataError
+from steersman.errors import DataError, SteersmanError
 
 if TYPE_CHECKING:
     from steersman.episode import Episode
@@ -63,11 +63,11 @@ def drive(
     """
     tree = settings.read(words or [], "drive")
 
-    from steersman.bench.metrics import summarise
     from steersman.config import build, dump
     from steersman.rollout import PlantFailure, RunConfig, RunError, run
 
     config = build(RunConfig, tree)
+    settings.tell_plant(config.plant)
     folder = None if out is None else _folder(out, overwrite=overwrite)
     page = None if report is None else _page(report)
     file = recording.recording_file(mcap)
@@ -77,13 +77,13 @@ def drive(
             episode = run(config, progress)
     except (RunError, PlantFailure) as error:
         if folder is not None:
-            save(folder, config, error.episode, summarise(error.episode))
+            save(folder, config, error.episode, _metrics(error.episode))
         _replay(page, config, error.episode)
         recording.record(file, config, error.episode)
-        raise
-    metrics = summarise(episode)
-    if not config.plant.embedded:
-        note(f"driven on: {episode.meta['plant']}")
+        if folder is None:
+            raise
+        raise SteersmanError(f"{error}; what was driven until then is in {folder}") from error
+    metrics = _metrics(episode)
     if folder is not None:
         save(folder, config, episode, metrics)
     _replay(page, config, episode)
@@ -125,6 +125,13 @@ def save(folder: FilePath, config: RunConfig, episode: Episode, metrics: dict[st
     write_text(folder / "config.yaml", to_yaml(config))
 
 
+def _metrics(episode: Episode) -> dict[str, Any]:
+    """All metrics, and whose numbers they are."""
+    from steersman.bench.metrics import summarise
+
+    return {**summarise(episode), "plant": episode.meta["plant"]}
+
+
 def _page(name: str) -> FilePath:
     """The file of the page, proved to be possible before anything is driven.
 
@@ -164,7 +171,7 @@ def _show(config: RunConfig, metrics: dict[str, Any], folder: FilePath | None) -
     for name, metric in METRICS.items():
         late = text(steady[name]) if name in steady else ""
         figures.add_row(metric.meaning, metric.unit, text(metrics[name]), late)
-    who = f"{config.controller.kind} drives {config.vehicle.kind}"
+    who = f"{config.controller.kind} drives {config.plant.car(config.vehicle)}"
     where = f"on {config.path.kind}, {config.speed.kind}"
     end = str(metrics["end"]).replace("_", " ")
     written = [] if folder is None else [f"\nwritten to {folder}"]

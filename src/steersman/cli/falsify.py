@@ -51,6 +51,7 @@ def falsify(
 
     given = [] if trials is None else [f"trials={trials}"]
     config = build(FalsifyConfig, override(tree, given))
+    settings.tell_plant(config.plant)
     folder = settings.out_folder(out)
     tell_compiling()
     try:

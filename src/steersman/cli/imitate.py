@@ -60,6 +60,7 @@ def imitate(
     from steersman.learning.imitation.imitate import imitation_config
 
     config = imitation_config(tree)
+    settings.tell_plant(config.problem.plant)
     folder = settings.out_folder(out)
     tell_compiling()
     try:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import typer
@@ -52,7 +55,8 @@ class OneLineGroup(TyperGroup):
         """Parse the arguments, run the command, and exit."""
         extra |= {"windows_expand_args": windows_expand_args}
         try:
-            code = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
+            with _ended_as_interrupted():
+                code = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
         except _UsageError as error:
             code = fail(_usage(error))
         except SteersmanError as error:
@@ -66,6 +70,25 @@ class OneLineGroup(TyperGroup):
                 raise
             code = fail(f"{error.filename}: {error.strerror}")
         sys.exit(code if isinstance(code, int) else 0)
+
+
+@contextmanager
+def _ended_as_interrupted() -> Iterator[None]:
+    """Take the end of a session (kill, a closed terminal) for a Ctrl-C: nothing driven is lost.
+
+    Signals that are ignored, as under nohup, stay ignored.
+    """
+    numbers = [getattr(signal, name, None) for name in ("SIGTERM", "SIGHUP")]
+    ours = [n for n in numbers if n is not None and signal.getsignal(n) is signal.SIG_DFL]
+    if threading.current_thread() is not threading.main_thread():
+        ours = []
+    for number in ours:
+        signal.signal(number, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for number in ours:
+            signal.signal(number, signal.SIG_DFL)
 
 
 def fail(message: str, code: int = USER_ERROR) -> int:

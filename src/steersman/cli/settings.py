@@ -5,11 +5,14 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from steersman import tuned
 from steersman.cli.output import note
 from steersman.errors import ConfigError, DataError, suggestion
+
+if TYPE_CHECKING:
+    from steersman.plants.base import PlantComponent
 
 HELP = "A YAML file, and settings over it; a setting of a part is written part.key=value."
 _POLICY = "its policy drives with controller=policy controller.file={inside}policy.onnx"
@@ -105,6 +108,16 @@ def for_one_car(
         kind = plant.get("kind") if isinstance(plant, dict) else plant
         note(f"plant={kind} drives one car: {' '.join(changes)}")
     return override(tree, changes)
+
+
+def tell_plant(plant: PlantComponent) -> None:
+    """Say on whose server it is driven, if on one; a stand-in's numbers are never CARLA's.
+
+    Raises:
+        PlantError: the server does not answer.
+    """
+    if not plant.embedded:
+        note(f"driven on: {plant.source()}")
 
 
 def key(word: str) -> str:

@@ -65,6 +65,7 @@ def train(
     from steersman.learning.train import train_config
 
     config = train_config(tree)
+    settings.tell_plant(config.problem.plant)
     folder = settings.out_folder(out)
     tell_compiling()
     if chosen is not None:

@@ -46,6 +46,7 @@ def tune(
     from steersman.studies.tune import tune as run
 
     config = build(TuneConfig, override(tree, [f"trials={trials}"] if trials else []))
+    settings.tell_plant(config.plant)
     folder = settings.out_folder(out)
     tell_compiling()
     driven = False

@@ -81,6 +81,12 @@ class FleetDriver:
         other = demonstration.controller if demonstration.enabled and not itself else None
         self._demonstrator = self._corrected if itself else self._proposer(other)
 
+    @property
+    def source(self) -> str:
+        """Whose numbers it gives."""
+        shared = self.mover.shared
+        return self.problem.plant.source() if shared is None else shared.plant.source
+
     def _proposer(self, controller: ControllerComponent | None) -> Demonstrator | None:
         if controller is None:
             return None

@@ -298,6 +298,7 @@ class _Training:
             "steps": self.agent.num_timesteps,
             "updates": self.agent._n_updates,
             "simulated_seconds": self.agent.num_timesteps * self.env.driver.dt,
+            "plant": self.env.driver.source,
             "validation": {k: round(float(v), 6) for k, v in score._asdict().items()},
         }
         net, operators = self.agent.actor_net(), self.config.agent.operators

@@ -70,6 +70,15 @@ class Validator:
         self._config = config
         self._steps = round(problem.episode_time / self._driver.dt)
 
+    @property
+    def source(self) -> str:
+        """Whose numbers its scores are."""
+        return self._driver.source
+
+    def close(self) -> None:
+        """Release the plant, for all who share it; may be called twice."""
+        self._driver.close()
+
     def score_demonstrator(self) -> Score:
         """How the demonstrator drives; only with ``demonstrated``."""
         return self.score(lambda _: self._driver.demonstrated_actions())

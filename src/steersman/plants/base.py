@@ -43,6 +43,18 @@ class PlantComponent(Component):
     def h(self) -> float:
         """Time between the moments at which a command can begin to act [s]."""
 
+    def source(self) -> str:
+        """Whose numbers it gives, for results to be told by; a server is asked.
+
+        Raises:
+            PlantError: the server does not answer.
+        """
+        return self.kind
+
+    def car(self, vehicle: Vehicle) -> str:
+        """What is driven, in words; ``vehicle`` is what is believed of it."""
+        return vehicle.title
+
     def recorded(self) -> PlantComponent:
         """The same, keeping accelerations between control steps if it can."""
         return self

@@ -14,7 +14,7 @@ from steersman.config import param, register
 from steersman.errors import ConfigError
 from steersman.plants.base import PlantComponent
 from steersman.plants.carla_plant import CarlaPlant
-from steersman.plants.carla_server import Server
+from steersman.plants.carla_server import Server, retried, whose
 from steersman.plants.carla_session import Clock, Session
 from steersman.vehicles import Vehicle
 
@@ -87,9 +87,24 @@ class CarlaConfig(PlantComponent):
         """Commands begin to act at ticks [s]."""
         return self.dt
 
+    def source(self) -> str:
+        """CARLA of some version, or the stand-in.
+
+        Raises:
+            PlantError: there is no server, or its version is not supported.
+        """
+        return whose(retried(self._server().knock, self.attempts))
+
+    def car(self, vehicle: Vehicle) -> str:
+        """The blueprint, and the vehicle it is taken for."""
+        return f"{self.vehicle} (taken for {vehicle.title})"
+
+    def _server(self) -> Server:
+        return Server(self.host, self.port, self.timeout, self.attempts)
+
     def session(self) -> Session:
         """A session with the server, to be opened."""
-        server = Server(self.host, self.port, self.timeout, self.attempts)
+        server = self._server()
         clock = Clock(self.dt, self.max_substep_delta_time, self.max_substeps, self.rendering)
         return Session(library(), server, clock)
 

@@ -17,6 +17,11 @@ from steersman.plants.carla_session import ROLE, Session
 from steersman.types import Command, Pose, VehicleState
 from steersman.vehicles import Vehicle
 
+# Blueprints whose figures the package has, too.
+KNOWN = {
+    "vehicle.tesla.model3": "carla_model3",
+    "vehicle.lincoln.mkz_2020": "carla_mkz2020",
+}
 # The test drive: its road and speed, the time to look at it [s], and the steady steering.
 _RADIUS, _SPEED, _SECONDS = 50.0, 8.0, 4.0
 # Runs that differ by more are not repeatable [m].
@@ -55,7 +60,7 @@ def examine(config: CarlaConfig, vehicle: Vehicle, *, clean: bool = False) -> It
     """
     session = config.session()
     try:
-        session.open()
+        session.open(aloud=False)
     except PlantError as error:
         session.close()
         yield Finding("connection", False, str(error))
@@ -111,7 +116,7 @@ def _test_drive(config: CarlaConfig, vehicle: Vehicle, session: Session) -> Iter
     at = path.at(0.0)
     start = Pose(at.x, at.y, at.psi)
     first = plant.reset(start, 0.0, 0.0)
-    yield Finding("vehicle", True, f"{config.vehicle}: {_differences(vehicle, plant.vehicle)}")
+    yield _vehicle(config, vehicle, plant.told)
     yield _takes_off(plant, first)
     begun = time.perf_counter()
     one, other = _drive(plant, start), _drive(plant, start)
@@ -128,8 +133,22 @@ def _test_drive(config: CarlaConfig, vehicle: Vehicle, session: Session) -> Iter
     )
 
 
+def _vehicle(config: CarlaConfig, given: Vehicle, told: Vehicle) -> Finding:
+    """What the server tells otherwise, and whose the figures are that it does not tell."""
+    other = _differences(given, told)
+    text = f"{config.vehicle}: " + (f"the server tells {other}" if other else "as it is believed")
+    known = KNOWN.get(config.vehicle)
+    if known is not None and given.kind in KNOWN.values() and given.kind != known:
+        text += f"; stiffnesses, yaw inertia and throttle map are {given.kind}'s"
+        return Finding("vehicle", False, text, f"vehicle={known}, or steersman carla calibrate")
+    if other and not config.read_physics:
+        cure = "plant.read_physics=true, or the vehicle file of this car"
+        return Finding("vehicle", False, f"{text}, and is not believed", cure)
+    return Finding("vehicle", True, text)
+
+
 def _differences(given: Vehicle, found: Vehicle) -> str:
-    """Which figures the server tells otherwise."""
+    """Which figures the server tells otherwise; empty if none."""
     names = [
         f"{name} {getattr(found, name):.4g} (not {getattr(given, name):.4g})"
         for name in ("mass", "l_f", "l_r", "track_width", "max_wheel_angle", "friction")
@@ -137,7 +156,7 @@ def _differences(given: Vehicle, found: Vehicle) -> str:
     ]
     if found.steer_curve_factor != given.steer_curve_factor:
         names.append("another steering curve")
-    return "the server tells " + ", ".join(names) if names else "as it is believed to be"
+    return ", ".join(names)
 
 
 def _takes_off(plant: CarlaPlant, state: VehicleState) -> Finding:

@@ -42,6 +42,8 @@ if TYPE_CHECKING:
 _DROP = 0.5
 # A car that leans farther lies on its side or roof [deg].
 _ON_ITS_SIDE = 60.0
+# A path is compared with a given map every so far, and may be so far beside a lane [m].
+_LOOK, _BESIDE = 5.0, 0.5
 # The columns of a state row in the order of a VehicleState behind its time.
 _STATE = [
     *(car.X, car.Y, car.PSI, car.VX, car.VY, car.YAW_RATE, car.AX, car.AY),
@@ -56,6 +58,8 @@ class CarlaPlant:
         """Around an open session; the vehicle is spawned by the first ``reset``."""
         self.vehicle = vehicle
         """What is known of the vehicle: after ``reset``, with what CARLA tells of it."""
+        self.told = vehicle
+        """The same with what CARLA tells, whether or not that is to be believed."""
         self.session = session
         self.source = whose(session.version)
         self._given = vehicle
@@ -99,11 +103,35 @@ class CarlaPlant:
         before = self.session.world.id
         if self._config.map is not None:
             self.session.load(self._config.map)
+            self._check_road(path)
         else:
             self.session.generate(world_of(path, self._config.lane_width))
         if self.session.world.id != before:
             self._actor = None
         self._path = path
+
+    def _check_road(self, path: Path) -> None:
+        """A path that leaves the roads of a given map belongs to another one.
+
+        Raises:
+            PlantError: it does.
+        """
+        roads = self.session.world.get_map()
+        for s in np.linspace(0.0, path.length, max(round(path.length / _LOOK), 2)).tolist():
+            at = path.at(s)
+            here = frame.placement(Pose(at.x, at.y, at.psi), Offset())
+            place = self._lib.Location(here.x, here.y, 0.0)
+            lane = roads.get_waypoint(place, lane_type=self._lib.LaneType.Any)
+            gap = math.inf
+            if lane is not None:
+                centre = lane.transform.location
+                gap = math.hypot(centre.x - here.x, centre.y - here.y)
+            if lane is None or gap > 0.5 * lane.lane_width + _BESIDE:
+                raise PlantError(
+                    f"{self.session.server}: at s = {s:.0f} m the path is not on a road of "
+                    f"{self._config.map}, the nearest lane is {gap:.1f} m away; take "
+                    "path=opendrive with that map's file ('steersman carla map'), or no plant.map"
+                )
 
     # -------------------------------------------------------------------------------- start
 
@@ -184,9 +212,9 @@ class CarlaPlant:
             extent = self._actor.bounding_box.extent
             at = _placement(self._actor.get_transform())
         self._offset = offset_of(physics)
+        self.told = vehicle_of(physics, self._given, at, (2.0 * extent.x, 2.0 * extent.y))
         if self._config.read_physics:
-            size = 2.0 * extent.x, 2.0 * extent.y
-            self.vehicle = vehicle_of(physics, self._given, at, size)
+            self.vehicle = self.told
         first = self._lib.VehicleControl(manual_gear_shift=True, gear=1, brake=1.0)
         self.session.send([self._lib.command.ApplyVehicleControl(self._actor.id, first)])
         self.session.tick()
@@ -248,7 +276,12 @@ class CarlaPlant:
         v_x, v_y = frame.body_vector(pose.psi, velocity.x, velocity.y)
         a_x, a_y = frame.body_vector(pose.psi, acceleration.x, acceleration.y)
         self._psi = frame.unwrapped(pose.psi, self._psi)
-        steer, wheel = steering(self.vehicle, self._left_wheel(), v_x)
+        try:
+            angle = self._left_wheel()
+        except PlantError:
+            self._found(self.session.tick())  # it may be gone since, which says more
+            raise
+        steer, wheel = steering(self.vehicle, angle, v_x)
         return VehicleState(
             self._steps * self.dt,
             pose.x,

@@ -17,6 +17,8 @@ T = TypeVar("T")
 SPOKEN = ("0.9.15", "0.9.16")
 # Patience with a dead server while leaving it [s].
 _FAREWELL = 1.0
+# Longest answer to the question for the version [bytes].
+_LONGEST = 4096
 # First pause before trying again; each further one is twice as long [s].
 _FIRST_PAUSE = 0.3
 
@@ -32,18 +34,26 @@ class Server(NamedTuple):
     def __str__(self) -> str:
         return f"{self.host}:{self.port}"
 
-    def knock(self) -> None:
-        """Whether anybody listens; asking the client would take its whole time-out.
+    def knock(self) -> str:
+        """The version of the server, asked without the client.
+
+        The client takes its whole time-out where nobody listens, and ends the process where
+        somebody does who is no CARLA server.
 
         Raises:
-            PlantError: nobody does.
+            PlantError: nobody listens, or no CARLA server.
         """
         try:
-            with socket.create_connection(self[:2], timeout=self.timeout):
-                return
+            with socket.create_connection(self[:2], timeout=self.timeout) as stream:
+                return _version(stream)
         except TimeoutError:
             raise PlantError(
-                f"{self}: no answer within {self.timeout:g} s; is plant.host right?"
+                f"{self}: no answer within {self.timeout:g} s; is plant.host right, and is "
+                "plant.port that of a CARLA server?"
+            ) from None
+        except _NotSpoken:
+            raise PlantError(
+                f"{self}: somebody answers, but not as a CARLA server does; give its plant.port"
             ) from None
         except OSError as error:
             why = (error.strerror or str(error)).lower()
@@ -73,12 +83,44 @@ class Server(NamedTuple):
             raise
         except RuntimeError as error:
             text = one_line(str(error))
-            if "time-out" in text:
+            if "time-out" in text and not self.alive():
+                text = "the server is gone: nobody listens there any more"
+            elif "time-out" in text:
                 text = (
                     f"no answer within {self.timeout:g} s; it was stopped, hangs, or needs "
                     "longer: plant.timeout"
                 )
             raise PlantError(f"{self}: {what}: {text}") from None
+
+
+class _NotSpoken(Exception):
+    """What came back is no answer in CARLA's protocol."""
+
+
+def _version(stream: socket.socket) -> str:
+    """Ask for the server's version: ``[0, id, name, arguments]``, and ``[1, id, error, result]``.
+
+    Raises:
+        TimeoutError: no answer.
+        _NotSpoken: another answer than a CARLA server's.
+    """
+    import msgpack
+
+    reader = msgpack.Unpacker(max_buffer_size=_LONGEST, unicode_errors="replace")
+    stream.sendall(msgpack.packb([0, 1, "version", [[False]]]))
+    try:
+        while True:
+            part = stream.recv(_LONGEST)
+            if not part:
+                raise _NotSpoken
+            reader.feed(part)
+            for answer in reader:
+                match answer:
+                    case [1, 1, None, [[_, str() as version]]]:
+                        return version
+                raise _NotSpoken
+    except (ValueError, ConnectionError, msgpack.UnpackException):
+        raise _NotSpoken from None
 
 
 def retried(attempt: Callable[[], T], attempts: int) -> T:

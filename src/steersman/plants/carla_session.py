@@ -54,8 +54,10 @@ class Session:
 
     # ------------------------------------------------------------------------ coming, going
 
-    def open(self) -> None:
+    def open(self, *, aloud: bool = True) -> None:
         """Connect, mend what a crash left behind, and take over the clock.
+
+        What was mended is in ``notes``, and in the log if ``aloud``.
 
         Raises:
             PlantError: there is no server, it is of another version, or somebody else drives it.
@@ -72,6 +74,8 @@ class Session:
             self._found = self.world.get_settings()
         if self._found.synchronous_mode:
             self._recover()
+        for text in self.notes if aloud else ():
+            _log.warning(text)
         self.take_clock()
 
     def _recover(self) -> None:
@@ -95,12 +99,12 @@ class Session:
             gone = self.remove_leftovers()
             settings = self.world.get_settings()
             settings.synchronous_mode, settings.fixed_delta_seconds = False, None
+            settings.no_rendering_mode = False
             self._found = settings
         self.notes.append(
             f"{self.server} was left in synchronous mode by a client that is gone; recovered, "
             f"{gone} of its vehicles destroyed"
         )
-        _log.warning(self.notes[-1])
 
     def remove_leftovers(self) -> int:
         """Destroy vehicles of ours that are not this session's; how many."""

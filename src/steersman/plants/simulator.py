@@ -38,6 +38,10 @@ class SimulatorConfig(PlantComponent):
         """Integration step [s]."""
         return self.integration_step
 
+    def source(self) -> str:
+        """The simulator is part of the package."""
+        return "embedded simulator"
+
     def recorded(self) -> SimulatorConfig:
         """The same, keeping accelerations."""
         return self.model_copy(update={"record": True})
@@ -53,7 +57,7 @@ class Simulator:
     def __init__(self, config: SimulatorConfig, vehicle: Vehicle) -> None:
         """Prepare the simulator; ``reset`` before the first step."""
         self.vehicle = vehicle
-        self.source = "embedded simulator"
+        self.source = config.source()
         self._substeps = config.substeps()
         self.delay = config.delay_substeps()
         self._h = config.integration_step

@@ -97,8 +97,14 @@ def summary_row(run: Run, columns: Sequence[Column] = SUMMARY) -> list[Cell]:
     values = flat(run.metrics)
     done = values.get("completed")
     end = str(values.get("end", NOTHING)).replace("_", " ")
-    who = [Cell(_kind(run, part)) for part in ("controller", "vehicle")]
-    return [*who, Cell(end, bad=done is False), *(_summary_cell(values, c) for c in columns)]
+    where = _elsewhere(run)
+    car = _kind(run, "vehicle") + (f" ({where})" if where else "")
+    return [
+        Cell(_kind(run, "controller")),
+        Cell(car),
+        Cell(end, bad=done is False),
+        *(_summary_cell(values, c) for c in columns),
+    ]
 
 
 class Tile(NamedTuple):
@@ -121,6 +127,9 @@ def tiles(run: Run) -> list[Tile]:
     done = values.get("completed")
     end = str(values.get("end", NOTHING)).replace("_", " ")
     words = [Tile(part, _kind(run, part).replace("_", " ")) for part in ("controller", "vehicle")]
+    where = _elsewhere(run)
+    if where:
+        words.append(Tile("driven on", where))
     out = [*words, Tile("ended by", end, bad=done is False)]
     for column in SUMMARY:
         shown = column.header in _TILES or (column.header == _IF_ANY and values.get(column.metric))
@@ -140,6 +149,12 @@ def _kind(run: Run, part: str) -> str:
     config = run.config.get(part, inner.get(part) if isinstance(inner, Mapping) else None)
     kind = config.get("kind") if isinstance(config, Mapping) else config
     return NOTHING if kind is None else str(kind)
+
+
+def _elsewhere(run: Run) -> str:
+    """Whose numbers they are, if not the embedded simulator's: a stand-in's are never CARLA's."""
+    found = _kind(run, "plant")
+    return "" if found in {NOTHING, "simulator", "embedded simulator"} else found
 
 
 def _summary_cell(values: Mapping[str, Any], column: Column) -> Cell:

@@ -143,6 +143,6 @@ def falsify(
         search.pull_in()
         search.check()
     result = findings(config.ranges, config.run(), list(search.tried.values()), singles)
-    result["config"] = dump(config)
+    result |= {"config": dump(config), "plant": config.plant.source()}
     write_text(out / "falsify.json", json.dumps(result, indent=1, allow_nan=False) + "\n")
     return result

@@ -195,7 +195,7 @@ def _present(controller: ControllerComponent) -> dict[str, float]:
 def _write(config: TuneConfig, out: FilePath, best: ControllerComponent, study: Any) -> None:
     # As a run's configuration, so that ``steersman drive tuned.yaml`` drives it.
     text = yaml.safe_dump({"controller": dump(best)}, sort_keys=False)
-    write_text(out / "tuned.yaml", text)
+    write_text(out / "tuned.yaml", f"# Tuned on: {config.plant.source()}\n{text}")
     traded = trade(config.controller.kind, _finished(study))
     write_text(out / "pareto.json", json.dumps(traded, indent=1) + "\n")
     chosen = next(row for row in traded["trials"] if row["chosen"])
@@ -208,6 +208,7 @@ def _write(config: TuneConfig, out: FilePath, best: ControllerComponent, study: 
         "chosen": {name: chosen[name] for name in ("number", *TrialCost._fields, "on_front")},
         "simulated_seconds": traded["simulated_seconds"],
         "simulated_trials": traded["measured"],
+        "plant": config.plant.source(),
         "suite": [dump(r) for r in config.suite],
         "smoothness": config.smoothness,
         "seed": config.seed,

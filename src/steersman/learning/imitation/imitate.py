@@ -156,6 +156,7 @@ class _Imitation:
             checkpoint.finish(self.out)
         finally:
             self.record.close()
+            self.validator.close()
         return self.out / "policy.onnx"
 
     def _round(self, k: int) -> None:
@@ -212,6 +213,7 @@ class _Imitation:
             "steps": len(self.data.actions),
             "updates": self.regression.updates,
             "simulated_seconds": len(self.data.actions) * config.problem.plant.dt,
+            "plant": self.validator.source,
             "validation": _rounded(score),
         }
         if self.demonstrator is not None:

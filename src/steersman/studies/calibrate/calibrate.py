@@ -5,8 +5,12 @@ from __future__ import annotations
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
+from pydantic import ValidationError
+
 from steersman import core_yaml
+from steersman.errors import PlantError
 from steersman.files import write_text
+from steersman.messages import config_error
 from steersman.paths.basic import Straight
 from steersman.protocols import Plant
 from steersman.provenance import provenance
@@ -19,6 +23,13 @@ from steersman.vehicles import Vehicle
 PLANE = 900.0
 WIDTH = 160.0
 """Room that the steps of the steering take to both sides together [m]."""
+USUAL = {
+    "steering rate": 0.05,
+    "steering curve": 0.02,
+    "throttle map": 0.1,
+    "tyres and inertia": 0.01,
+}
+"""RMS errors, in the units of the fits, beyond which the model does not describe the car."""
 
 
 class Calibration(NamedTuple):
@@ -34,7 +45,7 @@ class Calibration(NamedTuple):
 def calibrate(plant: Plant, tell: Tell) -> Calibration:
     """Drive, and fit; about three minutes of simulated time.
 
-    The figures that are fitted: lock, rates and curve of the steering, throttle map, axle
+    The figures that are fitted: lock, offset, rates and curve of the steering, throttle map, axle
     stiffnesses, yaw inertia. All others are what the plant knows of its vehicle.
 
     Args:
@@ -49,18 +60,31 @@ def calibrate(plant: Plant, tell: Tell) -> Calibration:
     rest = manoeuvres.lock_at_rest(driver)
     before: Vehicle = plant.vehicle  # a server may tell its car only now
     fits: dict[str, Fit] = {"steering rate": identify.steering_rates(rest, before)}
-    vehicle = before.replace(**fits["steering rate"].figures)
+    vehicle = _explained(before, fits, "steering rate")
     fits["steering curve"] = identify.steering_curve(
         rest, manoeuvres.curve_runs(driver, vehicle), vehicle
     )
-    vehicle = vehicle.replace(**fits["steering curve"].figures)
+    vehicle = _explained(vehicle, fits, "steering curve")
     throttles = manoeuvres.throttle_runs(driver, vehicle)
     fits["throttle map"] = identify.throttle_map(throttles, vehicle)
-    vehicle = vehicle.replace(**fits["throttle map"].figures)
+    vehicle = _explained(vehicle, fits, "throttle map")
     steps = manoeuvres.step_runs(driver, vehicle)
     fits["tyres and inertia"] = identify.tyres_and_inertia(steps, vehicle)
-    vehicle = vehicle.replace(**fits["tyres and inertia"].figures)
+    vehicle = _explained(vehicle, fits, "tyres and inertia")
     return Calibration(before, vehicle, fits)
+
+
+def _explained(vehicle: Vehicle, fits: dict[str, Fit], name: str) -> Vehicle:
+    """The vehicle with the figures of a fit.
+
+    Raises:
+        PlantError: no car of ours has such figures.
+    """
+    try:
+        return vehicle.replace(**fits[name].figures)
+    except ValidationError as error:
+        why = config_error(type(vehicle), error)
+        raise PlantError(f"calibrate: {name}: the fit is no car's: {why}") from None
 
 
 def write(found: Calibration, file: FilePath, source: str) -> None:

@@ -21,6 +21,8 @@ from steersman.vehicles import Vehicle
 
 # Shares of full lock between which a ramp is a ramp.
 _RAMP = (0.02, 0.98)
+# An offset of the steering that differs by less is the same [rad].
+_ALIGNED = 1e-4
 # A pedal so near to where it was told to be is there [-].
 _PEDAL = 1e-3
 # Knots of a curve that fewer samples speak of stay what they were.
@@ -40,7 +42,7 @@ class Fit(NamedTuple):
 
 
 def steering_rates(run: Run, vehicle: Vehicle) -> Fit:
-    """Full lock [rad] and the rates to it and back [1/s] from full lock at standstill.
+    """Full lock and offset [rad], and the rates to lock and back [1/s], from full lock at rest.
 
     Raises:
         PlantError: the wheels did not move.
@@ -49,11 +51,16 @@ def steering_rates(run: Run, vehicle: Vehicle) -> Fit:
     lock = float(np.max(angles))
     if lock < 0.05:  # noqa: PLR2004 - [rad]
         raise PlantError("calibrate: the wheels do not turn at standstill; is the car alive?")
-    share = angles / lock
+    offset = float(angles[-1])  # by then the wheels stand where the command 0 has them
+    if abs(offset - vehicle.steer_bias) < _ALIGNED:
+        offset = vehicle.steer_bias
+    lock -= offset
+    share = (angles - offset) / lock
     half = len(share) // 2
     up, up_error = _slope(share[: half + 1], run.dt)
     down, down_error = _slope(share[half:], run.dt)
     figures = {"max_wheel_angle": lock, "steer_rate_up": up, "steer_rate_down": -down}
+    figures["steer_bias"] = offset
     return Fit(figures, max(up_error, down_error), "-")
 
 
@@ -81,7 +88,7 @@ def steering_curve(rest: Run, runs: Sequence[Run], vehicle: Vehicle) -> Fit:
         for k in held:
             angle = inner_angle(vehicle, run.states[k].wheel_angle)
             speeds.append(abs(run.states[k].v_x))
-            factors.append(angle / (run.commands[k - 1].steer * lock))
+            factors.append(angle / (run.commands[k - 1].steer * lock + vehicle.steer_bias))
     values, error = _piecewise(
         np.array(vehicle.steer_curve_speed),
         np.array(speeds),
