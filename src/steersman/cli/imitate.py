@@ -110,8 +110,10 @@ def imitate_with_bar(
         def tell(row: dict[str, float]) -> None:
             nonlocal text
             text = progress_text(row)
-            done = round(row["updates"] * config.rounds / config.fit.updates)
-            update(done if config.data else row["steps"], text)
+            done = row["steps"]
+            if config.data:
+                done = round(row["updates"] * config.rounds / config.fit.updates)
+            update(done, text)
 
         def tick(rounds: float) -> None:
             update(rounds * steps, text)
