@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from steersman.bench.pairs import against, joined
+from steersman.bench.pairs import against, contrast, joined
+from steersman.bench.statistics import Clusters
 
 PATHS = [f"road_{k}" for k in range(8)]
 
@@ -47,6 +48,25 @@ def test_a_factor_is_found_however_much_the_roads_differ() -> None:
     assert (found["scenarios"], found["paths"], found["better"]) == (24, 8, 24)
     assert found["figures"]["rms_clean_m"]["pairs"] == 8
     assert found["figures"]["rms_disturbed_m"]["pairs"] == 16
+
+
+def test_intervals_cover_the_truth_as_often_as_they_say() -> None:
+    """Roads differ, and so does what a controller gains on each: whole roads have to be drawn."""
+    rng = np.random.default_rng(0)
+    names = [f"road_{k}" for k in range(25) for _ in range(6)]
+    hits = {"roads": 0, "rows": 0}
+    for trial in range(100):
+        hard = np.repeat(rng.uniform(1.0, 10.0, 25), 6)
+        gain = np.repeat(rng.normal(0.5, 0.3, 25), 6)
+        base = hard + rng.normal(0.0, 0.1, 150)
+        own = hard + gain + rng.normal(0.0, 0.1, 150)
+        rows_alone = [f"{name}_{k}" for k, name in enumerate(names)]
+        for key, clusters in (("roads", names), ("rows", rows_alone)):
+            draws = Clusters(clusters, repetitions=200, seed=trial)
+            found = contrast(draws, False, base, own)["difference"]
+            hits[key] += found["low"] <= 0.5 <= found["high"]
+    assert 0.86 < hits["roads"] / 100 <= 0.99
+    assert hits["rows"] / 100 < 0.8  # as if scenarios on one road were independent
 
 
 def test_exchanging_the_two_negates_differences_and_inverts_ratios() -> None:
