@@ -406,6 +406,16 @@ def test_a_person_as_demonstrator(tmp_path: FilePath) -> None:
     assert one.rows[1:, 5] == pytest.approx(one.steer)  # without a measured angle
 
 
+def test_the_centre_of_mass_of_who_told_of_the_rear_axle(tmp_path: FilePath) -> None:
+    file = str(foreign(tmp_path))
+    (rear,), (ahead,) = (source.load(problem(), [file], ahead=x) for x in (0.0, 1.5))
+    # It goes around on a wider circle, and sideways.
+    wider = np.hypot(40.0, 1.5) - 40.0
+    assert ahead.places[:, 0] == pytest.approx(np.full(118, -wider), abs=2e-3)
+    assert ahead.rows[:, 3] == pytest.approx(rear.rows[:, 3] + 1.5 * 0.2)
+    assert ahead.steer.tolist() == rear.steer.tolist()
+
+
 def test_a_gap_begins_a_new_drive(tmp_path: FilePath) -> None:
     found = source.load(problem(), [str(foreign(tmp_path, gap=True))])
     assert [one.steps for one in found] == [37, 49]

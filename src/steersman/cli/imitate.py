@@ -21,6 +21,7 @@ EXAMPLES = (
     "  steersman imitate demo method=bc noise.at=0.1 steps=100000 --out runs/bc\n"
     "  steersman imitate runs/dagger/config.yaml fit.hidden=[256,256] --out runs/wide\n"
     "  steersman imitate --out runs/dagger --resume\n"
+    "  steersman imitate demo method=bc data=human.mcap --out runs/driver\n"
     "  steersman imitate demo plant=carla plant.port=2000 steps=20000 --out runs/carla\n"
     "\n"
     "What can be set: steersman show imitate"

@@ -25,25 +25,26 @@ _RECORDINGS = (".mcap", ".db3")
 _STEERING = ("max_wheel_angle", "ackermann", "steer_curve_speed", "steer_curve_factor")
 
 
-def load(problem: Problem, names: Sequence[str]) -> list[Trajectory]:
+def load(problem: Problem, names: Sequence[str], ahead: float = 0.0) -> list[Trajectory]:
     """All drives in the named data, as the problem's policy would have seen them.
 
     A name is a Minari dataset (its folder, or an id in ``MINARI_DATASETS_PATH``), an ``.mcap`` or
     ``.db3`` recording or the folder of a ROS 2 bag (Odometry, Lateral or Control, and the Path that
-    was followed), an episode's ``.npz`` file or the folder it is in.
+    was followed), an episode's ``.npz`` file or the folder it is in. In recordings the centre of
+    mass is ``ahead`` [m] of what the Odometry describes.
 
     Raises:
         DataError: it cannot be read, or holds no drive.
         ConfigError: the problem's car, control period or sensor is another one.
         ModuleNotFoundError: an extra is not installed.
     """
-    return [trajectory for name in names for trajectory in _load(problem, name)]
+    return [trajectory for name in names for trajectory in _load(problem, name, ahead)]
 
 
-def _load(problem: Problem, name: str) -> list[Trajectory]:
+def _load(problem: Problem, name: str, ahead: float) -> list[Trajectory]:
     place = FilePath(name).expanduser()
     if is_recording(place):
-        return of_recording(problem, place)
+        return of_recording(problem, place, ahead)
     if place.suffix == ".npz" or (place / EPISODE).is_file():
         return [of_episode_file(problem, place / EPISODE if place.is_dir() else place)]
     return _of_minari(problem, name)
@@ -54,14 +55,14 @@ def is_recording(place: FilePath) -> bool:
     return place.suffix in _RECORDINGS or (place / "metadata.yaml").is_file()
 
 
-def of_recording(problem: Problem, file: FilePath) -> list[Trajectory]:
-    """The drives of a recording along its Path topic.
+def of_recording(problem: Problem, file: FilePath, ahead: float = 0.0) -> list[Trajectory]:
+    """The drives of a recording along its Path topic; ``ahead`` as for :func:`load`.
 
     Raises:
         DataError: it cannot be read, or lacks the path that was to be followed, or steering.
     """
     path = recorded_path(file)
-    log = read(file)
+    log = read(file, ahead=ahead)
     try:
         return replay.of_log(problem, log, path)
     except DataError as error:

@@ -53,6 +53,13 @@ class ImitationConfig(Settings):
         "-",
         "data: learn the demonstrator's action where there is one, or what was executed.",
     )
+    ahead: float = param(
+        0.0,
+        "m",
+        "data: centre of mass ahead of what recordings' Odometry describes; l_r for the rear axle.",
+        ge=-20.0,
+        le=20.0,
+    )
     rounds: int = param(10, "-", "Rounds of driving and fitting.", ge=1, le=1000)
     steps: int = param(
         200_000, "steps", "Environment steps of all vehicles together, over all rounds.", gt=0

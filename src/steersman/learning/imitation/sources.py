@@ -102,7 +102,7 @@ class Given:
             ConfigError: the problem is another one.
         """
         self._config = config
-        self._drives = load(config.problem, config.data)
+        self._drives = load(config.problem, config.data, config.ahead)
         self._steps = steps(self._drives)
         self.per_round = -(-self._steps // config.rounds)
         parts = [samples(config.problem, one, config.label) for one in self._drives]
