@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from steersman.bench.suites import suite
 from steersman.config import build, override, resolve
 from steersman.controllers.base import ControllerComponent, Wrapper
-from steersman.controllers.reckon import STRAIGHTEN, held, moved_on, reckoned
+from steersman.controllers.reckon import STRAIGHTEN, held, moved_on, quiet, reckoned
 from steersman.controllers.supervisor import Supervisor
 from steersman.controllers.swings import Swings
 from steersman.episode import Episode
@@ -409,6 +409,20 @@ def test_what_would_be_seen_is_what_is_seen(side: float) -> None:
     far = motion.copy()
     far[kernel.WAY] = 28.1
     assert reckoned(seen, far, 0.0) is None
+
+
+@pytest.mark.parametrize("error", [0.0, 0.1])
+def test_errors_of_waypoints_are_smoothed_as_far_as_there_are_any(error: float) -> None:
+    path, rng = Posed(), np.random.default_rng(1)
+    car = beside(path, 30.0)
+    place, exact = track(car, path, 30.0), observe(path, car, 30.0)
+    seen = WaypointSensor(error_range=error).observe(None, car, place, path, rng)
+    if error:
+        rough, smooth = (np.diff(p - exact.preview, 2, axis=0) for p in (seen.preview, quiet(seen)))
+        assert np.square(smooth).mean() < 0.05 * np.square(rough).mean()
+        assert abs(quiet(seen) - exact.preview).max() < error
+    else:
+        assert quiet(seen) == pytest.approx(exact.preview, abs=2e-3)
 
 
 def test_nobody_steers_along_the_road_or_straight() -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from steersman.controllers.delay_plan import pose
 from steersman.controllers.pid import steady_wheel_angle
 from steersman.kernels import delay_mpc as kernel
+from steersman.kernels import road_filter
 from steersman.kernels.preview import curvature_at, point_at
 from steersman.types import FloatArray, Observation
 from steersman.vehicles import Vehicle
@@ -24,6 +25,23 @@ _STANDING = 0.5
 # Half a step along the road for its direction [m].
 _HALF = 0.05
 _NOTHING = np.zeros(2)
+# Sum of the squared coefficients of a third difference.
+_THIRD = 20.0
+
+
+def quiet(seen: Observation) -> FloatArray:
+    """Its waypoints, smoothed as far as their third differences are more than a road's [m].
+
+    While nothing new comes their errors stay, and who filters over time would take them for the
+    road. The smoother is the one of ``mpc_delay``, which leaves exact waypoints nearly alone.
+    """
+    points = np.ascontiguousarray(seen.preview)
+    noise = float(np.square(np.diff(points, 3, axis=0)).mean()) / _THIRD
+    if not 0.0 < noise < math.inf:
+        return points
+    out, factor = np.empty_like(points), np.empty((len(points), len(points)))
+    road_filter.smooth_points(points, seen.spacing, np.ones(len(points)), noise, factor, out)
+    return out if np.isfinite(out).all() else points
 
 
 def moved_on(

@@ -14,7 +14,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 from steersman.config import Of, param, register
 from steersman.controllers.base import ControllerComponent, Wrapper, within_limits
 from steersman.controllers.candidate import Candidate, Rules, ask, tell
-from steersman.controllers.reckon import held, moved_on, reckoned
+from steersman.controllers.reckon import held, moved_on, quiet, reckoned
 from steersman.controllers.swings import Swings
 from steersman.controllers.watch import NOTHING_SEEN, Seen, first_sight, input_fault, no_news
 from steersman.types import Decision, Driver, Observation, Reason, Status
@@ -122,9 +122,11 @@ class Supervisor(Wrapper):
             return self._steered(state._replace(seen=first_sight(observation)), observation, fault)
         if state.last is None:  # there never was anything
             return Decision(_present(observation), Status.FALLBACK, Driver.HOLD, fault), state
-        last, age, motion = state.seen
+        seen, age, motion, road = state.seen
+        road = quiet(seen) if road is None else road
+        last = seen._replace(preview=road)
         age, motion = age + state.dt, moved_on(state.vehicle, last, motion, state.last, state.dt)
-        state = state._replace(seen=Seen(last, age, motion))
+        state = state._replace(seen=Seen(seen, age, motion, road))
         if fault is Reason.STALE and age <= self.stale_time + _SAME:
             return self._steered(state, observation, Reason.NONE)
         told = None
@@ -190,7 +192,8 @@ class Supervisor(Wrapper):
             for controller, candidate in zip(self._controllers(), state.candidates, strict=True)
         )
         if gap and state.seen.age > self.bridge_time + _SAME:
-            inner = inner.failed(gap)
+            # It begins anew when there is something to see: it may have learned of the reckoning.
+            inner = inner.failed(gap, restart=True)
         return self._watched(state, (inner, *others), o)
 
     def _watched(

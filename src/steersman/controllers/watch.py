@@ -49,6 +49,8 @@ class Seen(NamedTuple):
     """How long ago it came first [s]."""
     motion: FloatArray | None = None
     """Since then, as ``reckon.moved_on`` has it; None at once."""
+    road: FloatArray | None = None
+    """Its waypoints as ``reckon.quiet`` has them; None at once [m]."""
 
 
 # Before the first observation; a named tuple like every later one, so that checkpoints can keep it.
