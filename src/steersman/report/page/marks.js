@@ -62,8 +62,7 @@ function glyphPicture(kind, color) {
 }
 
 function clock(seconds) {
-  if (seconds < 60) return `${seconds.toFixed(1)} s`;
-  return `${Math.floor(seconds / 60)}:${(seconds % 60).toFixed(1).padStart(4, "0")} min`;
+  return `${seconds.toFixed(1)} s`;
 }
 
 // Marks of drives in the order of their kinds' weight.
