@@ -17,7 +17,7 @@ from steersman.bench.maps import MIN_RADIUS, Map, read_maps, with_maps
 from steersman.bench.suites import core, quick
 from steersman.cli import app
 from steersman.config import dump
-from steersman.errors import ConfigError, DataError
+from steersman.errors import ConfigError
 from steersman.kernels import path as kernel
 from steersman.paths.basic import Circle
 from steersman.paths.opendrive import OpenDrivePath
@@ -61,7 +61,7 @@ def test_ways_on_each_map(folder: FilePath, maps: list[Map]) -> None:
     assert knot.why_not.startswith("no way of 500 m was found that takes no lane twice and bends")
     json.dumps([each.plain() for each in found.values()], allow_nan=False)
     assert knot.told().startswith(
-        "knot.xodr: no course; 0.03 of 0.03 km of lanes are left out: they bend below 6 m; no way"
+        "knot.xodr: left out, no course; 0.03 of 0.03 km of lanes are left out: they bend below 6 m"
     )
 
 
@@ -98,8 +98,10 @@ def test_they_join_a_suite(maps: list[Map]) -> None:
     assert names == set(alone.courses)
     with pytest.raises(ConfigError, match=r"rename circuit\.xodr"):
         with_maps(plan, maps)
-    with pytest.raises(ConfigError, match=r"no way on any of the maps: knot.xodr: no way of 500 m"):
-        with_maps(None, [each for each in maps if each.name == "knot.xodr"])
+    knot = [each for each in maps if each.name == "knot.xodr"]
+    for suite in (None, quick()):
+        with pytest.raises(ConfigError, match=r"no way on any of the maps: knot.xodr: no way of 5"):
+            with_maps(suite, knot)
 
 
 def test_a_usual_controller_stays_on_them(maps: list[Map]) -> None:
@@ -139,21 +141,54 @@ def test_what_is_refused(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_broken_map_is_named(tmp_path: FilePath) -> None:
-    xodr_maps.write(tmp_path / "broken.xodr", "<OpenDRIVE>\n<road/></OpenDRIVE>")
-    with pytest.raises(DataError, match=r"broken\.xodr: line 2: <road>: length is missing"):
-        read_maps(tmp_path)
+BROKEN = "<OpenDRIVE>\n<road/></OpenDRIVE>"
+WHY = "line 2: <road>: length is missing"
+
+
+def test_a_broken_map_is_left_out_with_its_reason(tmp_path: FilePath) -> None:
+    xodr_maps.write(tmp_path / "broken.xodr", BROKEN)
+    (tmp_path / "bytes.xodr").write_bytes(b"\xff\x00")
+    (tmp_path / "folder.xodr").mkdir()
+    xodr_maps.write(tmp_path / "wavy.xodr", xodr_maps.wavy())
+    found = {each.name: each for each in read_maps(tmp_path)}
+    assert found["broken.xodr"].told() == f"broken.xodr: left out, no course; {WHY}"
+    assert [name for name, each in found.items() if each.courses] == ["wavy.xodr"]
+    assert all("\n" not in each.told() and each.why_not for each in found.values())
+    assert found["broken.xodr"].plain()["sha256"] is None
+    assert set(with_maps(None, list(found.values())).courses) == set(found["wavy.xodr"].courses)
+
+
+def test_nothing_is_driven_where_no_map_is_left(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "maps").mkdir()
+    xodr_maps.write(tmp_path / "maps" / "broken.xodr", BROKEN)
+    words = ["bench", "quick", "--maps", "maps", "--out", "out"]
+    result = CliRunner().invoke(app, words, prog_name="steersman")
+    assert result.exit_code == 2
+    assert result.stderr.splitlines()[-1] == (
+        f"error: no way on any of the maps: broken.xodr: {WHY}"
+    )
+    assert not (tmp_path / "out").exists()
 
 
 def test_the_command(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "maps").mkdir()
     file = xodr_maps.write(tmp_path / "maps" / "wavy.xodr", xodr_maps.wavy())
+    xodr_maps.write(tmp_path / "maps" / "broken.xodr", BROKEN)
+    knot = opendrive(Circle(radius=MIN_RADIUS - 0.5))
+    xodr_maps.write(tmp_path / "maps" / "knot.xodr", knot)
     words = ["bench", "quick", "--maps", "maps", "--controllers", "pid", "--out", "out"]
     result = CliRunner().invoke(app, words, prog_name="steersman", catch_exceptions=False)
     assert result.exit_code == 0
     assert "wavy.xodr: courses of 150 m; no way of 500 m was found" in result.stderr
     outcome = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))
+    assert f"broken.xodr: left out, no course; {WHY}\n" in result.stderr
+    assert "knot.xodr: left out, no course; 0.03 of 0.03 km" in result.stderr
+    assert outcome["maps_left_out"] == ["broken.xodr", "knot.xodr"]
+    assert outcome["maps"]["broken.xodr"]["why_not_more"] == WHY
     kept = outcome["maps"]["wavy.xodr"]
     assert kept["sha256"] == hashlib.sha256(file.read_bytes()).hexdigest()
     assert kept["distance_m"] == [150.0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import math
+import shutil
 import sys
 from collections.abc import Callable
 from importlib.metadata import version
@@ -322,6 +323,34 @@ class TestReport:
         monkeypatch.setitem(sys.modules, "jinja2", None)
         result = steersman("report", "one", "--out", "page.html")
         assert "pip install 'steersman[report]'" in result.stderr
+
+    def test_a_folder_with_a_page_of_its_own_is_left_out(
+        self, steersman: Steersman, tmp_path: FilePath
+    ) -> None:
+        pytest.importorskip("jinja2")
+        steersman("drive", "duration=1", "--out", "one")
+        for name in ("tuned", "benchmark", "demo"):
+            (tmp_path / name).mkdir()
+            (tmp_path / name / "report.html").touch()
+        shutil.copytree(tmp_path / "one", tmp_path / "demo" / "episodes")
+        result = steersman("report", "tuned", "one", "benchmark", "demo", "--out", "page.html")
+        assert result.exit_code == 0
+        left_out = "no drive or training, left out; its own page is"
+        assert result.stderr == (
+            f"tuned: {left_out} tuned/report.html\n"
+            f"benchmark: {left_out} benchmark/report.html\n"
+            "written: page.html\n"
+        )
+        assert "demo" in (tmp_path / "page.html").read_text()
+        result = steersman("report", "tuned", "--out", "other.html")
+        assert result.exit_code == 2
+        assert result.stderr == (
+            "error: tuned: no drive or training to report; its own page is tuned/report.html\n"
+        )
+        # What is merely empty may be mistyped.
+        (tmp_path / "empty").mkdir()
+        result = steersman("report", "one", "empty", "--out", "other.html")
+        assert result.stderr.startswith("error: empty: nothing to report")
         assert result.exit_code == 2
 
 
@@ -361,17 +390,29 @@ class TestTrain:
         assert steersman("train", "mine.yaml", "--out", "agent").exit_code == 0
         assert trained == [TrainConfig(steps=700)]
 
-    def test_interrupted(self, steersman: Steersman, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_interrupted(
+        self, steersman: Steersman, monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath
+    ) -> None:
         def train(*_: Any, **__: Any) -> None:
             raise KeyboardInterrupt
 
         monkeypatch.setattr("steersman.learning.train.train", train)
-        result = steersman("train", "--out", "agent")
-        assert result.exit_code == 130
-        assert result.stderr == (
-            "interrupted; what was learned until the last validation is in agent; "
-            "--resume goes on from the last checkpoint\n"
-        )
+
+        def told() -> str:
+            result = steersman("train", "--out", "agent")
+            assert result.exit_code == 130
+            return str(result.stderr)
+
+        nothing = "interrupted before the first checkpoint: there is nothing to resume in agent"
+        policy = "; the policy there is the best until the last validation"
+        assert told() == f"{nothing}\n"
+        (tmp_path / "agent" / "resume").mkdir(parents=True)
+        assert told() == f"{nothing}\n"
+        (tmp_path / "agent" / "policy.onnx").touch()
+        assert told() == f"{nothing}{policy}\n"
+        (tmp_path / "agent" / "resume" / "step_000000700.npz").touch()
+        goes_on = "interrupted; --resume goes on from the last checkpoint in agent"
+        assert told() == f"{goes_on}{policy}\n"
 
     @pytest.mark.parametrize("module", ["torch", "stable_baselines3", "torch.utils.tensorboard"])
     def test_a_missing_extra_is_named(

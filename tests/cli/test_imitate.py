@@ -68,11 +68,18 @@ def test_resuming_needs_no_words(
     assert imitated == [ImitationConfig(seed=3)]
 
 
-def test_interrupted(steersman: Steersman, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interrupted(
+    steersman: Steersman, monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath
+) -> None:
     def imitate(*_: Any, **__: Any) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("steersman.learning.imitation.imitate.imitate", imitate)
     result = steersman("imitate", "--out", "new")
     assert result.exit_code == 130
-    assert result.stderr == "interrupted; --resume goes on from the last round in new\n"
+    nothing = "interrupted before the first checkpoint: there is nothing to resume in new\n"
+    assert result.stderr == nothing
+    (tmp_path / "new" / "resume").mkdir(parents=True)
+    (tmp_path / "new" / "resume" / "step_000000001.npz").touch()
+    told = steersman("imitate", "--out", "new").stderr
+    assert told == "interrupted; --resume goes on from the last round in new\n"

@@ -132,6 +132,21 @@ def test_killed_at_any_moment(
     assert_same(out, whole)
 
 
+def test_nothing_to_resume_is_said(tmp_path: FilePath) -> None:
+    out, told = tmp_path / "new", list[str]()
+    for resume, notes in ((True, [f"nothing to resume in {out}: beginning"]), (False, [])):
+        told.clear()
+        begun = checkpoint.begin(config(), out, told.append, overwrite=False, resume=resume)
+        assert begun == (False, None)
+        assert told == notes
+        assert not checkpoint.exists(out)
+    checkpoint.save(out, 100, {})
+    assert checkpoint.exists(out)
+    told.clear()
+    assert checkpoint.begin(config(), out, told.append, overwrite=False, resume=True).saved
+    assert told == []
+
+
 @pytest.mark.parametrize("steps", [500, 1500, 2500])
 def test_stopped_in_the_middle_of_a_step(whole: FilePath, tmp_path: FilePath, steps: int) -> None:
     stop_at(steps, tmp_path)

@@ -48,12 +48,12 @@ class Map(NamedTuple):
     sharp_km: float
     """Length of those that are left out because they bend too sharply."""
     why_not: str
-    """Why there are fewer ways than wanted, if so."""
+    """Why there are fewer ways than wanted, if so; why it cannot be read, if that is so."""
 
     def told(self) -> str:
         """For the reader, in a line."""
         lengths = ", ".join(f"{course.path.length:.0f} m" for course in self.courses.values())
-        text = f"{self.name}: courses of {lengths}" if lengths else f"{self.name}: no course"
+        text = f"{self.name}: " + (f"courses of {lengths}" if lengths else "left out, no course")
         if self.sharp_km > 0.0:
             text += (
                 f"; {self.sharp_km:.2f} of {self.lanes_km:.2f} km of lanes are left out: they bend"
@@ -64,7 +64,7 @@ class Map(NamedTuple):
     def plain(self) -> dict[str, Any]:
         """For ``results.json``."""
         return {
-            "sha256": self.sha256,
+            "sha256": self.sha256 or None,
             "courses": list(self.courses),
             "distance_m": sorted(
                 {round(course.path.length, 3) for course in self.courses.values()}
@@ -77,24 +77,24 @@ class Map(NamedTuple):
 
 
 def read_maps(folder: FilePath, count: int = ROUTES) -> list[Map]:
-    """The maps of a folder (``*.xodr``) and ``count`` ways on each.
+    """The maps of a folder (``*.xodr``) and ``count`` ways on each; none on one that is broken.
 
     Raises:
-        DataError: the folder holds no map, or a map cannot be read.
+        DataError: the folder holds no map.
     """
     if not folder.is_dir():
         raise DataError(f"{folder}: no such folder; --maps takes a folder of OpenDRIVE files")
     files = sorted(file for file in folder.iterdir() if file.suffix == ".xodr")
     if not files:
         raise DataError(f"{folder}: holds no OpenDRIVE file (*.xodr)")
-    return [_map(file, count) for file in files]
+    return [_readable(file, count) for file in files]
 
 
 def with_maps(suite: Suite | None, maps: list[Map]) -> Suite:
     """The suite with the maps' courses; alone, they meet the disturbances of ``core``.
 
     Raises:
-        ConfigError: a course of the suite has the name of one of the maps', or there is none.
+        ConfigError: a course of the suite has the name of one of the maps', or no map has one.
     """
     base = core() if suite is None else suite
     courses = {} if suite is None else dict(suite.courses)
@@ -103,9 +103,17 @@ def with_maps(suite: Suite | None, maps: list[Map]) -> Suite:
             if name in courses:
                 raise ConfigError(f"a course of the suite is named {name!r}; rename {found.name}")
             courses[name] = course
-    if not courses:
+    if not any(found.courses for found in maps):
         raise ConfigError(f"no way on any of the maps: {maps[0].name}: {maps[0].why_not}")
     return base.model_copy(update={"courses": courses})
+
+
+def _readable(file: FilePath, count: int) -> Map:
+    """The map, or why there is nothing to drive on it: one broken file does not stop the others."""
+    try:
+        return _map(file, count)
+    except DataError as error:
+        return Map(file.name, "", {}, 0.0, 0.0, str(error).removeprefix(f"{file}: "))
 
 
 def _map(file: FilePath, count: int) -> Map:

@@ -31,11 +31,19 @@ def results(
         "format": FORMAT,
         "suite": name,
         "seeds": list(seeds),
-        **({"maps": {found.name: found.plain() for found in maps}} if maps else {}),
+        **(_of(maps) if maps else {}),
         **provenance(),
         "made_by": sorted({str(row["commit"]) for row in rows}),
         "controllers": {e.name: e.shown for e in entrants},
         "summary": summarise_rows(rows, entrants),
+    }
+
+
+def _of(maps: Sequence[Map]) -> dict[str, Any]:
+    """What was made of each map, and which of them gave nothing to drive on."""
+    return {
+        "maps": {found.name: found.plain() for found in maps},
+        "maps_left_out": [found.name for found in maps if not found.courses],
     }
 
 

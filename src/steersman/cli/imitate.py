@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from steersman.cli import settings, train
-from steersman.cli.outcome import INTERRUPTED
+from steersman.cli.outcome import interrupted
 from steersman.cli.output import animated, note, steps_bar, tell_compiling, write
 
 if TYPE_CHECKING:
@@ -67,8 +67,7 @@ def imitate(
     try:
         policy = imitate_with_bar(config, folder, overwrite=overwrite, resume=resume)
     except KeyboardInterrupt:
-        note(f"interrupted; --resume goes on from the last round in {folder}")
-        raise typer.Exit(INTERRUPTED) from None
+        raise interrupted(folder, [folder], "the last round") from None
     write(f"{policy}\n")
 
 

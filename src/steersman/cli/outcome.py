@@ -7,6 +7,7 @@ import sys
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path as FilePath
 from typing import Any
 
 import typer
@@ -97,6 +98,27 @@ def fail(message: str, code: int = USER_ERROR) -> int:
 
     note(f"error: {one_line(message)}")
     return code
+
+
+def interrupted(folder: FilePath, folders: Sequence[FilePath], goes_on: str) -> typer.Exit:
+    """Say what became of a training, or of several, that Ctrl-C stopped; the end to raise.
+
+    Args:
+        folder: what the user named.
+        folders: the folders of the trainings: it, or those in it.
+        goes_on: where ``--resume`` would go on, where there is a checkpoint.
+    """
+    from steersman.cli.output import note
+    from steersman.learning import checkpoint
+
+    if any(checkpoint.exists(each) for each in folders):
+        rest = f"; --resume goes on from {goes_on} in {folder}"
+    else:
+        rest = f" before the first checkpoint: there is nothing to resume in {folder}"
+    if any((each / "policy.onnx").exists() for each in folders):
+        rest += "; the policy there is the best until the last validation"
+    note(f"interrupted{rest}")
+    return typer.Exit(INTERRUPTED)
 
 
 def _usage(error: Any) -> str:

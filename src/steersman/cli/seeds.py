@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from steersman.cli.outcome import INTERRUPTED, USER_ERROR, fail
+from steersman.cli.outcome import USER_ERROR, fail, interrupted
 from steersman.cli.output import note, show, steps_bars, table, write
 from steersman.errors import ConfigError
 
@@ -100,8 +100,7 @@ def train_seeds(
 
             failed = train_all(tasks, at_once, tell, overwrite=overwrite, resume=resume)
     except KeyboardInterrupt:
-        note(f"interrupted; --resume goes on from the last checkpoints in {folder}")
-        raise typer.Exit(INTERRUPTED) from None
+        raise interrupted(folder, [job.out for job in tasks], "the last checkpoints") from None
     _summary(tasks, failed)
     for name, fault in failed.items():
         fail(f"{name}: {fault}")

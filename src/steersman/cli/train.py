@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from steersman.cli import seeds, settings
-from steersman.cli.outcome import INTERRUPTED
+from steersman.cli.outcome import interrupted
 from steersman.cli.output import animated, note, steps_bar, tell_compiling, write
 from steersman.errors import ConfigError
 
@@ -74,11 +74,7 @@ def train(
     try:
         policy = train_with_bar(config, folder, overwrite=overwrite, resume=resume)
     except KeyboardInterrupt:
-        note(
-            f"interrupted; what was learned until the last validation is in {folder}; "
-            "--resume goes on from the last checkpoint"
-        )
-        raise typer.Exit(INTERRUPTED) from None
+        raise interrupted(folder, [folder], "the last checkpoint") from None
     write(f"{policy}\n")
 
 

@@ -48,6 +48,8 @@ def begin(
         return Begun(True, None)
     if resume:
         saved = load(out, notify)
+        if saved is None:
+            notify(f"nothing to resume in {out}: beginning")
     if saved is None:
         clear(make_folder(out))
         write_text(out / "config.yaml", to_yaml(config))
@@ -94,6 +96,11 @@ def load(out: FilePath, notify: Notify | None = None) -> dict[str, Any] | None:
     if faults:
         raise DataError(f"{faults[0]}; --overwrite trains anew")
     return None
+
+
+def exists(out: FilePath) -> bool:
+    """Whether there is a checkpoint, whole or not, from which ``resume`` would go on."""
+    return bool(_found(out))
 
 
 def _found(out: FilePath) -> list[FilePath]:
