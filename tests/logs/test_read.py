@@ -114,6 +114,17 @@ def test_of_several_topics_one_is_named(tmp_path: FilePath) -> None:
     assert "topic /odom holds nav_msgs/msg/Odometry, expected autoware_control_msgs" in wrong
 
 
+def test_a_topic_without_messages_is_none(tmp_path: FilePath) -> None:
+    with bags.Writer(tmp_path / "bag", version=9, storage_plugin=bags.StoragePlugin.MCAP) as writer:
+        odometry = writer.add_connection("/odom", schemas.ODOMETRY_TYPE, typestore=bags.STORE)
+        writer.add_connection("/cmd", schemas.LATERAL_TYPE, typestore=bags.STORE)
+        for _, kind, ns, told in bags.drive(5):
+            writer.write(odometry, ns, bags.STORE.serialize_cdr(told, kind))
+    log = read(tmp_path / "bag")
+    assert dict(log.topics) == {"odometry": "/odom"}
+    assert "angle_command" not in log
+
+
 def test_a_recording_of_something_else(tmp_path: FilePath) -> None:
     path = ("/plan", schemas.PATH_TYPE, T0, bags.path(T0, [(0.0, 0.0), (1.0, 0.0)]))
     assert "holds no nav_msgs/msg/Odometry; its topics: /plan (nav_msgs/msg/Path)" in refused(

@@ -6,10 +6,10 @@ A damaged file is an error of one line, whatever the libraries beneath make of i
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from steersman.errors import DataError, SteersmanError, one_line, suggestion
 from steersman.logs import schemas
@@ -17,6 +17,8 @@ from steersman.logs import schemas
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
     from rosbags.rosbag2 import Reader
+
+T = TypeVar("T")
 
 _SUFFIXES = (".mcap", ".db3")
 _CURE = "expected an .mcap or .db3 file, or the folder of a ROS 2 bag with its metadata.yaml"
@@ -86,18 +88,25 @@ class Recording:
         more = [f"and {rest} more"] if rest > 0 else []
         return ", ".join(names[:_MOST_TOPICS] + more) or "none"
 
-    def messages(self, topic: str) -> list[Message]:
-        """All messages of a topic, decoded, as they were logged.
+    def messages(self, topic: str, take: Callable[[Message], T]) -> list[T]:
+        """What ``take`` makes of each message of a topic, as they were logged; [] without any.
 
-        Raises:
-            DataError: there is none.
+        A message is not kept: those of an hour hold a gigabyte of covariances.
         """
         connections = [c for c in self._reader.connections if c.topic == topic]
         decode = _decoder(connections[0])
-        found = [
-            Message(logged, decode(raw, connections[0].msgtype))
+        return [
+            take(Message(logged, decode(raw, connections[0].msgtype)))
             for _, logged, raw in self._reader.messages(connections=connections)
         ]
+
+    def some(self, topic: str, take: Callable[[Message], T]) -> list[T]:
+        """The same of a topic that must not be empty.
+
+        Raises:
+            DataError: it holds no message.
+        """
+        found = self.messages(topic, take)
         if not found:
             raise DataError(f"{self.file}: topic {topic} holds no message")
         return found

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from steersman.errors import DataError
 from steersman.logs import schemas
-from steersman.logs.bag import Recording, opened
+from steersman.logs.bag import Message, Recording, opened
 from steersman.logs.read import motion
 from steersman.types import FloatArray
 
@@ -74,22 +74,37 @@ def _driven(
 
 
 def _planned(recording: Recording, topic: str, window: tuple[float, float] | None) -> Line:
-    messages = recording.messages(topic)
-    times = [(m.logged - messages[0].logged) * _NS for m in messages]
-    chosen = [
-        m.content
-        for m, time in zip(messages, times, strict=True)
-        if window is None or window[0] <= time <= window[1]
-    ]
-    if window is not None and not chosen:
-        raise _outside(recording, topic, window, times[-1])
-    path = max(chosen, key=lambda content: len(content.poses))
+    longest = _Longest(window)
+    recording.some(topic, longest)
+    path = longest.path
+    if path is None:
+        assert window is not None  # without a window every message counts
+        raise _outside(recording, topic, window, longest.time)
     if path.header.frame_id == schemas.BASE_LINK:
         raise DataError(
             f"{recording.file}: {topic}: its points are in the frame base_link, of the vehicle; "
             "a path to follow has to lie in map"
         )
     return _line(recording, topic, path)
+
+
+class _Longest:
+    """Keeps the longest path of those it is told within a window; the others would fill memory."""
+
+    def __init__(self, window: tuple[float, float] | None) -> None:
+        self._window, self._first = window, -1
+        self.time = 0.0
+        """Of the last message [s], since the first."""
+        self.path: Any = None
+
+    def __call__(self, message: Message) -> None:
+        if self._first < 0:
+            self._first = message.logged
+        self.time = (message.logged - self._first) * _NS
+        inside = self._window is None or self._window[0] <= self.time <= self._window[1]
+        longer = self.path is None or len(message.content.poses) > len(self.path.poses)
+        if inside and longer:
+            self.path = message.content
 
 
 def _line(recording: Recording, topic: str, path: Any) -> Line:

@@ -106,8 +106,7 @@ def read(
     """
     with opened(file) as recording:
         topics = _topics(recording, odometry, command, angle)
-        messages = {group: recording.messages(topic) for group, topic in topics.items()}
-    return _log(file, topics, messages, ahead)
+        return _log(recording, topics, ahead)
 
 
 def motion(recording: Recording, topic: str, ahead: float = 0.0) -> Log:
@@ -116,20 +115,23 @@ def motion(recording: Recording, topic: str, ahead: float = 0.0) -> Log:
     Raises:
         DataError: it holds what no car does.
     """
-    messages = {"odometry": recording.messages(topic)}
-    return _log(recording.file, {"odometry": topic}, messages, ahead)
+    return _log(recording, {"odometry": topic}, ahead)
 
 
-def _log(
-    file: FilePath, topics: Mapping[str, str], messages: Mapping[str, list[Message]], ahead: float
-) -> Log:
-    stamped = all(_stamp(m) > 0 for found in messages.values() for m in found)
-    series = {group: _series(found, _EXTRACT[group], stamped) for group, found in messages.items()}
+def _log(recording: Recording, topics: Mapping[str, str], ahead: float) -> Log:
+    tables = {
+        group: recording.messages(topic, _taker(_EXTRACT[group])) for group, topic in topics.items()
+    }
+    if not tables["odometry"]:
+        raise DataError(f"{recording.file}: topic {topics['odometry']} holds no message")
+    told = {group: table for group, table in tables.items() if table}
+    stamped = all(row.stamp > 0 for table in told.values() for row in table)
+    series = {group: _series(table, stamped) for group, table in told.items()}
     driven = series["odometry"]
-    _check(file, topics["odometry"], driven)
+    _check(recording.file, topics["odometry"], driven)
     columns = _moved(_motion(driven), ahead)
     _add_steering(columns, series)
-    return Log(columns, topics, int(driven.stamps[0]))
+    return Log(columns, {group: topics[group] for group in told}, int(driven.stamps[0]))
 
 
 def _topics(
@@ -147,21 +149,31 @@ def _topics(
     return {group: topic for group, topic in found.items() if topic is not None}
 
 
-def _stamp(message: Message) -> int:
-    """When a message was stamped [ns]; zero: it was not."""
-    content = message.content
-    stamp = content.header.stamp if hasattr(content, "header") else content.stamp
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+class _Row(NamedTuple):
+    """What is kept of a message."""
+
+    logged: int
+    """[ns]"""
+    stamp: int
+    """[ns]; zero: it has none."""
+    values: tuple[float, ...]
 
 
-def _series(
-    found: list[Message], extract: Callable[[Any], tuple[float, ...]], stamped: bool
-) -> _Series:
+def _taker(extract: Callable[[Any], tuple[float, ...]]) -> Callable[[Message], _Row]:
+    def take(message: Message) -> _Row:
+        content = message.content
+        stamp = content.header.stamp if hasattr(content, "header") else content.stamp
+        ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+        return _Row(message.logged, ns, extract(content))
+
+    return take
+
+
+def _series(table: list[_Row], stamped: bool) -> _Series:
     """In the order of time, the first message of each stamp."""
-    times = [_stamp(m) if stamped else m.logged for m in found]
-    stamps, first = np.unique(np.array(times, dtype=np.int64), return_index=True)
-    values = np.array([extract(found[i].content) for i in first.tolist()], dtype=np.float64)
-    return _Series(stamps, values)
+    times = np.array([row.stamp if stamped else row.logged for row in table], dtype=np.int64)
+    stamps, first = np.unique(times, return_index=True)
+    return _Series(stamps, np.array([row.values for row in table], dtype=np.float64)[first])
 
 
 def _of_odometry(m: Any) -> tuple[float, ...]:

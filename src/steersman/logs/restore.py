@@ -11,8 +11,7 @@ import numpy as np
 from steersman.episode import COLUMNS, Episode, check
 from steersman.errors import DataError
 from steersman.logs import schemas
-from steersman.logs.bag import opened
-from steersman.types import FloatArray
+from steersman.logs.bag import Message, opened
 
 _HEAD = ("end", "distance", "dt", "path_length", "closed", "meta")
 
@@ -29,13 +28,11 @@ def read_episode(file: FilePath) -> Episode:
     """
     head = _head(file)
     with opened(file) as recording:
-        odometry = recording.messages(schemas.ODOMETRY)
-        diagnostics = recording.messages(schemas.DIAGNOSTICS)
-    motion = np.array([_motion(m.logged, m.content) for m in odometry])
+        motion = np.array(recording.some(schemas.ODOMETRY, _motion))
+        told = np.array(recording.some(schemas.DIAGNOSTICS, _diagnostics))
     names = ("time", "x", "y", "v_x", "v_y", "yaw_rate")
     columns = {name: motion[:, i].copy() for i, name in enumerate(names)}
-    for name in schemas.DIAGNOSTIC_FIELDS:
-        columns[name] = _column([m.content for m in diagnostics], name)
+    columns |= {name: told[:, i].copy() for i, name in enumerate(schemas.DIAGNOSTIC_FIELDS)}
     try:
         fields = {name: head[name] for name in _HEAD}
         episode = Episode({name: columns[name] for name in COLUMNS}, **fields)
@@ -54,14 +51,14 @@ def holds_episode(file: FilePath) -> bool:
     return file.suffix == ".mcap" and _record(file) is not None
 
 
-def _motion(logged: int, m: Any) -> tuple[float, ...]:
-    p, v = m.pose.pose.position, m.twist.twist
-    time = (logged - schemas.EPOCH * 1_000_000_000) * 1e-9
+def _motion(message: Message) -> tuple[float, ...]:
+    p, v = message.content.pose.pose.position, message.content.twist.twist
+    time = (message.logged - schemas.EPOCH * 1_000_000_000) * 1e-9
     return time, p.x, p.y, v.linear.x, v.linear.y, v.angular.z
 
 
-def _column(found: list[Any], name: str) -> FloatArray:
-    return np.array([float(getattr(m, name, np.nan)) for m in found])
+def _diagnostics(message: Message) -> tuple[float, ...]:
+    return tuple(getattr(message.content, name, np.nan) for name in schemas.DIAGNOSTIC_FIELDS)
 
 
 def _record(file: FilePath) -> dict[str, str] | None:
