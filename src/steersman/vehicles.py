@@ -77,6 +77,14 @@ class Vehicle(Component):
     ackermann: bool = param(True, "-", "Outer wheel by Ackermann, else parallel wheels.")
     steer_rate_up: float = param(2.5, "1/s", "Normalised steering rate away from centre.", gt=0)
     steer_rate_down: float = param(5.0, "1/s", "Normalised steering rate to the centre.", gt=0)
+    steer_lag: float = param(0.0, "s", "Time constant of the steering; 0: none.", ge=0, le=1)
+    steer_delay: float = param(
+        0.0,
+        "s",
+        "Time until the steering begins to answer; plant.steering_delay adds.",
+        ge=0,
+        le=0.5,
+    )
     steer_bias: float = param(
         0.0, "rad", "Inner wheel angle at centred steering, at low speed.", ge=-0.2, le=0.2
     )
@@ -167,6 +175,7 @@ class Vehicle(Component):
             kernel.LOAD_LAG: self.load_lag,
             kernel.FADE_SPEED: self.fade_speed,
             kernel.SLIP_SPEED: self._slip_speed(),
+            kernel.STEER_LAG: self.steer_lag,
             kernel.STEER_BIAS: self.steer_bias / self.max_wheel_angle,
         }
         for column, value in values.items():

@@ -1,4 +1,4 @@
-"""The vehicle's parts: actuators, steering law, longitudinal map, tyres and wheel loads."""
+"""The vehicle's parts: steering law, longitudinal map, tyres and wheel loads."""
 
 from __future__ import annotations
 
@@ -19,47 +19,6 @@ WEIGHT = CAR.mass * kernel.GRAVITY
 steers = st.floats(-1.0, 1.0)
 speeds = st.floats(0.0, 60.0)
 forces = st.floats(-3e4, 3e4)
-
-
-# ------------------------------------------------------------------------------- actuators
-
-
-@given(steers, steers, st.floats(1e-4, 0.5))
-def test_slew_in_two_halves_is_slew_in_one(position: float, command: float, h: float) -> None:
-    half = kernel.slew(position, command, 2.5, 5.0, 0.5 * h)
-    twice = kernel.slew(half, command, 2.5, 5.0, 0.5 * h)
-    assert twice == pytest.approx(kernel.slew(position, command, 2.5, 5.0, h), abs=1e-12)
-
-
-@given(steers, steers, st.floats(1e-4, 0.5))
-def test_slew_never_overshoots_nor_turns_back(position: float, command: float, h: float) -> None:
-    reached = kernel.slew(position, command, 2.5, 5.0, h)
-    low, high = sorted((position, command))
-    assert low - 1e-15 <= reached <= high + 1e-15
-    assert abs(reached - position) <= 5.0 * h + 1e-12
-
-
-@pytest.mark.parametrize(
-    ("position", "command", "h", "expected"),
-    [
-        (0.0, 1.0, 0.05, 0.125),
-        (0.0, -1.0, 0.05, -0.125),
-        (0.8, 0.0, 0.05, 0.55),
-        (0.8, 0.7, 0.05, 0.7),
-        (0.2, -1.0, 0.04, 0.0),
-        # 0.02 s down to zero at 5 per second, then 0.03 s up at 2.5 per second.
-        (0.1, -1.0, 0.05, -0.075),
-        (-0.1, 1.0, 0.05, 0.075),
-    ],
-)
-def test_slew_rates(position: float, command: float, h: float, expected: float) -> None:
-    assert kernel.slew(position, command, 2.5, 5.0, h) == pytest.approx(expected, abs=1e-15)
-
-
-@given(steers, steers, st.floats(1e-4, 0.5))
-def test_slew_equals_python(position: float, command: float, h: float) -> None:
-    args = (position, command, 2.5, 5.0, h)
-    assert kernel.slew(*args) == kernel.slew.py_func(*args)
 
 
 # ------------------------------------------------------------------------------- steering

@@ -288,3 +288,21 @@ def test_recording_changes_nothing(delay: float) -> None:
     assert plain.accelerations().shape == (0, 2)
     # The state's accelerations are those of the last substep.
     assert fine[4::5].tolist() == [[s.a_x, s.a_y] for s in states]
+
+
+def test_the_cars_own_delay_adds_to_the_plants() -> None:
+    def driven(own: float, outer: float) -> list[float]:
+        plant = SimulatorConfig(steering_delay=outer).make(CarlaModel3(steer_delay=own))
+        plant.reset(Pose(0.0, 0.0, 0.0), 10.0, 0.0)
+        return [plant.step(Command(0.1, 0.4, 0.0)).yaw_rate for _ in range(20)]
+
+    assert driven(0.13, 0.0) == driven(0.0, 0.13) == driven(0.05, 0.08)
+    assert driven(0.13, 0.0) != driven(0.0, 0.0)
+
+
+def test_a_lagging_steering_comes_late() -> None:
+    plant = SimulatorConfig().make(CarlaModel3(steer_lag=0.2))
+    plant.reset(Pose(0.0, 0.0, 0.0), 10.0, 0.0)
+    steers = [plant.step(Command(0.1, 0.4, 0.0)).steer for _ in range(20)]
+    wanted = [0.1 * (1.0 - math.exp(-0.05 * (k + 1) / 0.2)) for k in range(20)]
+    assert steers == pytest.approx(wanted, abs=1e-9)

@@ -17,6 +17,7 @@ from steersman.cli import (
     drive,
     export,
     falsify,
+    identify,
     imitate,
     path,
     report,
@@ -51,6 +52,7 @@ app.command("tune", epilog=tune.EXAMPLES)(tune.tune)
 app.command("falsify", epilog=falsify.EXAMPLES)(falsify.falsify)
 app.command("bench", epilog=bench.EXAMPLES)(bench.bench)
 app.command("export", epilog=export.EXAMPLES)(export.export)
+app.command("identify", epilog=identify.EXAMPLES)(identify.identify)
 app.command("compare", epilog=compare.EXAMPLES)(compare.compare)
 app.command("reproduce", epilog=reproduce.EXAMPLES)(reproduce.reproduce)
 app.command("report", epilog=report.EXAMPLES)(report.report)

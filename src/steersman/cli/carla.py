@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+from steersman.cli import settings
 from steersman.cli.output import folded, write
-
-if TYPE_CHECKING:
-    from steersman.vehicles import Vehicle
 
 SERVE_EXAMPLES = (
     "\b\n"
@@ -59,7 +57,10 @@ def serve(
 
     logging.basicConfig(format="%(message)s")
     server = Server(
-        host, port, models(_vehicle(vehicle)), None if maps is None else FilePath(maps).expanduser()
+        host,
+        port,
+        models(settings.vehicle(vehicle)),
+        None if maps is None else FilePath(maps).expanduser(),
     )
 
     def ready(server: Server) -> None:
@@ -71,20 +72,3 @@ def serve(
 
     run(server, ready)
     write("stand-in: stopped\n")
-
-
-def _vehicle(name: str) -> Vehicle:
-    """A vehicle by name, or from a file.
-
-    Raises:
-        ConfigError: there is none of that name, or the file is wrong.
-    """
-    from steersman.config import build, lookup
-    from steersman.vehicles import Vehicle
-
-    if name.endswith((".yaml", ".yml")):
-        vehicle = build(lookup("vehicle", "file"), {"file": name})
-    else:
-        vehicle = build(lookup("vehicle", name), {})
-    assert isinstance(vehicle, Vehicle)
-    return vehicle

@@ -13,6 +13,7 @@ from steersman.errors import ConfigError, DataError, suggestion
 
 if TYPE_CHECKING:
     from steersman.plants.base import PlantComponent
+    from steersman.vehicles import Vehicle
 
 HELP = "A YAML file, and settings over it; a setting of a part is written part.key=value."
 _POLICY = "its policy drives with controller=policy controller.file={inside}policy.onnx"
@@ -141,6 +142,23 @@ def existing(name: str, hint: str = "") -> FilePath:
         near = suggestion(name, tuned.names()) if name.startswith("tuned/") else ""
         raise DataError(f"{name}: no such file{near}{hint}")
     return file
+
+
+def vehicle(name: str) -> Vehicle:
+    """A vehicle by name, or from a file.
+
+    Raises:
+        ConfigError: there is none of that name, or the file is wrong.
+    """
+    from steersman.config import build, lookup
+    from steersman.vehicles import Vehicle
+
+    if name.endswith((".yaml", ".yml")):
+        found = build(lookup("vehicle", "file"), {"file": name})
+    else:
+        found = build(lookup("vehicle", name), {})
+    assert isinstance(found, Vehicle)
+    return found
 
 
 def out_folder(name: str) -> FilePath:

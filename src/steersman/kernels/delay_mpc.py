@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 
+from steersman.kernels.actuator import slew
 from steersman.kernels.compiled import kernel
 from steersman.kernels.preview import curvature_at
 from steersman.kernels.vehicle import (
@@ -20,7 +21,6 @@ from steersman.kernels.vehicle import (
     STEER_DOWN,
     STEER_UP,
     VehicleTable,
-    slew,
     wheel_tangents,
 )
 from steersman.types import FloatArray

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from steersman.kernels.actuator import slew, slew_lagged
 from steersman.kernels.compiled import kernel
 from steersman.types import FloatArray
 
@@ -56,8 +57,9 @@ CMD_STEER, CMD_THROTTLE, CMD_BRAKE = range(3)
     STEER_BIAS,
     SIDE_FORCE,
     YAW_MOMENT,
-) = range(27)
-N_PARAMS = 27
+    STEER_LAG,
+) = range(28)
+N_PARAMS = 28
 
 # Below this speed resistance fades, so that it never drives a standing car backwards [m/s].
 _ROLL_SPEED = 0.2
@@ -94,20 +96,6 @@ def interpolate(grid: FloatArray, values: FloatArray, at: float) -> float:
             w = (at - grid[i - 1]) / (grid[i] - grid[i - 1])
             return float(values[i - 1] + w * (values[i] - values[i - 1]))
     return float(values[-1])
-
-
-@kernel
-def slew(position: float, command: float, up: float, down: float, h: float) -> float:
-    """Where an actuator gets in time ``h``: ``up`` limits it away from zero, ``down`` towards."""
-    if position * command < 0.0:
-        needed = abs(position) / down
-        if h <= needed:
-            return position - math.copysign(down * h, position)
-        h -= needed
-        position = 0.0
-    gap = command - position
-    rate = up if abs(command) > abs(position) else down
-    return position + min(max(gap, -rate * h), rate * h)
 
 
 @kernel
@@ -311,7 +299,14 @@ def advance(
         for i in range(N_MOTION):
             q[i] = state[i] + 0.5 * h * k1[i]
         for half in range(2):
-            steer = slew(steer, command[CMD_STEER], row[STEER_UP], row[STEER_DOWN], 0.5 * h)
+            steer = slew_lagged(
+                steer,
+                command[CMD_STEER],
+                row[STEER_UP],
+                row[STEER_DOWN],
+                row[STEER_LAG],
+                0.5 * h,
+            )
             throttle = slew(
                 throttle, command[CMD_THROTTLE], row[PEDAL_UP], row[PEDAL_DOWN], 0.5 * h
             )

@@ -160,7 +160,7 @@ class FleetDriver:
         ):
             row[column] *= factor
         extra = int(rng.integers(round(spread.delay / self.problem.plant.h) + 1))
-        self.fleet.delay[i] = self.problem.plant.delay_substeps() + extra
+        self.fleet.delay[i] = self.problem.plant.delay_of(self.problem.vehicle) + extra
 
     def _make_slippery(self, i: int, profile: Profile, rng: np.random.Generator) -> Profile:
         """Lower the friction; the profile as a driver would drive it there."""
@@ -175,7 +175,7 @@ class FleetDriver:
     def _make_nominal(self, i: int) -> None:
         """The car, delay and sensor without any spread."""
         self.world.vehicles.rows[i] = self._base
-        self.fleet.delay[i] = self.problem.plant.delay_substeps()
+        self.fleet.delay[i] = self.problem.plant.delay_of(self.problem.vehicle)
         self._levels[i] = 1.0 - self.problem.spread.waypoints
 
     def begin(self, i: int, start: Start) -> None:

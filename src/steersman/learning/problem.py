@@ -161,7 +161,7 @@ class Problem(Settings):
     @model_validator(mode="after")
     def _delay(self) -> Problem:
         longest = self.plant.steering_delay + self.spread.delay
-        self.plant.model_copy(update={"steering_delay": longest}).delay_substeps()
+        self.plant.model_copy(update={"steering_delay": longest}).delay_of(self.vehicle)
         return self
 
     @property

@@ -73,17 +73,24 @@ class PlantComponent(Component):
             )
         return count
 
-    def delay_substeps(self) -> int:
-        """Steering delay in steps of ``h``.
+    def delay_of(self, vehicle: Vehicle) -> int:
+        """Steering delay in steps of ``h``, the car's own included where it is simulated here.
 
         Raises:
             ConfigError: the delay is longer than the delay line.
         """
-        count = round(self.steering_delay / self.h)
+        return self.delay_substeps(vehicle.steer_delay if self.embedded else 0.0)
+
+    def delay_substeps(self, more: float = 0.0) -> int:
+        """Steering delay and ``more`` [s] in steps of ``h``.
+
+        Raises:
+            ConfigError: the delay is longer than the delay line.
+        """
+        delay = self.steering_delay + more
+        count = round(delay / self.h)
         longest = (kernel.DELAY_LINE - 2) * self.substeps()
         if count > longest:
             limit = longest * self.h
-            raise ConfigError(
-                f"plant.steering_delay: {self.steering_delay} s is too long; at most {limit:g} s"
-            )
+            raise ConfigError(f"plant.steering_delay: {delay} s is too long; at most {limit:g} s")
         return count

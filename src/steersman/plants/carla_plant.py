@@ -23,6 +23,7 @@ import numpy as np
 
 from steersman.errors import PlantError
 from steersman.kernels import vehicle as car
+from steersman.kernels.actuator import slew
 from steersman.kernels.step import DELAY_LINE
 from steersman.plants import carla_frame as frame
 from steersman.plants.carla_frame import Offset, Placement
@@ -247,8 +248,8 @@ class CarlaPlant:
         row, dt = self.vehicle.table.rows[0], self.dt
         up, down = float(row[car.PEDAL_UP]), float(row[car.PEDAL_DOWN])
         self._pedals = (
-            car.slew(self._pedals[0], command.throttle, up, down, dt),
-            car.slew(self._pedals[1], command.brake, up, down, dt),
+            slew(self._pedals[0], command.throttle, up, down, dt),
+            slew(self._pedals[1], command.brake, up, down, dt),
         )
         self._steps += 1
         return self._read(self.session.tick())

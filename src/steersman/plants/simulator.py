@@ -59,7 +59,7 @@ class Simulator:
         self.vehicle = vehicle
         self.source = config.source()
         self._substeps = config.substeps()
-        self.delay = config.delay_substeps()
+        self.delay = config.delay_of(vehicle)
         self._h = config.integration_step
         self._dt = config.dt
         self._state = np.zeros(car.N_STATE)

@@ -91,7 +91,7 @@ class FalsifyConfig(Settings):
             )
         plant = run.plant.model_copy(update={"steering_delay": ranges.delay})
         try:
-            plant.delay_substeps()
+            plant.delay_of(self.vehicle)
         except ConfigError as error:
             raise ConfigError(str(error), ("ranges", "delay")) from None
         return self

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path as FilePath
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from pydantic import ValidationError
 
-from steersman import core_yaml
 from steersman.errors import PlantError
-from steersman.files import write_text
 from steersman.messages import config_error
 from steersman.paths.basic import Straight
 from steersman.protocols import Plant
@@ -17,6 +15,7 @@ from steersman.provenance import provenance
 from steersman.studies.calibrate import identify, manoeuvres
 from steersman.studies.calibrate.identify import Fit
 from steersman.studies.calibrate.manoeuvres import Driver, Tell
+from steersman.studies.vehicle_file import write_vehicle
 from steersman.vehicles import Vehicle
 
 # Enough for a throttle run to the top speed [m].
@@ -93,8 +92,6 @@ def write(found: Calibration, file: FilePath, source: str) -> None:
     Raises:
         DataError: it cannot be written.
     """
-    head = [f"# Calibrated on {source}, commit {provenance()['commit']}. What the fits leave:"]
-    head += [f"#   {name}: {fit.error:.3g} {fit.unit}" for name, fit in found.fits.items()]
-    figures: dict[str, Any] = {"base": "custom", **found.vehicle.model_dump(mode="json")}
-    figures.pop("file", None)
-    write_text(file, "\n".join(head) + "\n" + core_yaml.dump(figures))
+    head = [f"Calibrated on {source}, commit {provenance()['commit']}. What the fits leave:"]
+    head += [f"  {name}: {fit.error:.3g} {fit.unit}" for name, fit in found.fits.items()]
+    write_vehicle(found.vehicle, file, head)

@@ -1,0 +1,171 @@
+"""``steersman identify``: a vehicle file out of a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from steersman.cli import settings
+from steersman.cli.output import note, show, show_json, table, tell_compiling
+from steersman.errors import ConfigError
+
+if TYPE_CHECKING:
+    from steersman.studies.identify.identify import Identified
+
+EXAMPLES = (
+    "\b\n"
+    "Examples:\n"
+    "  steersman identify drive.csv --out car.yaml\n"
+    "  steersman identify runs/log --vehicle bmw_320i --out car.yaml --report fit.html\n"
+    "  steersman identify drive.csv --lock 8.2 --out car.yaml   # steering wheel's angle\n"
+    "  steersman identify drive.mcap --ahead 1.4 --out car.yaml\n"
+    "\n"
+    "Then: steersman drive vehicle=file vehicle.file=car.yaml"
+)
+
+
+def identify(
+    log: Annotated[
+        str,
+        typer.Argument(
+            metavar="LOG", help="A CSV file, an MCAP file or ROS 2 bag, or a folder of drive --out."
+        ),
+    ],
+    vehicle: Annotated[
+        str,
+        typer.Option(
+            "--vehicle", metavar="NAME|FILE.yaml", help="What is believed of the car before."
+        ),
+    ] = "carla_model3",
+    out: Annotated[
+        str | None, typer.Option("--out", metavar="FILE.yaml", help="The vehicle file to write.")
+    ] = None,
+    page: Annotated[
+        str | None,
+        typer.Option("--report", metavar="FILE.html", help="Write a page with the fit's plots."),
+    ] = None,
+    holdout: Annotated[
+        float,
+        typer.Option(
+            "--holdout", min=0.0, max=0.5, help="Share that only judges the fit; 0: none."
+        ),
+    ] = 0.25,
+    lock: Annotated[
+        float | None,
+        typer.Option("--lock", help="Angle of steer_angle at full lock [rad]."),
+    ] = None,
+    ahead: Annotated[
+        float,
+        typer.Option("--ahead", help="Centre of mass ahead of the recorded point [m] (MCAP)."),
+    ] = 0.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Fit a vehicle to a recording.
+
+    Steering delay, lag, rates, ratio and bias, both axles' cornering stiffnesses, yaw inertia,
+    throttle map and brakes, each with a 95 % interval. What the recording does not tell is kept
+    from the vehicle that it starts from, and said.
+    """
+    from steersman.studies.identify.identify import identify as fit
+    from steersman.studies.identify.log import read_log
+    from steersman.studies.identify.result import TITLE, plain, sections, write
+
+    files = [None if f is None else settings.out_file(f, o) for f, o in _targets(out, page)]
+    start = settings.vehicle(vehicle)
+    if lock is not None and not lock > 0.0:
+        raise ConfigError(f"{lock:g} is not allowed; must be greater than 0 [rad]", ("--lock",))
+    recording = read_log(FilePath(log), lock, ahead)
+    tell_compiling()
+    found = fit(recording, start, holdout, note)
+    if files[0] is not None:
+        write(found, files[0])
+    if files[1] is not None:
+        from steersman.report.article import write_article
+
+        write_article(sections(found), files[1], TITLE, plots=f"{files[1].stem}_plots")
+    if as_json:
+        show_json(plain(found))
+    else:
+        _show(found, out, page)
+
+
+def _targets(out: str | None, page: str | None) -> list[tuple[str | None, str]]:
+    """Files to write and their options, endings checked."""
+    for name, option, endings in (
+        (out, "--out", (".yaml", ".yml")),
+        (page, "--report", (".html",)),
+    ):
+        if name is not None and not name.endswith(endings):
+            raise ConfigError(
+                f"{name!r} is not allowed; a name that ends in {endings[0]} is", (option,)
+            )
+    return [(out, "--out"), (page, "--report")]
+
+
+def _show(found: Identified, out: str | None, page: str | None) -> None:
+    from steersman.studies.identify.result import described
+
+    figures = table("figure", "unit", "before", "now", "95 % interval", right=("before", "now"))
+    kept = []
+    for f in found.figures:
+        if f.name.startswith("map_acceleration"):
+            continue
+        if f.low is None:
+            kept.append(f)
+        else:
+            figures.add_row(f.name, f.unit, f"{f.before:.4g}", f"{f.value:.4g}", described(f))
+    errors = table("held out", "unit", "before", "now", right=("before", "now"))
+    for e in found.errors:
+        errors.add_row(e.signal, e.unit, f"{e.before:.3g}", f"{e.after:.3g}")
+    items = [
+        f"{found.seconds:.0f} s of {found.log.name} fitted, from {found.before.kind}\n",
+        figures,
+    ]
+    told = _kept(kept)
+    if told:
+        items += ["", "kept as they were, since the recording does not tell them:", told]
+    if any(f.name.startswith("map_acceleration") for f in found.figures):
+        items += ["", *_map(found)]
+    else:
+        items += ["", "throttle map and brakes: kept; the recording has no throttle"]
+    if found.errors:
+        items += ["", errors, "\nheld out: RMS of simulated minus measured, sensor noise included"]
+    items += [f"written to {name}" for name in (out, page) if name]
+    if any(f.name == "steer_delay" and f.low is not None for f in found.figures):
+        items.append("steer_delay holds any offset between the clocks of commands and sensors")
+    show(*items)
+
+
+def _map(found: Identified) -> list[Any]:
+    """The throttle map, and how many of its knots are told."""
+    vehicle = found.vehicle
+    speeds = [f"{v:.3g} m/s" for v in vehicle.map_speed]
+    grid = table("throttle", *speeds, right=("throttle", *speeds))
+    told = {f.name: f for f in found.figures if f.low is not None and f.high is not None}
+    halves = []
+    for i, (level, row) in enumerate(
+        zip(vehicle.map_throttle, vehicle.map_acceleration, strict=True)
+    ):
+        cells = []
+        for j, value in enumerate(row):
+            figure = told.get(f"map_acceleration[{i}][{j}]")
+            cells.append(f"{value:.2f}" if figure else "kept")
+            if figure is not None and figure.low is not None and figure.high is not None:
+                halves.append(0.5 * (figure.high - figure.low))
+        grid.add_row(f"{level:g}", *cells)
+    middle = f", to +-{sorted(halves)[len(halves) // 2]:.2g} in the middle" if halves else ""
+    return [
+        "net acceleration on a straight [m/s^2], drag included:",
+        grid,
+        f"{len(halves)} knots told{middle}; all intervals are in the file and in --json",
+    ]
+
+
+def _kept(figures: list[Any]) -> str:
+    """Lines of the figures that are kept; those of a map by their reasons."""
+    lines: dict[str, list[str]] = {}
+    for f in figures:
+        lines.setdefault(f"{f.status}: {f.note}" if f.note else f.status, []).append(f.name)
+    return "\n".join(f"  {', '.join(names)} ({why})" for why, names in lines.items())

@@ -1,0 +1,199 @@
+"""From a recording to a vehicle: fit, hold out, and say what is known how well."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from steersman.errors import DataError
+from steersman.studies.identify import lateral, longitudinal, replayed
+from steersman.studies.identify.check import check
+from steersman.studies.identify.lateral import Fitted
+from steersman.studies.identify.log import Log
+from steersman.studies.identify.replayed import Stretch
+from steersman.studies.identify.unknowns import SIGMAS, Unknown, offsets_at
+from steersman.types import FloatArray
+from steersman.vehicles import Vehicle
+
+# Length of the stretches that are fitted or held out [s]: a multiple of the free segments'.
+BLOCK = 10.0
+FITTED, GIVEN, KEPT, AT_LEAST, NONE = "fitted", "given", "kept", "at least", "none seen"
+
+
+class Figure(NamedTuple):
+    """A figure, and what the recording says of it."""
+
+    name: str
+    unit: str
+    before: float
+    value: float
+    low: float | None
+    """Ends of the 95 % interval; None if the recording does not tell the figure."""
+    high: float | None
+    status: str
+    """``fitted``; ``given`` (hangs on a figure that is kept); ``kept`` from the starting vehicle;
+    ``at least``; ``none seen`` (zero explains as much)."""
+    note: str
+
+
+class Error(NamedTuple):
+    """RMS of a signal's error on what was held out, before and after."""
+
+    signal: str
+    unit: str
+    before: float
+    after: float
+    rows: int
+
+
+class Identified(NamedTuple):
+    """What a recording says of a vehicle."""
+
+    log: Log
+    stretches: list[Stretch]
+    use: Any
+    """(rows,) bool: fitted, not held out."""
+    before: Vehicle
+    vehicle: Vehicle
+    figures: list[Figure]
+    errors: list[Error]
+    offsets: dict[str, float]
+    seconds: float
+    """Of the recording that are fitted."""
+
+
+UNITS = {
+    "yaw_rate": "rad/s",
+    "v_y": "m/s",
+    "a_y": "m/s^2",
+    "wheel_angle": "rad",
+    "steer": "-",
+    "v_x": "m/s",
+}
+
+
+def identify(
+    log: Log, vehicle: Vehicle, holdout: float = 0.25, tell: Callable[[str], None] = lambda _: None
+) -> Identified:
+    """Fit a vehicle to a recording.
+
+    Args:
+        log: what was commanded and measured.
+        vehicle: what is believed of the car before; what the recording does not tell stays so.
+        holdout: share of the recording that only judges the fit, in blocks of 10 s; 0: none.
+        tell: told what is being done.
+
+    Raises:
+        DataError: the recording is too short, or its columns contradict each other.
+    """
+    stretches = replayed.stretches(log, vehicle)
+    check(log, stretches, vehicle)
+    use = fitted_rows(log, holdout)
+    tell("lateral: steering, tyres, inertia")
+    side = lateral.fit(vehicle, log, stretches, use)
+    found, fits = side.vehicle, [side]
+    if log.get("throttle") is not None:
+        tell("longitudinal: throttle map, brakes")
+        ahead, better = longitudinal.fit(found, log, stretches, use)
+        tell("lateral again, with the speed that both agree on")
+        # The figures of the map are fixed now; those of the steering start where they were.
+        base = ahead.vehicle.replace(**{u.field: getattr(vehicle, u.field) for u in _fields(side)})
+        side = lateral.fit(base, log, better, use, side)
+        found, fits, stretches = side.vehicle, [side, ahead], better
+    offsets = offsets_at(side.unknowns, side.estimate.z)
+    figures = [figure for fit in fits for figure in _figures(fit)]
+    errors = _errors(log, stretches, ~use, vehicle, found, offsets)
+    seconds = float(np.median(np.diff(log.time)) * use.sum())
+    return Identified(log, stretches, use, vehicle, found, figures, errors, offsets, seconds)
+
+
+def _fields(fit: Fitted) -> list[Unknown]:
+    return [unknown for unknown in fit.unknowns if not unknown.offset]
+
+
+def fitted_rows(log: Log, holdout: float) -> Any:
+    """(rows,) bool: about that share of the blocks is held out, evenly spread.
+
+    Raises:
+        DataError: the recording is too short to hold out a block.
+    """
+    block = np.floor(log.time / BLOCK + 1e-9)
+    if holdout == 0.0:
+        return np.full(len(log.time), True)
+    count = int(block[-1]) + 1
+    if count * holdout < 1.0:
+        raise DataError(
+            f"{log.name}: {log.time[-1]:.0f} s are too short to hold {holdout:g} of them out in "
+            f"blocks of {BLOCK:.0f} s; record more, or give --holdout 0"
+        )
+    return np.floor((block + 1) * holdout + 1e-9) <= np.floor(block * holdout + 1e-9)
+
+
+def _figures(fit: Fitted) -> list[Figure]:
+    found = fit.estimate
+    out = []
+    for i, unknown in enumerate(fit.unknowns):
+        name, z = unknown.name, float(found.z[i])
+        value = unknown.value(z)
+        half = SIGMAS * float(np.sqrt(found.covariance[i, i]))
+        if found.told[i]:
+            given = found.given[i]
+            note = f"hangs on {fit.unknowns[given].name}, which is kept" if given >= 0 else ""
+            status = GIVEN if given >= 0 else FITTED
+            low, high = (unknown.value(z + side * half) for side in (-1.0, 1.0))
+            out.append(Figure(name, unknown.unit, unknown.start, value, low, high, status, note))
+        else:
+            status, note = _why_kept(fit, unknown, float(found.possible[i]))
+            out.append(Figure(name, unknown.unit, unknown.start, value, None, None, status, note))
+    return out
+
+
+def _why_kept(fit: Fitted, unknown: Unknown, deviation: float) -> tuple[str, str]:
+    if unknown.name in fit.at_least:
+        return AT_LEAST, "the recording never went faster; no more is known"
+    if unknown.name == "steer_lag" and np.isfinite(deviation):
+        most = unknown.value(2.0 * SIGMAS * deviation)
+        if most < 0.5 * unknown.high:
+            return NONE, f"less than {most:.2g} s"
+    if not np.isfinite(deviation):
+        return KEPT, "not told by this recording"
+    width = SIGMAS * deviation * unknown.prior
+    if width > 4.0 * unknown.need:
+        return KEPT, "not told by this recording"
+    wide = f"{100.0 * width:.0f} %" if unknown.ratio else f"{width:.2g} {unknown.unit}"
+    return KEPT, f"told to +-{wide} only"
+
+
+def _errors(
+    log: Log,
+    stretches: Sequence[Stretch],
+    rows: Any,
+    before: Vehicle,
+    after: Vehicle,
+    offsets: dict[str, float],
+) -> list[Error]:
+    """On the rows held out; both vehicles are given the same offsets of the sensors."""
+    if not rows.any():
+        return []
+    seen = lateral.measured(log, stretches, rows)
+    sides = [lateral.simulated(v, log, stretches, offsets) - seen for v in (before, after)]
+    out = [
+        Error(name, UNITS[name], _rms(sides[0][:, k]), _rms(sides[1][:, k]), _count(seen[:, k]))
+        for k, name in enumerate(lateral.channels(log))
+    ]
+    if log.get("throttle") is not None:
+        speed = np.where(rows, log.signals["v_x"], np.nan)
+        ahead = [longitudinal.speeds(v, log, stretches) - speed for v in (before, after)]
+        out.append(Error("v_x", "m/s", _rms(ahead[0]), _rms(ahead[1]), _count(ahead[0])))
+    return out
+
+
+def _rms(values: FloatArray) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
+
+
+def _count(values: FloatArray) -> int:
+    return int(np.isfinite(values).sum())

@@ -1,0 +1,153 @@
+"""A recording: what was commanded, what was measured, and when; in SI units, ISO 8855 signs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from pathlib import Path as FilePath
+from typing import NamedTuple
+
+import numpy as np
+
+from steersman.episode import Episode, is_episode, load_episode
+from steersman.errors import DataError
+from steersman.types import FloatArray
+
+# Rows further apart than this do not belong to one drive [s].
+LONGEST_GAP = 0.5
+# A drive shorter than this tells nothing [s].
+SHORTEST = 3.0
+_LEAST_ROWS = 100
+_SLOWEST_RATE = 0.21
+
+
+class Signal(NamedTuple):
+    """A quantity of a recording; the first unit is the one that it is kept in."""
+
+    meaning: str
+    units: Mapping[str, float]
+    """Unit as written in the name of a column -> factor to the kept unit."""
+    required: bool = False
+
+
+_DEG = float(np.pi / 180.0)
+_SHARE = {"": 1.0, "percent": 0.01}
+_SPEED = {"m_s": 1.0, "km_h": 1.0 / 3.6}
+_ANGLE = {"rad": 1.0, "deg": _DEG}
+_ACCELERATION = {"m_s2": 1.0, "g": 9.81}
+SIGNALS: dict[str, Signal] = {
+    "time": Signal("time", {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}, required=True),
+    "steer_command": Signal("commanded steering, -1 to 1, left positive", _SHARE, required=True),
+    "steer_angle": Signal("commanded angle of steering or road wheels; needs --lock", _ANGLE),
+    "throttle": Signal("commanded throttle, 0 to 1", _SHARE),
+    "brake": Signal("commanded brake, 0 to 1", _SHARE),
+    "v_x": Signal("speed ahead", _SPEED, required=True),
+    "v_y": Signal("speed to the left, of the centre of mass", _SPEED),
+    "yaw_rate": Signal("yaw rate, left positive", {"rad_s": 1.0, "deg_s": _DEG}, required=True),
+    "a_x": Signal("acceleration ahead; checked, not fitted", _ACCELERATION),
+    "a_y": Signal("acceleration to the left, of the centre of mass", _ACCELERATION),
+    "steer": Signal("measured steering, -1 to 1", _SHARE),
+    "wheel_angle": Signal("measured angle of the front wheels, the mean of both", _ANGLE),
+}
+# What a vehicle's answer is compared with, and the sensor's offset that is looked for beside.
+RESPONSES = ("yaw_rate", "v_y", "a_y", "wheel_angle", "steer")
+# No sensor, and no simulation of one, is better than this.
+RESOLUTION = {
+    "yaw_rate": 2e-4,
+    "v_y": 2e-3,
+    "a_y": 5e-3,
+    "wheel_angle": 2e-4,
+    "steer": 2e-4,
+    "v_x": 2e-3,
+}
+
+
+class Log(NamedTuple):
+    """Rows at increasing times; NaN where a cell was empty, no entry where a column is missing."""
+
+    name: str
+    time: FloatArray
+    signals: Mapping[str, FloatArray]
+
+    def get(self, name: str) -> FloatArray | None:
+        """A signal, or None if there is none or it is empty throughout."""
+        values = self.signals.get(name)
+        return None if values is None or not np.isfinite(values).any() else values
+
+
+def read_log(file: FilePath, lock: float | None = None, ahead: float = 0.0) -> Log:
+    """A CSV file, an episode (its file, or the folder that ``drive --out`` wrote), or a ROS 2 bag.
+
+    Args:
+        file: ``.csv``, ``.npz``, ``.mcap``, ``.db3``, or a folder with ``episode.npz`` or
+            ``metadata.yaml``.
+        lock: angle [rad] that is full lock where the commands are angles.
+        ahead: how far the centre of mass is ahead of a bag's Odometry [m].
+
+    Raises:
+        DataError: it cannot be read, or holds too little; one line says where and what.
+        ModuleNotFoundError: a bag needs the extra ``logs``.
+    """
+    from steersman.studies.identify.csv_log import read_csv
+
+    bag = (file / "metadata.yaml").is_file() or file.suffix in {".mcap", ".db3"}
+    if file.is_dir() and not bag:
+        file = file / "episode.npz"
+    if bag:
+        log = _of_bag(file, lock, ahead)
+    elif file.suffix == ".npz":
+        if not is_episode(file):
+            raise DataError(f"{file}: not an episode of Steersman")
+        log = of_episode(load_episode(file), str(file))
+    else:
+        log = read_csv(file, lock)
+    _check_length(log)
+    return log
+
+
+# A bag's columns -> our signals.
+_OF_BAG = {"angle": "wheel_angle"} | {n: n for n in ("v_x", "v_y", "yaw_rate", "steer_command")}
+_OF_BAG |= {name: name for name in ("steer", "throttle", "brake")}
+
+
+def _of_bag(file: FilePath, lock: float | None, ahead: float) -> Log:
+    from steersman.logs import read
+
+    bag = read(file, ahead=ahead)
+    signals = {ours: bag[theirs] for theirs, ours in _OF_BAG.items() if theirs in bag}
+    if "steer_command" not in signals:
+        if "angle_command" not in bag:
+            raise DataError(f"{file}: holds no steering commands (Lateral or Control of Autoware)")
+        if lock is None:
+            raise DataError(f"{file}: its commands are wheel angles; give --lock ANGLE [rad]")
+        signals["steer_command"] = bag["angle_command"] / lock
+    return Log(str(file), bag["time"], signals)
+
+
+def of_episode(episode: Episode, name: str = "episode") -> Log:
+    """The signals of an episode: true values, without any sensor's noise."""
+    signals = {key: episode[key] for key in SIGNALS if key in episode.columns and key != "time"}
+    return Log(name, episode["time"] - episode["time"][:1], signals)
+
+
+def _check_length(log: Log) -> None:
+    rows, seconds = len(log.time), float(log.time[-1] - log.time[0]) if len(log.time) else 0.0
+    if rows < _LEAST_ROWS or seconds < 2.0 * SHORTEST:
+        raise DataError(
+            f"{log.name}: {rows} rows over {seconds:.1f} s are too few; give at least "
+            f"{_LEAST_ROWS} rows over {2.0 * SHORTEST:.0f} s"
+        )
+    usual = float(np.median(np.diff(log.time)))
+    if usual > _SLOWEST_RATE:
+        raise DataError(
+            f"{log.name}: a row every {usual:.3g} s is too seldom; give at least 5 rows a second"
+            " (is the column time in seconds? time_ms is in milliseconds)"
+        )
+
+
+def pieces(log: Log) -> list[slice]:
+    """Stretches of rows without a gap, each long enough to be of use."""
+    cuts = np.flatnonzero(np.diff(log.time) > LONGEST_GAP) + 1
+    ends = [0, *cuts.tolist(), len(log.time)]
+    found = [slice(a, b) for a, b in pairwise(ends)]
+    return [s for s in found if log.time[s.stop - 1] - log.time[s.start] >= SHORTEST]

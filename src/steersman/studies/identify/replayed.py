@@ -1,0 +1,258 @@
+"""A stretch of a recording on the simulator's grid, and what a vehicle makes of it.
+
+The lateral side is driven at the recorded speed, so that its response depends on nothing
+longitudinal and forgets how it started; the longitudinal side runs freely for some seconds from
+each of many starts (output error in segments, a multiple shooting).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from steersman.kernels import replay as kernel
+from steersman.kernels import vehicle as car
+from steersman.studies.identify.log import Log, pieces
+from steersman.types import FloatArray
+from steersman.vehicles import LONGEST_STEP, Vehicle
+
+H = LONGEST_STEP
+"""Step of the simulation [s], as the simulator's own."""
+WARM_UP = 1.0
+"""What follows a start is not compared for so long [s]."""
+# Slower than this a car tells nothing of its tyres [m/s]; beyond this share of its grip it slides
+# as chance will have it.
+_SLOWEST, _MOST_GRIP = 1.0, 0.7
+# Before a stretch, its first command was held for longer than any delay [s].
+_BEFORE = 5.0
+# Noise of a speed sensor at which half a second is averaged [m/s].
+_NOISY = 0.05
+_WINDOW, _LONG_WINDOW = 0.5, 2.0
+# Speed samples that lie so many deviations off their neighbours are thrown out.
+_OUTLIER = 6.0
+_NEIGHBOURS = 3
+
+
+class Stretch(NamedTuple):
+    """Commands and speed every ``H`` from the first row's time on."""
+
+    rows: slice
+    time: FloatArray
+    """Times of the rows since the first [s]."""
+    speed: FloatArray
+    """(m + 1,) smoothed [m/s]."""
+    steer: tuple[FloatArray, FloatArray]
+    """Times [s], and the integral of the held commands up to them [s]."""
+    pedals: FloatArray | None
+    """(m, 2) throttle and brake as commanded."""
+    driven: FloatArray
+    """(m, 2) throttle and brake that give the recorded acceleration."""
+    yaw_rate: float
+    """At the start [rad/s]."""
+    steady: Any
+    """(n,) bool: rows by which the answer has forgotten its start, standstill and sliding."""
+
+
+def stretches(log: Log, vehicle: Vehicle) -> list[Stretch]:
+    """The recording without its gaps; ``vehicle`` says about which pedals gave its speeds."""
+    return [_stretch(log, rows, vehicle) for rows in pieces(log)]
+
+
+def _stretch(log: Log, rows: slice, vehicle: Vehicle) -> Stretch:
+    time = log.time[rows] - log.time[rows.start]
+    count = int(np.ceil(time[-1] / H - 1e-6))
+    grid = _grid(count + 1)
+    speed = _smoothed(time, log.signals["v_x"][rows], grid)
+    steer = _integral(time, log.signals["steer_command"][rows])
+    throttle, brake = log.get("throttle"), log.get("brake")
+    pedals = None
+    if throttle is not None:
+        given = [throttle, np.zeros_like(throttle) if brake is None else brake]
+        pedals = np.column_stack([_held(_integral(time, p[rows]), grid, 0.0) for p in given])
+    rate = log.signals["yaw_rate"][rows]
+    first = rate[np.isfinite(rate)][:5]
+    start = float(np.median(first)) if first.size else 0.0
+    driven = _driven(vehicle, speed)
+    steady = _steady(time, np.interp(time, grid, speed), rate, vehicle.friction)
+    return Stretch(rows, time, speed, steer, pedals, driven, start, steady)
+
+
+def _steady(time: FloatArray, speed: FloatArray, yaw_rate: FloatArray, friction: float) -> Any:
+    """Rows that lie ``WARM_UP`` behind the start, a standstill, and the edge of the grip."""
+    sliding = np.abs(speed * np.nan_to_num(yaw_rate)) > _MOST_GRIP * friction * car.GRAVITY
+    upset = np.flatnonzero((speed < _SLOWEST) | sliding)
+    since = np.concatenate([time[:1], time[upset]])
+    before = np.searchsorted(since, time + 1e-9, side="right") - 1
+    return time - since[before] >= WARM_UP
+
+
+def _smoothed(
+    time: FloatArray, speed: FloatArray, grid: FloatArray, window: float = _WINDOW
+) -> FloatArray:
+    """Speed on the grid: outliers left out, quadratics through a window that fits the noise."""
+    from scipy.signal import savgol_filter
+
+    known = np.isfinite(speed)
+    time, speed = time[known], speed[known]
+    if len(speed) < _NEIGHBOURS:
+        return np.zeros_like(grid)
+    noise = _noise(speed)
+    near = np.lib.stride_tricks.sliding_window_view(
+        np.pad(speed, _NEIGHBOURS, mode="edge"), 2 * _NEIGHBOURS + 1
+    )
+    off = np.abs(speed - np.median(near, axis=1)) > _OUTLIER * noise + 0.5
+    even: FloatArray = np.interp(grid, time[~off], speed[~off])
+    width = window * min(noise / _NOISY, 1.0) ** 0.4
+    points = 2 * round(0.5 * width / H) + 1
+    if points < 5 or points >= len(even):  # noqa: PLR2004 - too few for a quadratic
+        return even
+    return np.asarray(savgol_filter(even, points, 2))
+
+
+def _grid(count: int) -> FloatArray:
+    return np.asarray(H * np.arange(count), dtype=np.float64)
+
+
+def _noise(values: FloatArray) -> float:
+    """Standard deviation of white noise on a smooth signal, from its second differences."""
+    second = np.diff(values, 2)
+    return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6.0)) if second.size else 0.0
+
+
+def _integral(time: FloatArray, command: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Integral of a command that is held until the next row; an empty cell holds the one before."""
+    known = np.flatnonzero(np.isfinite(command))
+    if not known.size:
+        return np.array([-_BEFORE, _BEFORE]), np.zeros(2)
+    at = np.maximum(np.searchsorted(known, np.arange(len(command)), side="right") - 1, 0)
+    held = command[known[at]]
+    times = np.concatenate([[-_BEFORE], time, [time[-1] + _BEFORE]])
+    steps = np.diff(times) * np.concatenate([held[:1], held])
+    return times, np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _held(integral: tuple[FloatArray, FloatArray], grid: FloatArray, delay: float) -> FloatArray:
+    """Mean of the command over each step of the grid, ``delay`` later; smooth in the delay."""
+    total = np.interp(grid - delay, *integral)
+    return np.asarray(np.diff(total) / H)
+
+
+def _driven(vehicle: Vehicle, speed: FloatArray) -> FloatArray:
+    """Throttle and brake (m, 2) whose acceleration on a straight is that of the speed."""
+    wanted, middle = np.diff(speed) / H, 0.5 * (speed[1:] + speed[:-1])
+    knots, rows = np.array(vehicle.map_speed), vehicle.map_acceleration
+    levels = np.array([np.interp(middle, knots, row) for row in rows])
+    throttle = np.full(len(wanted), vehicle.map_throttle[0])
+    for i in range(1, len(levels)):
+        low, high = levels[i - 1], levels[i]
+        share = np.clip((wanted - low) / np.where(high > low, high - low, np.inf), 0.0, 1.0)
+        gain = vehicle.map_throttle[i] - vehicle.map_throttle[i - 1]
+        throttle = np.where(wanted > low, vehicle.map_throttle[i - 1] + share * gain, throttle)
+    short = np.maximum(levels[0] - wanted, 0.0) * vehicle.mass
+    brake = np.clip(short / max(vehicle.brake_force, 1.0), 0.0, 1.0)
+    return np.column_stack([throttle, brake])
+
+
+def lateral(vehicle: Vehicle, stretch: Stretch) -> FloatArray:
+    """States (m + 1, N_STATE) at the recorded speed under the recorded steering."""
+    grid = _grid(len(stretch.speed))
+    steer = _held(stretch.steer, grid, _whole(vehicle))
+    commands = np.column_stack([steer, stretch.driven])
+    states = np.zeros((len(grid), car.N_STATE))
+    states[0, [car.YAW_RATE, car.STEER]] = stretch.yaw_rate, steer[0]
+    states[0, [car.THROTTLE, car.BRAKE]] = stretch.driven[0]
+    work = np.zeros((3, car.N_MOTION))
+    kernel.follow(vehicle.table, commands, stretch.speed, H, states, work)
+    return states
+
+
+def free(
+    vehicle: Vehicle, stretch: Stretch, base: FloatArray, starts: Any, speeds: FloatArray
+) -> FloatArray:
+    """Speeds at the rows (n,) [m/s]; see :func:`free_grid`."""
+    return at_rows(stretch, free_grid(vehicle, stretch, base, starts, speeds))
+
+
+def free_grid(
+    vehicle: Vehicle, stretch: Stretch, base: FloatArray, starts: Any, speeds: FloatArray
+) -> FloatArray:
+    """Speeds on the grid (m + 1,) [m/s] if the car drives on its own from each start.
+
+    Args:
+        vehicle: who drives.
+        stretch: with pedals.
+        base: states of :func:`lateral`.
+        starts: steps (k,) of the grid, int64, at which it starts anew, the first of them 0.
+        speeds: at those starts [m/s].
+    """
+    if stretch.pedals is None:
+        raise ValueError("needs pedals")
+    grid = _grid(len(stretch.speed))
+    steer = _held(stretch.steer, grid, _whole(vehicle))
+    base = base.copy()
+    base[:-1, [car.THROTTLE, car.BRAKE]] = stretch.pedals
+    commands = np.column_stack([steer, stretch.pedals])
+    states, work = np.zeros_like(base), np.zeros((3, car.N_MOTION))
+    kernel.release(vehicle.table, commands, starts, speeds, base, H, states, work)
+    return np.asarray(states[:, car.VX])
+
+
+def corrected(log: Log, stretch: Stretch, speed: FloatArray) -> Stretch:
+    """The stretch with the commanded pedals, and a model's ``speed`` on the grid, corrected.
+
+    What is left of the measured speed is averaged over a long window and added.
+    """
+    left = log.signals["v_x"][stretch.rows] - at_rows(stretch, speed)
+    grid = _grid(len(speed))
+    better = np.maximum(speed + _smoothed(stretch.time, left, grid, _LONG_WINDOW), 0.0)
+    pedals = stretch.driven if stretch.pedals is None else stretch.pedals
+    return stretch._replace(speed=better, driven=pedals)
+
+
+def _whole(vehicle: Vehicle) -> float:
+    """The steering delay without the part of a step that is left [s].
+
+    The rest shifts the answer: a jump of the command within a step would act as from the step's
+    beginning as long as the rate limits.
+    """
+    return float(np.floor(vehicle.steer_delay / H + 1e-9) * H)
+
+
+def at_rows(stretch: Stretch, values: FloatArray, late: float = 0.0) -> FloatArray:
+    """A signal of the grid at the times of the rows, ``late`` [s]."""
+    return np.asarray(np.interp(stretch.time - late, _grid(len(values)), values))
+
+
+_COLUMNS = {
+    "yaw_rate": car.YAW_RATE,
+    "a_y": car.AY,
+    "v_y": car.VY,
+    "wheel_angle": car.WHEEL,
+    "steer": car.STEER,
+}
+
+
+def responses(
+    vehicle: Vehicle,
+    stretch: Stretch,
+    states: FloatArray,
+    names: Sequence[str],
+    offsets: dict[str, float],
+) -> FloatArray:
+    """What sensors would tell of :func:`lateral` at the rows, (n, channels).
+
+    A v_y sensor may stand askew: its offset is an angle.
+    """
+    late = vehicle.steer_delay - _whole(vehicle)
+    columns = (states[:, _COLUMNS[name]] for name in names)
+    out = [
+        at_rows(stretch, column, late) + offsets.get(name, 0.0)
+        for name, column in zip(names, columns, strict=True)
+    ]
+    if "v_y" in names:
+        k = list(names).index("v_y")
+        askew = offsets.get("v_y", 0.0)
+        out[k] += askew * (at_rows(stretch, stretch.speed) - 1.0)
+    return np.column_stack(out)

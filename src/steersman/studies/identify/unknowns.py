@@ -1,0 +1,168 @@
+"""What is looked for: figures of a vehicle, and offsets of the sensors beside them.
+
+A figure is searched as z, the steps of its ``prior`` by which it lies off the starting vehicle's:
+value = start x exp(prior z) or, for those that can be zero, start + prior z.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from steersman.types import FloatArray
+from steersman.vehicles import Vehicle
+
+# 95 % of a normal distribution lie within so many standard deviations.
+SIGMAS = 1.96
+_LARGEST_ANGLE = 1.5
+
+
+class Unknown(NamedTuple):
+    """A figure that is looked for."""
+
+    field: str
+    """Field of the vehicle, or ``offset`` of a sensor's signal ``at``."""
+    at: tuple[Any, ...]
+    """Indices within the field."""
+    unit: str
+    start: float
+    ratio: bool
+    """Whether its steps are factors."""
+    prior: float
+    """How far off the starting vehicle's it may well be (one standard deviation): a share of it
+    if ``ratio``, else in its unit. So unsure is a figure that the log does not tell."""
+    need: float
+    """Half width of the 95 % interval (a share or in its unit) beyond which it is not told."""
+    low: float
+    high: float
+
+    @property
+    def name(self) -> str:
+        """Name as tables have it."""
+        return self.field + "".join(f"[{i}]" for i in self.at)
+
+    @property
+    def offset(self) -> bool:
+        """Whether it is a sensor's, not the vehicle's."""
+        return self.field == "offset"
+
+    def value(self, z: float) -> float:
+        """The figure at ``z``."""
+        value = self.start * math.exp(self.prior * z) if self.ratio else self.start + self.prior * z
+        return min(max(value, self.low), self.high)
+
+    def z(self, value: float) -> float:
+        """Inverse of :meth:`value`."""
+        if self.ratio:
+            return math.log(value / self.start) / self.prior
+        return (value - self.start) / self.prior
+
+    def bounds(self) -> tuple[float, float]:
+        """Least and largest z, the start between them."""
+        low, high = (self.z(v) for v in (self.low, self.high))
+        return min(low, 0.0) - 1e-9, max(high, 0.0) + 1e-9
+
+    @property
+    def need_z(self) -> float:
+        """``need`` in steps of z."""
+        return (math.log1p(self.need) if self.ratio else self.need) / self.prior
+
+
+def _ratio(
+    vehicle: Vehicle, field: str, unit: str, prior: float, need: float, span: float = 5.0
+) -> Unknown:
+    start = float(getattr(vehicle, field))
+    low, high = start / span, start * span
+    if field == "max_wheel_angle":
+        high = _LARGEST_ANGLE
+    return Unknown(field, (), unit, start, True, prior, need, low, high)
+
+
+def _plain(
+    vehicle: Vehicle, field: str, unit: str, prior: float, need: float, low: float, high: float
+) -> Unknown:
+    start = float(getattr(vehicle, field))
+    return Unknown(field, (), unit, start, False, prior, need, low, high)
+
+
+def steering(vehicle: Vehicle, responses: Iterable[str]) -> list[Unknown]:
+    """Of the lateral fit: steering, axles, inertia, offsets; who is told least, goes first."""
+    curve = [
+        Unknown(
+            "steer_curve_factor", (i,), "-", factor, True, 0.1, 0.06, 0.2 * factor, 2.0 * factor
+        )
+        for i, factor in enumerate(vehicle.steer_curve_factor)
+        if i > 0
+    ]
+    return [
+        _plain(vehicle, "steer_delay", "s", 0.05, 0.03, 0.0, 0.5),
+        _plain(vehicle, "steer_lag", "s", 0.05, 0.05, 0.0, 0.6),
+        _ratio(vehicle, "steer_rate_up", "1/s", 0.5, 0.2, 20.0),
+        _ratio(vehicle, "steer_rate_down", "1/s", 0.5, 0.2, 20.0),
+        _ratio(vehicle, "max_wheel_angle", "rad", 0.15, 0.2),
+        *curve,
+        _plain(vehicle, "steer_bias", "rad", 0.02, 0.01, -0.2, 0.2),
+        _ratio(vehicle, "c_f", "N/rad", 0.3, 0.25, 10.0),
+        _ratio(vehicle, "c_r", "N/rad", 0.3, 0.25, 10.0),
+        _ratio(vehicle, "yaw_inertia", "kg m^2", 0.2, 0.2, 4.0),
+        *(_offset(name) for name in responses),
+    ]
+
+
+# How far off a sensor may well be: yaw rate [rad/s], acceleration [m/s^2], angles [rad], [-].
+_OFFSETS: Mapping[str, tuple[str, float]] = {
+    "yaw_rate": ("rad/s", 0.005),
+    "a_y": ("m/s^2", 0.2),
+    "v_y": ("rad", 0.01),
+    "wheel_angle": ("rad", 0.01),
+    "steer": ("-", 0.01),
+}
+
+
+def _offset(name: str) -> Unknown:
+    unit, prior = _OFFSETS[name]
+    return Unknown("offset", (name,), unit, 0.0, False, prior, prior, -50.0 * prior, 50.0 * prior)
+
+
+def pedals(vehicle: Vehicle, *, brake: bool) -> list[Unknown]:
+    """Of the longitudinal fit: every knot of the throttle map, and the brakes if they were used."""
+    knots = [
+        Unknown("map_acceleration", (i, j), "m/s^2", a, False, 2.0, 0.4, a - 20.0, a + 20.0)
+        for i, row in enumerate(vehicle.map_acceleration)
+        for j, a in enumerate(row)
+    ]
+    if not brake or vehicle.brake_force == 0.0:
+        return knots
+    return [*knots, _ratio(vehicle, "brake_force", "N", 0.3, 0.2)]
+
+
+def vehicle_at(vehicle: Vehicle, unknowns: Sequence[Unknown], z: FloatArray) -> Vehicle:
+    """The starting vehicle with the figures of ``z``; offsets are left out."""
+    figures: dict[str, Any] = {}
+    for unknown, step in zip(unknowns, z.tolist(), strict=True):
+        if unknown.offset:
+            continue
+        if not unknown.at:
+            figures[unknown.field] = unknown.value(step)
+            continue
+        nested = figures.setdefault(unknown.field, _lists(getattr(vehicle, unknown.field)))
+        for i in unknown.at[:-1]:
+            nested = nested[i]
+        nested[unknown.at[-1]] = unknown.value(step)
+    if "steer_curve_factor" in figures:  # no wheel turns further than the model goes
+        most = 0.999999 * _LARGEST_ANGLE / figures.get("max_wheel_angle", vehicle.max_wheel_angle)
+        figures["steer_curve_factor"] = [min(f, most) for f in figures["steer_curve_factor"]]
+    if "map_acceleration" in figures:  # it was measured with this mass
+        figures["map_mass"] = None
+    return vehicle.replace(**figures)
+
+
+def offsets_at(unknowns: Sequence[Unknown], z: FloatArray) -> dict[str, float]:
+    """Signal -> offset of its sensor."""
+    pairs = zip(unknowns, z.tolist(), strict=True)
+    return {unknown.at[0]: unknown.value(step) for unknown, step in pairs if unknown.offset}
+
+
+def _lists(values: Any) -> Any:
+    return [_lists(v) for v in values] if isinstance(values, (list, tuple)) else values

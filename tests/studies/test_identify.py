@@ -1,0 +1,362 @@
+"""Identification: known cars out of noisy recordings, and what recordings cannot tell."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+import pytest
+
+from steersman.config import build, lookup
+from steersman.errors import DataError
+from steersman.rollout import RunConfig, run
+from steersman.studies.identify import csv_log, lateral, replayed
+from steersman.studies.identify.estimate import Misses, estimate
+from steersman.studies.identify.identify import Figure, Identified, fitted_rows, identify
+from steersman.studies.identify.log import Log, of_episode, pieces, read_log
+from steersman.studies.identify.result import sections, write
+from steersman.studies.identify.unknowns import SIGMAS, steering, vehicle_at
+from steersman.vehicles import Bmw320i, CarlaModel3, Vehicle
+
+from .recordings import recording
+
+MODEL3 = CarlaModel3()
+OTHER = MODEL3.replace(
+    c_f=90e3,
+    c_r=80e3,
+    yaw_inertia=3000.0,
+    steer_delay=0.12,
+    steer_lag=0.08,
+    max_wheel_angle=1.0,
+    steer_bias=0.01,
+    brake_force=6000.0,
+    map_acceleration=[[0.8 * a - 0.1 for a in row] for row in MODEL3.map_acceleration],
+)
+BMW = Bmw320i(steer_rate_up=1.5, steer_rate_down=1.5)
+BELIEVED_BMW = Bmw320i(c_f=80e3, c_r=80e3, yaw_inertia=2300.0, max_wheel_angle=0.9)
+
+
+def value(car: Vehicle, figure: Figure) -> float:
+    field, _, rest = figure.name.partition("[")
+    found: Any = getattr(car, field)
+    for index in rest.replace("]", "").split("[") if rest else ():
+        found = found[int(index)]
+    return float(found)
+
+
+def deviations(found: Identified, true: Vehicle) -> dict[str, float]:
+    """How many standard deviations each told figure is off."""
+    return {
+        f.name: SIGMAS * (f.value - value(true, f)) / (0.5 * (f.high - f.low))
+        for f in found.figures
+        if f.low is not None and f.high is not None and not f.name.startswith("offset")
+    }
+
+
+@pytest.fixture(scope="module")
+def of_other() -> Identified:
+    return identify(recording(OTHER, 60.0), MODEL3)
+
+
+def test_a_car_is_recovered(of_other: Identified) -> None:
+    off = deviations(of_other, OTHER)
+    assert {"steer_delay", "steer_lag", "max_wheel_angle", "steer_bias", "c_f", "c_r"} <= set(off)
+    assert {"yaw_inertia", "map_acceleration[2][2]", "steer_curve_factor[1]"} <= set(off)
+    sizes = np.abs(list(off.values()))
+    assert np.max(sizes) < 4.0
+    assert np.mean(sizes < SIGMAS) > 0.8
+    near = {"steer_delay": 0.005, "steer_lag": 0.01, "steer_bias": 0.002}
+    for name in ("max_wheel_angle", "c_f", "c_r", "yaw_inertia"):
+        near[name] = 0.06 * getattr(OTHER, name)
+    for name, tolerance in near.items():
+        assert getattr(of_other.vehicle, name) == pytest.approx(getattr(OTHER, name), abs=tolerance)
+
+
+def test_held_out_errors_are_the_sensors_noise(of_other: Identified) -> None:
+    errors = {e.signal: e for e in of_other.errors}
+    assert errors["yaw_rate"].after == pytest.approx(0.005, rel=0.15)
+    assert errors["a_y"].after == pytest.approx(0.1, rel=0.15)
+    for error in errors.values():
+        assert error.after < 0.3 * error.before
+        assert error.rows == 200
+
+
+def test_what_was_never_driven_is_kept_and_marked(of_other: Identified, tmp_path: FilePath) -> None:
+    kept = {f.name: f for f in of_other.figures if f.low is None}
+    assert "map_acceleration[5][6]" in kept
+    for figure in kept.values():
+        assert value(of_other.vehicle, figure) == value(MODEL3, figure)
+        assert figure.status in {"kept", "none seen", "at least"}
+    write(of_other, tmp_path / "car.yaml")
+    text = (tmp_path / "car.yaml").read_text(encoding="utf-8")
+    assert "kept: not told by this recording" in text
+    read = build(lookup("vehicle", "file"), {"file": str(tmp_path / "car.yaml")})
+    assert read.model_dump(exclude={"file"}) == of_other.vehicle.model_dump()
+
+
+def test_the_page_has_a_figure_for_each_signal(of_other: Identified) -> None:
+    figures = {f["file"] for s in sections(of_other) for f in s.get("figures", ())}
+    assert {"yaw_rate", "a_y_left", "v_x", "throttle_map", "autocorrelation"} <= figures
+
+
+def test_a_slow_actuator_is_told_from_a_delay() -> None:
+    log = recording(BMW, 40.0, acceleration=2.0, top=15.0, throttles=(0.4, 0.5, 0.6))
+    found = identify(log, BELIEVED_BMW, 0.0).vehicle
+    assert found.steer_rate_up == pytest.approx(1.5, rel=0.15)
+    assert found.steer_rate_down == pytest.approx(1.5, rel=0.15)
+    assert found.steer_delay < 0.01
+    assert found.steer_lag == 0.0
+
+
+# ------------------------------------------------------------------------ what is not told
+
+
+def test_straight_driving_tells_nothing_of_the_steering() -> None:
+    found = identify(recording(MODEL3, 20.0, acceleration=0.0), Bmw320i(), 0.0)
+    told = {f.name for f in found.figures if f.low is not None}
+    assert not told & {"steer_delay", "c_f", "c_r", "yaw_inertia", "max_wheel_angle", "steer_lag"}
+    for name in ("c_f", "c_r", "yaw_inertia", "max_wheel_angle", "steer_delay", "steer_rate_up"):
+        assert getattr(found.vehicle, name) == getattr(Bmw320i(), name)
+
+
+def test_a_constant_throttle_tells_its_own_row_only() -> None:
+    log = recording(MODEL3, 20.0, throttles=(0.5,))
+    found = identify(log, MODEL3, 0.0)
+    rows = {f.name[17] for f in found.figures if f.name.startswith("map") and f.low is not None}
+    assert rows <= {"2", "3"}
+    assert "2" in rows
+
+
+# ------------------------------------------------------------------------------ estimation
+
+
+def linear(seed: int, *, coloured: bool = False, outliers: bool = False) -> tuple[Misses, Any]:
+    rng = np.random.default_rng(seed)
+    slopes = rng.standard_normal((400, 3))
+    slopes[:, 2] = 0.0
+    if coloured:
+        slopes[:, 0] = 1.0
+    noise = rng.standard_normal(400)
+    if coloured:
+        for k in range(1, 400):
+            noise[k] += 0.7 * noise[k - 1]
+    if outliers:
+        noise[::20] += 50.0
+    true = np.array([0.5, -0.3, 0.4])
+
+    def of(z: Any) -> Any:
+        return (0.3 * slopes @ (z - true) - noise)[:, None]
+
+    edge = np.full(3, 10.0)
+    return Misses(of, -edge, edge, np.array([1e-6])), true
+
+
+@pytest.mark.parametrize("kind", ["white", "coloured", "outliers"])
+def test_intervals_hold_the_truth_as_often_as_they_say(kind: str) -> None:
+    inside = []
+    for seed in range(150):
+        misses, true = linear(seed, coloured=kind == "coloured", outliers=kind == "outliers")
+        zero = np.zeros(3)
+        found = estimate(misses, zero, zero, np.full(3, 3.0), np.full(3, True))
+        assert found.told.tolist() == [True, True, False]
+        assert found.z[2] == 0.0
+        half = SIGMAS * np.sqrt(np.diag(found.covariance))[:2]
+        inside.append(np.abs(found.z - true)[:2] <= half)
+    share = np.mean(inside, axis=0)
+    assert (share > 0.88).all()
+    assert (share < 0.995).all()
+
+
+def test_the_uncertainty_of_what_is_held_is_in_the_intervals() -> None:
+    rng = np.random.default_rng(0)
+    both, noise = rng.standard_normal((2, 500))
+
+    def of(z: Any) -> Any:  # only the sum shows
+        return (both * (z[0] + z[1]) - 0.1 * noise)[:, None]
+
+    edge, zero = np.full(2, 10.0), np.zeros(2)
+    misses = Misses(of, -edge, edge, np.array([1e-6]))
+    found = estimate(misses, zero, zero, np.ones(2), np.full(2, True))
+    assert found.told.tolist() == [True, False]
+    assert found.given == [1, -1]
+    assert found.alone[0] < 0.1
+    assert np.sqrt(found.covariance[0, 0]) == pytest.approx(1.0, rel=0.1)
+
+
+def test_lateral_intervals_cover(tmp_path: FilePath) -> None:
+    """A few noisy recordings of one drive; the record in results/identify has many."""
+    clean = recording(OTHER, 40.0, noise=0.0)
+    stretches = replayed.stretches(clean, OTHER)
+    stretches = [s._replace(driven=s.pedals) for s in stretches]
+    use = np.full(len(clean.time), True)
+    off = []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        noisy = dict(clean.signals)
+        for name, deviation in (("yaw_rate", 0.005), ("a_y", 0.1)):
+            noisy[name] = noisy[name] + deviation * rng.standard_normal(len(clean.time))
+        log = clean._replace(signals=noisy)
+        unknowns = steering(OTHER, lateral.channels(log))
+        misses = lateral.misses_of(OTHER, log, stretches, unknowns, use)
+        zero, all_of = np.zeros(len(unknowns)), np.full(len(unknowns), True)
+        need = np.array([u.need_z for u in unknowns])
+        found = estimate(misses, zero, zero, need, all_of)
+        sizes = np.abs(found.z[found.told]) / np.sqrt(np.diag(found.covariance))[found.told]
+        off += sizes.tolist()
+    assert len(off) > 50
+    assert 0.87 < np.mean(np.array(off) < SIGMAS) <= 1.0
+
+
+def test_the_same_recording_gives_the_same_figures() -> None:
+    log = recording(MODEL3, 12.0)
+    one, two = (identify(log, MODEL3, 0.0) for _ in range(2))
+    assert one.figures == two.figures
+
+
+# --------------------------------------------------------------------------------- files
+
+
+def test_csv_round_trip(tmp_path: FilePath) -> None:
+    log = recording(MODEL3, 20.0)
+    log.signals["a_y"][7] = np.nan
+    csv_log.write_log(log, tmp_path / "log.csv")
+    read = read_log(tmp_path / "log.csv")
+    assert list(read.signals) == list(log.signals)
+    np.testing.assert_allclose(read.time, log.time, rtol=1e-8)
+    for name, values in log.signals.items():
+        np.testing.assert_allclose(read.signals[name], values, rtol=1e-8, atol=1e-9)
+
+
+def test_units_of_columns(tmp_path: FilePath) -> None:
+    head = "time_ms;steer_angle_deg;v_x_km_h;yaw_rate_deg_s;throttle_percent\n"
+    rows = "".join(f"{50 * k};90;36;{k % 7};{k % 3}\n" for k in range(200))
+    (tmp_path / "log.csv").write_text(head + rows, encoding="utf-8")
+    log = read_log(tmp_path / "log.csv", lock=float(np.pi))
+    assert log.time[1] == pytest.approx(0.05)
+    assert log.signals["steer_command"][0] == pytest.approx(0.5)
+    assert log.signals["v_x"][0] == pytest.approx(10.0)
+    assert log.signals["yaw_rate"][1] == pytest.approx(np.radians(1.0))
+    assert log.signals["throttle"][2] == pytest.approx(0.02)
+
+
+def test_an_episode_is_a_recording(tmp_path: FilePath) -> None:
+    episode = run(build(RunConfig, {"path": "circle", "duration": 10.0}))
+    episode.save(tmp_path / "episode.npz")
+    log, same = read_log(tmp_path), of_episode(episode)
+    for name in ("steer_command", "throttle", "v_x", "yaw_rate", "a_y", "wheel_angle"):
+        assert (log.signals[name] == same.signals[name]).all()
+    # What it says is what the simulator does.
+    car = MODEL3
+    (stretch,) = replayed.stretches(log, car)
+    states = replayed.lateral(car, stretch._replace(driven=stretch.pedals))
+    found = replayed.responses(car, stretch, states, ["yaw_rate"], {})[20:, 0]
+    np.testing.assert_allclose(found, log.signals["yaw_rate"][20:], atol=1e-4)
+
+
+HEAD = "time,steer_command,v_x,yaw_rate\n"
+ROWS = "".join(f"{0.05 * k:.2f},0,10,0\n" for k in range(200))
+WRONG = [
+    ("", "is empty"),
+    ("time,steer_command,v_x\n", "no column yaw_rate_rad_s or yaw_rate_deg_s"),
+    ("time,steer_command,v_x,yaw_ratee\n", "is 'yaw_ratee' it?"),
+    ("time,steer_angle,v_x,yaw_rate\n" + ROWS, "--lock ANGLE"),
+    ("time,time_ms,steer_command,v_x,yaw_rate\n", "time and time_ms are the same"),
+    (HEAD + "0,0,10,0\n0.05,x,10,0\n", "line 3: steer_command is 'x', not a finite number"),
+    (HEAD + "0,0,10\n", "line 2: has 3 cells, yaw_rate is missing"),
+    (HEAD + "0,0,10,0\n0,0,10,0\n", "line 3: time must increase"),
+    (HEAD + ",0,10,0\n", "line 2: time is missing"),
+    (HEAD + "0,0,10,0\n", "1 rows over 0.0 s are too few"),
+    (HEAD + "".join(f"{50 * k},0,10,0\n" for k in range(200)), "time_ms is in milliseconds"),
+]
+
+
+@pytest.mark.parametrize(("text", "said"), WRONG)
+def test_files_that_are_wrong(text: str, said: str, tmp_path: FilePath) -> None:
+    (tmp_path / "log.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(DataError) as error:
+        read_log(tmp_path / "log.csv")
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def scaled(name: str, factor: float) -> Callable[[dict[str, Any]], None]:
+    def change(signals: dict[str, Any]) -> None:
+        signals[name] = signals[name] * factor
+
+    return change
+
+
+def without(name: str, change: Callable[[dict[str, Any]], None]) -> Callable[..., None]:
+    def both(signals: dict[str, Any]) -> None:
+        del signals[name]
+        change(signals)
+
+    return both
+
+
+MISTAKEN = [
+    (scaled("steer_command", -1.0), "turns against its steering"),
+    (scaled("yaw_rate", 180.0 / np.pi), "name it yaw_rate_deg_s"),
+    (without("a_y", scaled("yaw_rate", 180.0 / np.pi)), "is yaw_rate in degrees"),
+    (scaled("a_y", 1.0 / 9.81), "name it a_y_g"),
+    (scaled("a_y", -1.0), "a_y and yaw_rate have opposite signs"),
+    (scaled("v_x", 3.6), "name it v_x_km_h"),
+    (scaled("steer_command", 100.0), "in percent name it steer_command_percent"),
+    (scaled("throttle", 100.0), "in percent name it throttle_percent"),
+]
+
+
+@pytest.mark.parametrize(("change", "said"), MISTAKEN)
+def test_wrong_units_and_signs_are_told(change: Callable[..., None], said: str) -> None:
+    log = recording(MODEL3, 30.0, 3)
+    signals = dict(log.signals)
+    change(signals)
+    with pytest.raises(DataError) as error:
+        identify(log._replace(signals=signals), MODEL3, 0.0)
+    assert said in str(error.value)
+
+
+# -------------------------------------------------------------------------------- the rest
+
+
+def test_gaps_unequal_steps_and_empty_cells_do_no_harm() -> None:
+    log = recording(MODEL3.replace(c_f=90e3, steer_delay=0.1), 30.0)
+    rng = np.random.default_rng(0)
+    keep = rng.uniform(size=len(log.time)) > 0.1
+    keep[300:330] = False
+    signals = {name: values[keep].copy() for name, values in log.signals.items()}
+    signals["yaw_rate"][rng.uniform(size=keep.sum()) < 0.05] = np.nan
+    signals["yaw_rate"][rng.uniform(size=keep.sum()) < 0.02] = 3.0
+    del signals["throttle"]
+    shaken = Log("shaken", log.time[keep], signals)
+    assert len(pieces(shaken)) == 2
+    found = identify(shaken, MODEL3, 0.0).vehicle
+    assert found.c_f == pytest.approx(90e3, rel=0.15)
+    assert found.steer_delay == pytest.approx(0.1, abs=0.03)
+
+
+def test_blocks_are_held_out_evenly() -> None:
+    log = Log("x", np.arange(0.0, 100.0, 0.05), {})
+    use = fitted_rows(log, 0.3)
+    assert np.mean(~use) == pytest.approx(0.3, abs=0.02)
+    changes = np.flatnonzero(np.diff(use.astype(int)))
+    assert np.allclose(log.time[changes + 1] % 10.0, 0.0, atol=1e-6)
+    assert fitted_rows(log, 0.0).all()
+    with pytest.raises(DataError, match="too short to hold"):
+        fitted_rows(Log("x", np.arange(0.0, 15.0, 0.05), {}), 0.25)
+
+
+def test_unknowns_go_there_and_back() -> None:
+    unknowns = steering(OTHER, ["yaw_rate"])
+    rng = np.random.default_rng(0)
+    z = rng.uniform(-0.2, 0.2, len(unknowns))
+    car = vehicle_at(OTHER, unknowns, z)
+    for unknown, step in zip(unknowns, z, strict=True):
+        if unknown.offset:
+            continue
+        found: Any = getattr(car, unknown.field)
+        for i in unknown.at:
+            found = found[i]
+        assert unknown.z(found) == pytest.approx(step, abs=1e-9)
