@@ -14,7 +14,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 from steersman.config import Of, param, register
 from steersman.controllers.base import ControllerComponent, Wrapper, within_limits
 from steersman.controllers.candidate import Candidate, Rules, ask, tell
-from steersman.controllers.reckon import held, moved_on, quiet, reckoned
+from steersman.controllers.reckon import held, moved_on, practise, quiet, reckoned
 from steersman.controllers.swings import Swings
 from steersman.controllers.watch import NOTHING_SEEN, Seen, first_sight, input_fault, no_news
 from steersman.types import Decision, Driver, Observation, Reason, Status
@@ -103,6 +103,7 @@ class Supervisor(Wrapper):
 
     def init(self, vehicle: Vehicle, dt: float) -> SupervisorState:
         """State before the first step; all three controllers are made ready."""
+        practise(vehicle, dt)
         states = [controller.init(vehicle, dt) for controller in self._controllers()]
         return SupervisorState(vehicle, dt, tuple(Candidate(s, s) for s in states))
 
