@@ -10,6 +10,7 @@ import numpy as np
 from steersman.controllers.mpc import single_track, zero_order_hold
 from steersman.controllers.pid import steady_side_slip, steady_wheel_angle
 from steersman.kernels import vehicle as kernel
+from steersman.kernels.actuator import slew_lagged
 from steersman.kernels.turn import steady_turn
 from steersman.plants.simulator import SimulatorConfig
 from steersman.types import Command, FloatArray, Pose
@@ -44,14 +45,16 @@ def actuator() -> dict[str, Any]:
     times = np.arange(0.0, 1.6, 0.01)
     commands = np.where(times < 0.6, 0.5, -0.5)
     commands[times < 0.1] = 0.0
-    position, positions = 0.0, []
-    for command in commands:
-        positions.append(position)
-        position = kernel.slew(position, command, car.steer_rate_up, car.steer_rate_down, 0.01)
-    lines = [
-        {"name": "position", "x": times, "y": positions},
-        {"name": "command", "x": times, "y": commands},
-    ]
+    lines: list[dict[str, Any]] = []
+    for name, lag in (("position", 0.0), ("position with a lag of 0.1 s", 0.1)):
+        position, positions = 0.0, []
+        for command in commands:
+            positions.append(position)
+            position = slew_lagged(
+                position, command, car.steer_rate_up, car.steer_rate_down, lag, 0.01
+            )
+        lines.append({"name": name, "x": times, "y": positions})
+    lines.append({"name": "command", "x": times, "y": commands})
     title = "Steering: 2.5 /s away from the centre, 5 /s towards it"
     return {"title": title, "x": "time [s]", "y": "normalised steering [-]", "lines": lines}
 

@@ -77,7 +77,9 @@ def call(words: list[str], monkeypatch: pytest.MonkeyPatch) -> tuple[int, str]:
         if words[0] not in RUN or "--out" in words:
             patch.setattr(settings, "out_folder", stop)
             patch.setattr(f"steersman.cli.{words[0]}.tell_compiling", stop, raising=False)
-        if "plant=carla" in words or _missing_map(words):
+        if "plant=carla" in words:
+            patch.setattr(settings, "tell_plant", stop)
+        if _missing_map(words):
             patch.setattr("steersman.rollout.run", stop)
         try:
             result = CliRunner().invoke(app, words, prog_name="steersman", catch_exceptions=False)

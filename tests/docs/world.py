@@ -17,14 +17,13 @@ from steersman.logs.write import write_episode
 from steersman.rollout import RunConfig
 from steersman.vehicles import CarlaModel3
 
-from .pages import ROOT
+from .pages import ROOT, blocks
 
 POLICY = ROOT / "src" / "steersman" / "policies" / "precision.onnx"
 # Folders of trainings (or imitations), of tunings, and of drives.
 TRAININGS = ("agent", "agent2", "dagger", "residual", "demo/training", "bc", "mine")
 TUNINGS = ("tune", "tuned", "tune_pid", "stanley")
 DRIVES = ("monza_mpc", "monza_agent", "first")
-ROAD = "x,y\n0,0\n40,0\n80,5\n120,15\n160,15\n200,0\n"
 
 
 def make(folder: FilePath) -> None:
@@ -44,9 +43,9 @@ def make(folder: FilePath) -> None:
     config = build(RunConfig, override({}, ["path=monza", "controller=mpc_pid"]))
     (runs / "monza").mkdir()
     (runs / "monza" / "config.yaml").write_text(to_yaml(config))
-    (folder / "my_road.csv").write_text(ROAD)
+    (folder / "my_road.csv").write_text(shown("your_road.md", "text"))
     for name in ("my_car.yaml", "car.yaml"):
-        (folder / name).write_text("base: carla_model3\nmass: 2100\n")
+        (folder / name).write_text(shown("your_car.md", "yaml"))
     for name in ("DIR", "my_maps"):
         steersman("path", "export", "circle", "--to", str(folder / name / "map.xodr"))
     for name in DRIVES:
@@ -55,6 +54,12 @@ def make(folder: FilePath) -> None:
     steersman("bench", "quick", *words)
     driven = load_episode(runs / "first" / "episode.npz")
     write_episode(folder / "run.mcap", driven, CarlaModel3().table)
+
+
+def shown(page: str, language: str) -> str:
+    """The first block of a language on a page: what a reader would write into a file."""
+    found = (b for b in blocks(ROOT / "docs" / page) if b.language == language)
+    return next(found).body + "\n"
 
 
 def steersman(*words: str) -> None:
