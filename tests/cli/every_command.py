@@ -13,6 +13,12 @@ courses:
   a_course_with_a_long_name: {path: circle, duration: 1, speeds: {slow: constant_speed}}
   straight: {path: straight, duration: 1, speeds: {slow: constant_speed}}
 """
+RECORDED: dict[str, Any] = {
+    "controller": "pid",
+    "path": "training_circuit",
+    "speed": {"kind": "random_profile", "high": 18.0},
+    "duration": 7.0,
+}
 RUNS = "suite=[{path: {kind: circle, radius: 30}, speed: {kind: constant_speed}, duration: 1}]"
 NARROW = ("ranges={mass: 0, friction: 0, waypoint_noise: 0, speed: 0.3, delay: 0.4}", "duration=1")
 NOBODY = "plant.port=1"
@@ -21,6 +27,7 @@ CALLS: dict[str, tuple[str, ...]] = {
     "list": (),
     "show": ("controller", "mpc_pid"),
     "drive": ("duration=1", "controller=pid", "--out", "drive"),
+    "identify": ("recording.npz", "--holdout", "0"),
     "report": ("drive", "--out", "page.html"),
     "export": ("precision", "--to", "onnx", "--out", "export"),
     "train": ("demo", "--out", "train"),
@@ -51,9 +58,12 @@ def prepare(folder: FilePath) -> None:
     """The files that the calls name."""
     import shutil
 
+    from steersman.config import build
     from steersman.policy_file import locate
+    from steersman.rollout import RunConfig, run
 
     (folder / "small.yaml").write_text(SUITE)
+    run(build(RunConfig, RECORDED)).save(folder / "recording.npz")
     for suffix in (".onnx", ".json"):
         shutil.copy(locate("precision").with_suffix(suffix), folder / f"policy{suffix}")
 

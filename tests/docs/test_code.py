@@ -74,6 +74,7 @@ def call(words: list[str], monkeypatch: pytest.MonkeyPatch) -> tuple[int, str]:
     if words[0] in SERVER:
         return parse(words), "see --help"
     with monkeypatch.context() as patch:
+        patch.setattr(settings, "tell_plant", lambda _: None)  # which asks a server
         if words[0] not in RUN or "--out" in words:
             patch.setattr(settings, "out_folder", stop)
             patch.setattr(f"steersman.cli.{words[0]}.tell_compiling", stop, raising=False)
