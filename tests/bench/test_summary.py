@@ -118,3 +118,13 @@ def test_errors_by_a_factor_add_up() -> None:
     assert list(found["path"]) == ["a", "b"]
     assert found["path"]["b"]["pid"]["rms_m"]["value"] == pytest.approx(np.sqrt(0.205))
     assert found["disturbance"]["soft"]["pid"]["runs"] == 1
+
+
+def test_interventions_are_counted_in_every_group() -> None:
+    rows = [row("pid", "a", 0.3, interventions=2, intervened_s=4.0), row("pid", "b", 0.4)]
+    rows += [row("pid", "a", 0.4, "soft", interventions=1, intervened_s=0.5)]
+    found = summarise_rows(rows, [PID])
+    pid = found["controllers"]["pid"]
+    assert [pid[name]["interventions"] for name in ("all", "clean", "disturbed")] == [3, 2, 1]
+    assert (pid["interventions"], pid["intervened_s"]) == (3, 4.5)
+    assert found["by"]["disturbance"]["soft"]["pid"]["interventions"] == 1

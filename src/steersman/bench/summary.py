@@ -178,6 +178,7 @@ def _errors(rows: Sequence[Row]) -> dict[str, Any]:
     return {
         "runs": len(rows),
         "failures": sum(not row["completed"] for row in rows),
+        "interventions": sum(row["interventions"] for row in rows),
         "paths": len({row["path"] for row in rows}),
         "rms_m": _plain(clusters.interval(lambda mean: np.sqrt(mean(squares)))),
         "mean_m": _mean(_column(rows, "charged_mean_m")),
