@@ -406,7 +406,7 @@ def test_a_route_on_a_map_of_the_server(lib: Any, tmp_path: FilePath) -> None:
         assert found.end == "duration"
         world = lib.Client("127.0.0.1", own.port).get_world()
         assert world.get_map().name.endswith("Ring")  # it was not replaced
-        message = r"at s = \d+ m the path is not on a road of Ring, the nearest lane is \d"
+        message = r"Ring: at s = \d+ m the path is on no road of that map, the nearest lane is \d"
         with pytest.raises(PlantError, match=message):
             run(running(plant=plant, path=Circle(radius=50.0), duration=1.0))
         expected = run(running(controller="pid", **words_of))

@@ -30,7 +30,7 @@ from steersman.plants.carla_frame import Offset, Placement
 from steersman.plants.carla_physics import offset_of, steering, vehicle_of
 from steersman.plants.carla_server import whose
 from steersman.plants.carla_session import Session
-from steersman.plants.carla_world import world_of
+from steersman.plants.carla_world import check_road, world_of
 from steersman.plants.simulator import place
 from steersman.protocols import Path
 from steersman.types import Command, FloatArray, Pose, VehicleState
@@ -43,8 +43,6 @@ if TYPE_CHECKING:
 _DROP = 0.5
 # A car that leans farther lies on its side or roof [deg].
 _ON_ITS_SIDE = 60.0
-# A path is compared with a given map every so far, and may be so far beside a lane [m].
-_LOOK, _BESIDE = 5.0, 0.5
 # The columns of a state row in the order of a VehicleState behind its time.
 _STATE = [
     *(car.X, car.Y, car.PSI, car.VX, car.VY, car.YAW_RATE, car.AX, car.AY),
@@ -104,35 +102,13 @@ class CarlaPlant:
         before = self.session.world.id
         if self._config.map is not None:
             self.session.load(self._config.map)
-            self._check_road(path)
+            roads = self.session.world.get_map()
+            check_road(path, roads, self._lib, f"{self.session.server}, {self._config.map}")
         else:
             self.session.generate(world_of(path, self._config.lane_width))
         if self.session.world.id != before:
             self._actor = None
         self._path = path
-
-    def _check_road(self, path: Path) -> None:
-        """A path that leaves the roads of a given map belongs to another one.
-
-        Raises:
-            PlantError: it does.
-        """
-        roads = self.session.world.get_map()
-        for s in np.linspace(0.0, path.length, max(round(path.length / _LOOK), 2)).tolist():
-            at = path.at(s)
-            here = frame.placement(Pose(at.x, at.y, at.psi), Offset())
-            place = self._lib.Location(here.x, here.y, 0.0)
-            lane = roads.get_waypoint(place, lane_type=self._lib.LaneType.Any)
-            gap = math.inf
-            if lane is not None:
-                centre = lane.transform.location
-                gap = math.hypot(centre.x - here.x, centre.y - here.y)
-            if lane is None or gap > 0.5 * lane.lane_width + _BESIDE:
-                raise PlantError(
-                    f"{self.session.server}: at s = {s:.0f} m the path is not on a road of "
-                    f"{self._config.map}, the nearest lane is {gap:.1f} m away; take "
-                    "path=opendrive with that map's file ('steersman carla map'), or no plant.map"
-                )
 
     # -------------------------------------------------------------------------------- start
 
