@@ -108,13 +108,13 @@ class Driver(IntEnum):
 
 
 class Reason(IntEnum):
-    """Why a supervisor intervened."""
+    """What a supervisor found."""
 
     NONE = 0
     MISSING = 1
-    """There was no observation."""
+    """There was no observation, or the last one again."""
     STALE = 2
-    """The observation stayed the same while the car moved."""
+    """The observation's numbers stayed the same while the car moved."""
     INPUT_NOT_FINITE = 3
     INPUT_RANGE = 4
     """The observation holds what no car on a road can measure."""
@@ -144,7 +144,7 @@ class Decision(NamedTuple):
     driver: Driver = Driver.INNER
     """Who steers, if a supervisor decided that."""
     reason: Reason = Reason.NONE
-    """Why it is not the supervised controller."""
+    """Why it is not the supervised controller, or why that steers by what would be seen."""
 
 
 class Pose(NamedTuple):

@@ -107,10 +107,21 @@ def bad_observations() -> list[Any]:
         good._replace(preview=good.preview[:, :1]),
         good._replace(preview=None),
         good._replace(heading_error="east"),
+        good._replace(preview=good.preview[:3]),
+        good._replace(preview=good.preview.ravel()),
+        good._replace(preview=good.preview + 1j),
+        good._replace(spacing=0.0),
     ]
 
 
 ANSWERS = st.sampled_from([*NUMBERS, *OTHERS, Decision(0.1, Status.FALLBACK), Decision(0.1, 9)])
+# What is just possible, and no road.
+EDGES = (
+    {"v_x": 100.0, "v_y": 30.0, "yaw_rate": -5.0},
+    {"curvature": 1.0, "heading_error": 3.1},
+    {"lateral_error": 20.0, "v_x": -100.0},
+    {"preview": np.zeros((15, 2), dtype=np.int64)},
+)
 SIGHTS = st.one_of(st.just(0), st.just(0), st.integers(1, len(bad_observations())))
 
 
@@ -118,16 +129,18 @@ SIGHTS = st.one_of(st.just(0), st.just(0), st.integers(1, len(bad_observations()
 @given(
     scripts=st.tuples(*[st.lists(ANSWERS, max_size=25)] * 3),
     sights=st.lists(SIGHTS, min_size=25, max_size=25),
+    edges=st.lists(st.sampled_from([{}, {}, *EDGES]), min_size=25, max_size=25),
     tells=st.booleans(),
     wander=st.booleans(),
     rate=st.sampled_from([None, 0.5]),
 )
 def test_whatever_they_return_the_command_is_one(
-    scripts: Any, sights: list[int], tells: bool, wander: bool, rate: float | None
+    scripts: Any, sights: list[int], edges: list[Any], tells: bool, wander: bool, rate: float | None
 ) -> None:
     three = [Scripted(script=tuple(script), tells=tells) for script in scripts]
     controller = Supervisor(inner=three[0], fallback=three[1], last=three[2], rate=rate)
     observations = scenes(Posed()) if wander else steady(25)
+    observations = [o._replace(**edge) for o, edge in zip(observations, edges, strict=True)]
     seen = [
         bad_observations()[k - 1] if k else o for k, o in zip(sights, observations, strict=True)
     ]
@@ -165,6 +178,7 @@ def test_a_fault_of_the_controller_hands_over_at_once(reason: Reason) -> None:
 def test_what_is_wrong_with_an_observation_is_named() -> None:
     expected = [Reason.MISSING] * 2 + [Reason.INPUT_NOT_FINITE] + [Reason.INPUT_RANGE] * 2
     expected += [Reason.INPUT_NOT_FINITE] + [Reason.INPUT_RANGE] * 2 + [Reason.MISSING] * 2
+    expected += [Reason.INPUT_RANGE] * 2 + [Reason.MISSING, Reason.INPUT_RANGE]
     for bad, reason in zip(bad_observations(), expected, strict=True):
         got = decisions(supervised(), [steady(1)[0], bad])[-1]
         assert (got.driver, got.reason) == (Driver.INNER, reason)

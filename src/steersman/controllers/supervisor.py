@@ -261,7 +261,8 @@ def _reason(before: SupervisorState, after: SupervisorState) -> Reason:
 
 
 def _limited(wanted: float, last: float, step: float) -> float:
-    """Within [-1, 1], and no farther than ``step`` from the last."""
+    """Within [-1, 1], and no farther than ``step`` from the last; that one if it is no number."""
+    wanted = wanted if math.isfinite(wanted) else last
     return within_limits(min(max(wanted, last - step), last + step))
 
 

@@ -17,6 +17,11 @@ from steersman.types import FloatArray, Observation, Reason
 _MOST = (20.0, 3.2, 100.0, 30.0, 5.0, 1.1, 1.0)
 # Waypoints farther from the car than this many times the preview's length are none.
 _FARTHEST = 2.0
+# Fewest waypoints between which a road can be told.
+_FEWEST = 4
+_PLANE = 2
+# Kinds of arrays that hold real numbers.
+_REAL = "fiu"
 # A car that is slower may well see the same for ever [m/s].
 _STANDING = 0.5
 
@@ -27,6 +32,8 @@ def input_fault(observation: object) -> Reason:
         return Reason.MISSING
     try:
         with np.errstate(over="ignore", invalid="ignore"):
+            if observation.preview.dtype.kind not in _REAL:
+                return Reason.MISSING
             if not is_finite(observation):
                 return Reason.INPUT_NOT_FINITE
             return Reason.NONE if _possible(observation) else Reason.INPUT_RANGE
@@ -37,8 +44,11 @@ def input_fault(observation: object) -> Reason:
 def _possible(o: Observation) -> bool:
     if any(abs(value) > most for value, most in zip(o[1:8], _MOST, strict=True)):
         return False
-    reach = _FARTHEST * len(o.preview) * o.spacing + _MOST[0]
-    return o.preview.shape[1:] == (2,) and bool(np.abs(o.preview).max() <= reach)
+    points = o.preview
+    if points.ndim != _PLANE or points.shape[1] != _PLANE:
+        return False
+    reach = _FARTHEST * len(points) * o.spacing + _MOST[0]
+    return len(points) >= _FEWEST and o.spacing > 0.0 and bool(np.abs(points).max() <= reach)
 
 
 class Seen(NamedTuple):
@@ -59,7 +69,7 @@ NOTHING_SEEN = Seen(Observation(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.zeros
 
 def first_sight(observation: Observation) -> Seen:
     """What is known after news; a copy, as whoever observes may use the array again."""
-    return Seen(observation._replace(preview=observation.preview.copy()))
+    return Seen(observation._replace(preview=np.array(observation.preview, dtype=np.float64)))
 
 
 def no_news(seen: Seen, observation: Observation) -> Reason:
