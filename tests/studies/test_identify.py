@@ -14,13 +14,12 @@ from steersman.errors import DataError
 from steersman.rollout import RunConfig, run
 from steersman.studies.identify import csv_log, lateral, replayed
 from steersman.studies.identify.estimate import Misses, estimate
+from steersman.studies.identify.example import recording
 from steersman.studies.identify.identify import Figure, Identified, fitted_rows, identify
 from steersman.studies.identify.log import Log, of_episode, pieces, read_log
 from steersman.studies.identify.result import sections, write
 from steersman.studies.identify.unknowns import SIGMAS, steering, vehicle_at
 from steersman.vehicles import Bmw320i, CarlaModel3, Vehicle
-
-from .recordings import recording
 
 MODEL3 = CarlaModel3()
 OTHER = MODEL3.replace(

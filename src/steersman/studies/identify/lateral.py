@@ -138,6 +138,9 @@ def fit(
             found = estimate(misses, start, rest, need, wanted)
         else:
             found = _with_lag_or_without(misses, start, rest, need, names, step)
+    looked_for = np.full(len(unknowns), True)
+    looked_for[lag] = found.told[lag] or unknowns[lag].start > 0.0
+    found = _without_rates(misses, found, rest, need, looked_for, names)
     at_least = {n for n, r in zip(names, rest, strict=True) if r > 0.0 and n in _RATE_FIELDS}
     kept = {n for n, told in zip(names, found.told, strict=True) if not told}
     fitted = vehicle_at(vehicle, unknowns, found.z)
@@ -178,6 +181,39 @@ def _with_lag_or_without(
     possible = np.array(without.possible)
     possible[lag] = unsure[lag] if with_lag.told[lag] else np.inf
     return without._replace(possible=possible)
+
+
+def _without_rates(
+    misses: Misses,
+    found: Estimate,
+    rest: FloatArray,
+    need: FloatArray,
+    wanted: Any,
+    names: Sequence[str],
+) -> Estimate:
+    """The estimate, or one whose rates rest if it explains as much and they limit nothing there.
+
+    Slow rates that look like a lag are a valley of their own, out of which this leads.
+    """
+    rates = [names.index(name) for name in _RATE_FIELDS]
+    if not found.told[rates].any():
+        return found
+    others, begin, unsure = np.array(wanted), found.z.copy(), np.ones(len(rest))
+    others[rates] = False
+    begin[rates] = rest[rates]
+    held = ~np.array(wanted)
+    unsure[held] = np.minimum(found.possible[held], 1.0)
+    trial = estimate(misses, begin, rest, need, others, unsure)
+    gain = cost(misses(trial.z), found.scales) - cost(misses(found.z), found.scales)
+    if gain < -1.0:
+        again = np.where(trial.told, trial.z, begin)
+        found = estimate(misses, again, rest, need, wanted, unsure)
+    elif gain <= len(rates) * 0.5 * SIGMAS**2:
+        open_to = judge(misses, trial.z, trial.told, need, wanted, unsure).possible
+        if (SIGMAS * open_to[rates] > need[rates]).all():
+            found = trial
+    found.possible[held] = unsure[held]
+    return found
 
 
 def _snapped(
