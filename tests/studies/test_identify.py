@@ -18,7 +18,7 @@ from steersman.studies.identify.example import recording
 from steersman.studies.identify.identify import Figure, Identified, fitted_rows, identify
 from steersman.studies.identify.log import Log, of_episode, pieces, read_log
 from steersman.studies.identify.result import sections, write
-from steersman.studies.identify.unknowns import SIGMAS, steering, vehicle_at
+from steersman.studies.identify.unknowns import SIGMAS, guess_at, steering, vehicle_at
 from steersman.vehicles import Bmw320i, CarlaModel3, Vehicle
 
 MODEL3 = CarlaModel3()
@@ -101,7 +101,7 @@ def test_the_page_has_a_figure_for_each_signal(of_other: Identified) -> None:
 
 
 def test_a_slow_actuator_is_told_from_a_delay() -> None:
-    log = recording(BMW, 40.0, acceleration=2.0, top=15.0, throttles=(0.4, 0.5, 0.6))
+    log = recording(BMW, 30.0, acceleration=2.0, top=15.0, throttles=(0.4, 0.5, 0.6))
     found = identify(log, BELIEVED_BMW, 0.0).vehicle
     assert found.steer_rate_up == pytest.approx(1.5, rel=0.15)
     assert found.steer_rate_down == pytest.approx(1.5, rel=0.15)
@@ -113,7 +113,7 @@ def test_a_slow_actuator_is_told_from_a_delay() -> None:
 
 
 def test_straight_driving_tells_nothing_of_the_steering() -> None:
-    found = identify(recording(MODEL3, 20.0, acceleration=0.0), Bmw320i(), 0.0)
+    found = identify(recording(MODEL3, 10.0, acceleration=0.0), Bmw320i(), 0.0)
     told = {f.name for f in found.figures if f.low is not None}
     assert not told & {"steer_delay", "c_f", "c_r", "yaw_inertia", "max_wheel_angle", "steer_lag"}
     for name in ("c_f", "c_r", "yaw_inertia", "max_wheel_angle", "steer_delay", "steer_rate_up"):
@@ -121,7 +121,7 @@ def test_straight_driving_tells_nothing_of_the_steering() -> None:
 
 
 def test_a_constant_throttle_tells_its_own_row_only() -> None:
-    log = recording(MODEL3, 20.0, throttles=(0.5,))
+    log = recording(MODEL3, 15.0, throttles=(0.5,))
     found = identify(log, MODEL3, 0.0)
     rows = {f.name[17] for f in found.figures if f.name.startswith("map") and f.low is not None}
     assert rows <= {"2", "3"}
@@ -209,7 +209,7 @@ def test_lateral_intervals_cover(tmp_path: FilePath) -> None:
 
 
 def test_the_same_recording_gives_the_same_figures() -> None:
-    log = recording(MODEL3, 12.0)
+    log = recording(MODEL3, 8.0)
     one, two = (identify(log, MODEL3, 0.0) for _ in range(2))
     assert one.figures == two.figures
 
@@ -351,7 +351,9 @@ def test_unknowns_go_there_and_back() -> None:
     unknowns = steering(OTHER, ["yaw_rate"])
     rng = np.random.default_rng(0)
     z = rng.uniform(-0.2, 0.2, len(unknowns))
-    car = vehicle_at(OTHER, unknowns, z)
+    car, guess = vehicle_at(OTHER, unknowns, z), guess_at(OTHER, unknowns, z)
+    for one, other in zip(car.table, guess.table, strict=True):
+        assert np.array_equal(one, other)
     for unknown, step in zip(unknowns, z, strict=True):
         if unknown.offset:
             continue

@@ -13,6 +13,7 @@ from steersman.studies.identify.log import RESOLUTION, RESPONSES, Log
 from steersman.studies.identify.replayed import Stretch
 from steersman.studies.identify.unknowns import (
     Unknown,
+    guess_at,
     offsets_at,
     steering,
     vehicle_at,
@@ -89,7 +90,7 @@ def misses_of(
     low, high = np.array([u.bounds() for u in unknowns]).T
 
     def of(z: FloatArray) -> FloatArray:
-        guess = vehicle_at(vehicle, unknowns, z)
+        guess = guess_at(vehicle, unknowns, z)
         return simulated(guess, log, stretches, offsets_at(unknowns, z)) - seen
 
     least = np.array([RESOLUTION[name] for name in channels(log)])

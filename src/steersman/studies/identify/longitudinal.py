@@ -17,7 +17,7 @@ from steersman.studies.identify.estimate import Misses, estimate
 from steersman.studies.identify.lateral import Fitted
 from steersman.studies.identify.log import RESOLUTION, Log
 from steersman.studies.identify.replayed import Stretch
-from steersman.studies.identify.unknowns import Unknown, pedals, vehicle_at
+from steersman.studies.identify.unknowns import Unknown, guess_at, pedals, vehicle_at
 from steersman.types import FloatArray
 from steersman.vehicles import Vehicle
 
@@ -75,7 +75,7 @@ class _Free(Misses):
 
     def _simulate(self, z: FloatArray) -> FloatArray:
         figures = len(self._figures)
-        guess = vehicle_at(self._vehicle, self._figures, z[:figures])
+        guess = guess_at(self._vehicle, self._figures, z[:figures])
         out = np.full((len(self._speed), 1), np.nan)
         at = figures
         for stretch, parts, base in zip(self._stretches, self._segments, self._bases, strict=True):

@@ -139,6 +139,17 @@ def pedals(vehicle: Vehicle, *, brake: bool) -> list[Unknown]:
 
 def vehicle_at(vehicle: Vehicle, unknowns: Sequence[Unknown], z: FloatArray) -> Vehicle:
     """The starting vehicle with the figures of ``z``; offsets are left out."""
+    return vehicle.replace(**_figures(vehicle, unknowns, z))
+
+
+def guess_at(vehicle: Vehicle, unknowns: Sequence[Unknown], z: FloatArray) -> Vehicle:
+    """The same, not validated: a search makes thousands of them, within their bounds."""
+    guess = vehicle.model_copy(update=_figures(vehicle, unknowns, z))
+    guess.__dict__.pop("_built", None)  # belongs to the other figures
+    return guess
+
+
+def _figures(vehicle: Vehicle, unknowns: Sequence[Unknown], z: FloatArray) -> dict[str, Any]:
     figures: dict[str, Any] = {}
     for unknown, step in zip(unknowns, z.tolist(), strict=True):
         if unknown.offset:
@@ -155,7 +166,7 @@ def vehicle_at(vehicle: Vehicle, unknowns: Sequence[Unknown], z: FloatArray) -> 
         figures["steer_curve_factor"] = [min(f, most) for f in figures["steer_curve_factor"]]
     if "map_acceleration" in figures:  # it was measured with this mass
         figures["map_mass"] = None
-    return vehicle.replace(**figures)
+    return figures
 
 
 def offsets_at(unknowns: Sequence[Unknown], z: FloatArray) -> dict[str, float]:
