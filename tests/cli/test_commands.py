@@ -80,9 +80,9 @@ class TestList:
     def test_everything_as_json(self, steersman: Steersman) -> None:
         result = steersman("list", "--json")
         listed = json.loads(result.stdout)
-        assert {family: list(names) for family, names in listed.items()} == {
-            family: list(components(family)) for family in families()
-        }
+        expected = {family: list(components(family)) for family in families()}
+        expected["controller"] += tuned.names()
+        assert {family: list(names) for family, names in listed.items()} == expected
         # Other tests may have declared components of their own, without a word of explanation.
         ours = {
             (family, name)
@@ -158,6 +158,16 @@ class TestShow:
             if line.startswith("file")
         )
         assert "(required)" in row
+
+
+class TestTuned:
+    def test_it_is_listed_and_shown_with_its_gains(self, steersman: Steersman) -> None:
+        listed = json.loads(steersman("list", "controller", "--json").stdout)["controller"]
+        assert set(tuned.names()) < set(listed)
+        shown = json.loads(steersman("show", "controller", "tuned/mpc_pid", "--json").stdout)
+        plain = json.loads(steersman("show", "controller", "mpc_pid", "--json").stdout)
+        assert [f["name"] for f in shown["fields"]] == [f["name"] for f in plain["fields"]]
+        assert shown["fields"] != plain["fields"]
 
 
 class TestDrive:

@@ -21,6 +21,7 @@ LIST_EXAMPLES = (
 SHOW_EXAMPLES = (
     "\b\nExamples:\n"
     "  steersman show controller mpc_pid\n"
+    "  steersman show controller tuned/mpc_pid\n"
     "  steersman show path circle --json\n"
     "  steersman show drive\n"
     "  steersman show train"
@@ -36,6 +37,7 @@ def list_components(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """List the components that can be named in a configuration."""
+    from steersman import tuned
     from steersman.config import components, families
 
     wanted = families() if kind is None else [kind]
@@ -43,6 +45,9 @@ def list_components(
         family: {name: paragraphs(cls)[0] for name, cls in components(family).items()}
         for family in wanted
     }
+    if "controller" in found:
+        text = "With the gains that were found for it on the suite 'tuning'."
+        found["controller"] |= dict.fromkeys(tuned.names(), text)
     if as_json:
         show_json(found)
         return
@@ -63,8 +68,8 @@ def show_component(
     """Show the fields of a component, or all that a command can be told."""
     from steersman.cli.fields import fields_of
 
-    cls = _find(kind, name)
-    fields = fields_of(cls)
+    cls, tuned = _find(kind, name)
+    fields = fields_of(cls, tuned)
     about = paragraphs(cls)
     if as_json:
         show_json(
@@ -82,20 +87,26 @@ def show_component(
         show(_field_table(fields))
 
 
-def _find(kind: str, name: str | None) -> type[BaseModel]:
-    from steersman.config import components, families, lookup
+def _find(kind: str, name: str | None) -> tuple[type[BaseModel], BaseModel | None]:
+    """The class, and of ``tuned/NAME`` the controller itself."""
+    from steersman import tuned
+    from steersman.config import components, families, lookup, resolve
 
     if kind in _COMMANDS:
         if name is not None:
             raise ConfigError(f"{name!r} is too much; 'steersman show {kind}' takes no name")
-        return _command_settings(kind)
+        return _command_settings(kind), None
     if kind not in families():
         known = [*families(), *_COMMANDS]
         raise ConfigError(f"unknown kind of component {kind!r}{suggestion(kind, known)}")
     if name is None:
         names = ", ".join(components(kind))
         raise ConfigError(f"show {kind}: which one? names: {names}")
-    return lookup(kind, name)
+    if kind == "controller" and tuned.locate(name) is not None:
+        found = resolve(kind, name)
+        assert found is not None
+        return type(found), found
+    return lookup(kind, name), None
 
 
 def _command_settings(command: str) -> type[BaseModel]:

@@ -33,6 +33,8 @@ def recording_file(name: str | None) -> FilePath | None:
     if name is None:
         return None
     require()
+    if not name.endswith(".mcap"):
+        raise ConfigError(f"{name!r} is not allowed; a name that ends in .mcap is", ("--mcap",))
     return settings.out_file(name, "--mcap")
 
 

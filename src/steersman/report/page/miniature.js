@@ -7,12 +7,13 @@ class Miniature {
   }
 
   draw(map, view, state) {
-    const { context, width, height, ratio } = sized(this.canvas);
     const [left, bottom, right, top] = map.box;
     // Where the map itself shows nearly everything, there is nothing to tell.
     const small = (right - left) * view.scale < 1.3 * view.width && (top - bottom) * view.scale < 1.3 * view.height;
     this.canvas.hidden = small;
-    if (small || !width) return;
+    if (small) return;
+    const { context, width, height, ratio } = sized(this.canvas); // not while it is hidden
+    if (!width) return;
     this.view.resize(width, height);
     this.view.fit(map.box, 8);
     context.save();
