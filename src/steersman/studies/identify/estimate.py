@@ -130,7 +130,7 @@ def estimate(
     for _ in range(_ROUNDS):
         z, scales = search(misses, z, active)
         of = _information(misses.derivative(z, wide=True), misses(z), scales)
-        kept = _choose(of, need, wanted)
+        kept = _choose(of, need, active)
         if (kept == active).all():
             break
         active = kept
@@ -139,12 +139,19 @@ def estimate(
 
 
 def judge(
-    misses: Misses, z: FloatArray, told: Any, need: FloatArray, wanted: Any, unsure: FloatArray
+    misses: Misses,
+    z: FloatArray,
+    told: Any,
+    need: FloatArray,
+    wanted: Any,
+    unsure: FloatArray,
+    rest: FloatArray,
 ) -> Estimate:
-    """The estimate that stands at ``z``, where those ``told`` were looked for."""
+    """The estimate that stands at ``z``; of those ``told``, who are not told there return."""
     scales = misses.scales(z)
     of = _information(misses.derivative(z, wide=True), misses(z), scales)
-    return _judged(of, z, told, scales, need, wanted, unsure)
+    still = _choose(of, need, told)
+    return _judged(of, np.where(still, z, rest), still, scales, need, wanted, unsure)
 
 
 def _judged(

@@ -19,6 +19,8 @@ from steersman.vehicles import Vehicle
 
 # Length of the stretches that are fitted or held out [s]: a multiple of the free segments'.
 BLOCK = 10.0
+# A factor that is so many prior deviations off deserves a doubt.
+_FAR = 3.0
 FITTED, GIVEN, KEPT, AT_LEAST, NONE = "fitted", "given", "kept", "at least", "none seen"
 
 
@@ -142,6 +144,8 @@ def _figures(fit: Fitted) -> list[Figure]:
             given = found.given[i]
             note = f"hangs on {fit.unknowns[given].name}, which is kept" if given >= 0 else ""
             status = GIVEN if given >= 0 else FITTED
+            if unknown.ratio and abs(z) > _FAR:
+                note = f"far from what was believed, doubt it{'; ' + note if note else ''}"
             low, high = (unknown.value(z + side * half) for side in (-1.0, 1.0))
             out.append(Figure(name, unknown.unit, unknown.start, value, low, high, status, note))
         else:

@@ -126,7 +126,7 @@ def fit(
         wanted[lag] = before.estimate.told[lag] or unknowns[lag].start > 0.0
         unsure[lag] = min(before.estimate.possible[lag], 1.0)
         found = estimate(misses, before.estimate.z, rest, need, wanted, unsure)
-        found = snapped(misses, found, need, wanted, unsure, names, step)
+        found = snapped(misses, found, rest, need, wanted, unsure, names, step)
         if not wanted[lag]:
             found.possible[lag] = before.estimate.possible[lag]
     else:

@@ -54,7 +54,7 @@ def described(figure: Figure) -> str:
     """Interval and status in a few words."""
     if figure.low is None or figure.high is None:
         return f"{figure.status}" + (f": {figure.note}" if figure.note else "")
-    note = f", {figure.note}" if figure.status == GIVEN else ""
+    note = f", {figure.note}" if figure.note else ""
     return f"{figure.low:.4g} to {figure.high:.4g}{note}"
 
 

@@ -43,7 +43,7 @@ def with_lag_or_without(
     wanted[lag] = False
     begun = _whole_delay(misses, start, wanted, names, step)
     without = estimate(misses, begun, rest, need, wanted)
-    without = snapped(misses, without, need, wanted, unsure, names, step)
+    without = snapped(misses, without, rest, need, wanted, unsure, names, step)
     begin = without.z.copy()
     begin[lag] = start[lag] if start[lag] > _LEAST_LAG else _A_LAG
     begin[lag - 1] = max(begin[lag - 1] - begin[lag], misses.low[lag - 1])
@@ -55,7 +55,7 @@ def with_lag_or_without(
         return with_lag
     if with_lag.told[lag]:
         unsure[lag] = min(deviation, 1.0)
-        without = judge(misses, without.z, without.told, need, wanted, unsure)
+        without = judge(misses, without.z, without.told, need, wanted, unsure, rest)
     possible = np.array(without.possible)
     possible[lag] = unsure[lag] if with_lag.told[lag] else np.inf
     return without._replace(possible=possible)
@@ -87,7 +87,7 @@ def without_rates(
         again = np.where(trial.told, trial.z, begin)
         found = estimate(misses, again, rest, need, wanted, unsure)
     elif gain <= len(rates) * 0.5 * SIGMAS**2:
-        open_to = judge(misses, trial.z, trial.told, need, wanted, unsure).possible
+        open_to = judge(misses, trial.z, trial.told, need, wanted, unsure, rest).possible
         if (SIGMAS * open_to[rates] > need[rates]).all():
             found = trial
     found.possible[held] = unsure[held]
@@ -97,6 +97,7 @@ def without_rates(
 def snapped(
     misses: Misses,
     found: Estimate,
+    rest: FloatArray,
     need: FloatArray,
     wanted: Any,
     unsure: FloatArray,
@@ -116,7 +117,7 @@ def snapped(
         value = cost(misses(trial), found.scales)
         if value < best:
             best, z = value, trial
-    return found if z is None else judge(misses, z, found.told, need, wanted, unsure)
+    return found if z is None else judge(misses, z, found.told, need, wanted, unsure, rest)
 
 
 def _whole_delay(
