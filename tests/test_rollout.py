@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 import time
 from typing import Any, ClassVar
 
@@ -171,9 +172,12 @@ def test_controller_that_raises_keeps_what_was_driven() -> None:
     broken = Scripted(answer=ZeroDivisionError("division\n by zero"))
     with pytest.raises(RunError) as caught:
         drive(broken, Straight())
-    assert str(caught.value) == (
-        "controller 'Scripted' raised ZeroDivisionError: division by zero, at t = 0.50 s"
+    told = (
+        r"controller 'Scripted' raised ZeroDivisionError: division by zero \((.*)\), at t = 0.50 s"
     )
+    place = re.fullmatch(told, str(caught.value))
+    assert place is not None
+    assert re.fullmatch(r"test_rollout\.py, line \d+", place.group(1))
     assert isinstance(caught.value.__cause__, ZeroDivisionError)
     assert len(caught.value.episode) == 10
     assert caught.value.episode.end == ending.ERROR

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 import time
+import traceback
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path as FilePath
 from typing import Annotated, Any
 
 import numpy as np
@@ -268,7 +270,9 @@ def _ask(
     except ConfigError:
         raise
     except Exception as error:  # a user's controller may raise anything
-        fault = f"controller {name!r} raised {type(error).__name__}: {error}"
+        frame = traceback.extract_tb(error.__traceback__)[-1]
+        where = f"{FilePath(frame.filename).name}, line {frame.lineno}"
+        fault = f"controller {name!r} raised {type(error).__name__}: {error} ({where})"
         raise ControllerError(one_line(fault)) from error
     took = time.perf_counter() - begun
     if not abs(decision.steer) <= 1.0:

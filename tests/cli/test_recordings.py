@@ -58,7 +58,7 @@ def test_a_path_that_is_gone_is_written_as_driven(steersman: Steersman, tmp_path
         ("export folder --to mcap --out o", "folder: no episode.npz in this folder; name a folder"),
         ("export no.npz --to mcap --out o", "no.npz: cannot be read (No such file or directory)"),
         ("export one.csv --to mcap --out o", "one.csv: not an episode of Steersman"),
-        ("drive --mcap folder", "--mcap: expected the name of a file, given 'folder'"),
+        ("drive --mcap folder", "--mcap: 'folder' is not allowed; a name that ends in .mcap"),
         ("drive --mcap empty/x.mcap", "empty: is a file, expected a folder"),
         ("drive path=mcap", "path.file: required, but not given: recording"),
         ("drive path=mcap path.file=no.mcap", "no.mcap: cannot be read (No such file"),

@@ -120,7 +120,7 @@ def _show(found: Identified, out: str | None, page: str | None) -> None:
     for e in found.errors:
         errors.add_row(e.signal, e.unit, f"{e.before:.3g}", f"{e.after:.3g}")
     items = [
-        f"{found.seconds:.0f} s of {found.log.name} fitted, from {found.before.kind}\n",
+        f"{found.seconds:.0f} s of {found.log.name} fitted, from {found.before.title}\n",
         figures,
     ]
     told = _kept(kept)

@@ -72,7 +72,10 @@ class OpenDrivePath(PathComponent):
         given = [name for name in _CHOICES if getattr(self, name) is not None]
         if len(given) != 1:
             what = " and ".join(given) or "none"
-            raise ConfigError(f"give one of {', '.join(_CHOICES)}; given: {what}")
+            raise ConfigError(
+                f"give one of {', '.join(_CHOICES)}; given: {what}; "
+                f"'steersman path roads {self.file}' lists roads"
+            )
         if self.lane is not None and given == ["random"]:
             raise ConfigError("lane goes with road or route, a random way draws its own")
         return self

@@ -28,7 +28,7 @@ def write(found: Identified, file: FilePath) -> None:
     """
     head = [
         f"Identified from {found.log.name}, {found.seconds:.0f} s of it fitted, beginning with "
-        f"{found.before.kind}; commit {provenance()['commit']}.",
+        f"{found.before.title}; commit {provenance()['commit']}.",
         "Behind a figure: its 95 % interval, or why it was kept. What bears no mark was not looked "
         "for.",
     ]
