@@ -73,6 +73,66 @@ def test_a_car_is_recovered(of_other: Identified) -> None:
         assert getattr(of_other.vehicle, name) == pytest.approx(getattr(OTHER, name), abs=tolerance)
 
 
+LINEAR = MODEL3.replace(
+    mass=1500.0, yaw_inertia=2500.0, l_f=1.2, l_r=1.5, c_f=80e3, c_r=95e3, max_wheel_angle=0.6,
+    steer_delay=0.12, steer_lag=0.1,
+)  # fmt: skip
+
+
+def single_track(file: FilePath, seconds: float = 60.0, h: float = 0.002) -> FilePath:
+    """A noisy recording of that car as a linear single-track model (Rajamani, eq. 2.45 f.)."""
+    rng, car = np.random.default_rng(3), LINEAR
+    n, row = round(seconds / h), round(0.02 / h)
+    time = h * np.arange(n)
+    speed = np.interp(
+        time / seconds, [0, 0.2, 0.3, 0.5, 0.6, 0.75, 0.8, 1], [5, 5, 9, 9, 15, 15, 20, 20]
+    )
+    command, k, side = np.zeros(n), 0, 1.0
+    while k < n:
+        until = k + round(rng.uniform(0.5, 1.5) / h)
+        most = min(0.8, 8.1 / speed[k] ** 2 / car.max_wheel_angle * (1.0 + 0.003 * speed[k] ** 2))
+        command[k:until] = side * rng.uniform(0.3, 1.0) * most * (rng.random() > 0.3)
+        k, side = until, -side
+    command = np.repeat(command[::row], row)[:n]
+    acting = np.concatenate([np.zeros(round(car.steer_delay / h)), command])[:n]
+    wheel = v_y = rate = 0.0
+    rows = []
+    for u, v in zip(acting * car.max_wheel_angle, speed, strict=True):
+        wheel += h / car.steer_lag * (u - wheel)
+        front = car.c_f * (wheel - (v_y + car.l_f * rate) / v)
+        rear = -car.c_r * (v_y - car.l_r * rate) / v
+        a_y = (front + rear) / car.mass
+        v_y, rate = (
+            v_y + h * (a_y - v * rate),
+            rate + h * (car.l_f * front - car.l_r * rear) / car.yaw_inertia,
+        )
+        rows.append((rate, a_y))
+    told = np.column_stack([time, command, speed, rows])[::row]
+    told += rng.normal(size=told.shape) * (0.0, 0.0, 0.03, 0.0035, 0.08)
+    head = "time,steer_command,v_x,yaw_rate,a_y"
+    np.savetxt(file, told, delimiter=",", header=head, comments="", fmt="%.6g")
+    return file
+
+
+def test_a_lag_is_not_taken_for_slow_rates(tmp_path: FilePath) -> None:
+    """They look alike: rates far from limiting stay as they are believed to be."""
+    wrong = {"yaw_inertia": 3000.0, "c_f": 100e3, "c_r": 100e3, "max_wheel_angle": 0.5}
+    believed = LINEAR.replace(
+        **wrong, steer_delay=0.0, steer_lag=0.0, steer_rate_up=10.0, steer_rate_down=10.0,
+        steer_curve_speed=(0.0, 30.0), steer_curve_factor=(1.0, 1.0), ackermann=False,
+    )  # fmt: skip
+    found = identify(read_log(single_track(tmp_path / "log.csv")), believed, 0.0)
+    assert (found.vehicle.steer_rate_up, found.vehicle.steer_rate_down) == (10.0, 10.0)
+    (lag,) = (f for f in found.figures if f.name == "steer_lag")
+    assert lag.high is not None
+    assert lag.low is not None
+    assert lag.high - lag.low < 0.03
+    assert lag.value == pytest.approx(0.1, abs=0.015)
+    # The tyres of a linear model are not quite ours.
+    assert found.vehicle.c_f == pytest.approx(80e3, rel=0.1)
+    assert found.vehicle.c_r == pytest.approx(95e3, rel=0.1)
+
+
 def test_held_out_errors_are_the_sensors_noise(of_other: Identified) -> None:
     errors = {e.signal: e for e in of_other.errors}
     assert errors["yaw_rate"].after == pytest.approx(0.005, rel=0.15)

@@ -12,6 +12,7 @@ from steersman.studies.identify.estimate import Estimate, Misses, estimate, scal
 from steersman.studies.identify.log import RESOLUTION, RESPONSES, Log
 from steersman.studies.identify.replayed import Stretch
 from steersman.studies.identify.unknowns import (
+    SIGMAS,
     Unknown,
     guess_at,
     offsets_at,
@@ -20,6 +21,7 @@ from steersman.studies.identify.unknowns import (
 )
 from steersman.studies.identify.valleys import (
     RATES,
+    explained,
     snapped,
     with_lag_or_without,
     without_rates,
@@ -130,11 +132,19 @@ def fit(
         if not wanted[lag]:
             found.possible[lag] = before.estimate.possible[lag]
     else:
-        start, rest = _start(vehicle, log, stretches, unknowns, use)
-        if unknowns[lag].start > 0.0:
-            found = estimate(misses, start, rest, need, wanted)
-        else:
-            found = with_lag_or_without(misses, start, rest, need, names, step)
+
+        def decided(start: FloatArray, rest: FloatArray) -> Estimate:
+            if unknowns[lag].start > 0.0:
+                return estimate(misses, start, rest, need, wanted)
+            return with_lag_or_without(misses, start, rest, need, names, step)
+
+        start, rest = _start(vehicle, log, stretches, unknowns, use, _RATES)
+        found = decided(start, rest)
+        if rest.any():  # slow rates may be a lag, which starts are looked for without
+            start, believed = _start(vehicle, log, stretches, unknowns, use, (1.0,))
+            trial = decided(start, believed)
+            if explained(misses, found, trial) <= len(RATES) * 0.5 * SIGMAS**2:
+                found, rest = trial, believed
     looked_for = np.full(len(unknowns), True)
     looked_for[lag] = found.told[lag] or unknowns[lag].start > 0.0
     found = without_rates(misses, found, rest, need, looked_for, names)
@@ -160,6 +170,7 @@ def _start(
     stretches: Sequence[Stretch],
     unknowns: Sequence[Unknown],
     use: Any,
+    factors: Sequence[float],
 ) -> tuple[FloatArray, FloatArray]:
     """Where to start, and where to return to: the best of some delays, rates, and the ratio there.
 
@@ -168,7 +179,7 @@ def _start(
     names = [u.name for u in unknowns]
     seen = measured(log, stretches, use)[:, 0]
     best, chosen = np.inf, (0.0, 1.0, 1.0)
-    for factor in _RATES:
+    for factor in factors:
         rates = {name: getattr(vehicle, name) * factor for name in RATES}
         for delay in sorted({*_DELAYS, vehicle.steer_delay}):
             guess = vehicle.replace(steer_delay=delay, **rates)

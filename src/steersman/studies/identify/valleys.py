@@ -48,7 +48,7 @@ def with_lag_or_without(
     begin[lag] = start[lag] if start[lag] > _LEAST_LAG else _A_LAG
     begin[lag - 1] = max(begin[lag - 1] - begin[lag], misses.low[lag - 1])
     with_lag = estimate(misses, begin, rest, need, np.full(len(start), True))
-    gain = cost(misses(without.z), without.scales) - cost(misses(with_lag.z), without.scales)
+    gain = explained(misses, with_lag, without)
     deviation = float(np.sqrt(with_lag.covariance[lag, lag]))
     clear = with_lag.z[lag] > max(SIGMAS * deviation, _LEAST_LAG)
     if with_lag.told[lag] and clear and gain > 0.5 * SIGMAS**2:
@@ -59,6 +59,11 @@ def with_lag_or_without(
     possible = np.array(without.possible)
     possible[lag] = unsure[lag] if with_lag.told[lag] else np.inf
     return without._replace(possible=possible)
+
+
+def explained(misses: Misses, one: Estimate, other: Estimate) -> float:
+    """How much more ``one`` explains, in the units of ``other``'s residuals."""
+    return cost(misses(other.z), other.scales) - cost(misses(one.z), other.scales)
 
 
 def without_rates(
