@@ -13,8 +13,9 @@ from steersman.report.tables import text
 
 _LABEL, _CELL, _ROW, _TOP = 150, 46, 22, 110
 _WIDTH, _PLOT_LEFT, _PLOT_RIGHT = 640, 170, 90
-# From good to bad, light enough for dark figures on them.
-_GOOD, _MIDDLE, _BAD = (0x7F, 0xC9, 0x9B), (0xF7, 0xE6, 0xA1), (0xE8, 0x8A, 0x6A)
+# From good to bad, light enough for dark figures on them; blue and orange, which nearly all eyes
+# tell apart.
+_GOOD, _MIDDLE, _BAD = (0x7F, 0xB8, 0xE0), (0xF6, 0xF1, 0xE4), (0xEE, 0x8E, 0x4F)
 _INK, _SOFT = "#1c2126", "#808080"
 _HALF = 0.5
 
