@@ -168,6 +168,22 @@ def test_unusable_steering_keeps_what_was_driven(answer: float) -> None:
     assert episode.distance == pytest.approx(4.0, abs=0.05)
 
 
+class Counting(ControllerComponent):
+    """Its state changes in place, which it may."""
+
+    def init(self, vehicle: Any, dt: float) -> list[float]:
+        return []
+
+    def decide(self, state: list[float], observation: Any) -> tuple[float, Status, list[float]]:
+        state.append(observation.time)
+        return 0.001 * len(state), Status.SOLVED, state
+
+
+def test_asking_beforehand_leaves_no_trace() -> None:
+    episode = drive(Counting(), Straight())
+    assert episode["steer_command"][:3] == pytest.approx([0.001, 0.002, 0.003])
+
+
 def test_controller_that_raises_keeps_what_was_driven() -> None:
     broken = Scripted(answer=ZeroDivisionError("division\n by zero"))
     with pytest.raises(RunError) as caught:

@@ -217,7 +217,7 @@ def rollout(  # noqa: PLR0913 - the nouns of a closed loop
             observation = sensor.observe(sensor_state, state, place, path, rng)
             try:
                 if step == 0:
-                    _warm_up(controller, controller_state, observation)
+                    _warm_up(controller, controller.init(told, dt), observation)
                 decision, controller_state, took = _ask(controller, controller_state, observation)
             except ControllerError as error:
                 so_far = recorder.episode(ending.ERROR, distance, plant, path)
@@ -244,7 +244,7 @@ def rollout(  # noqa: PLR0913 - the nouns of a closed loop
 def _warm_up(
     controller: ControllerComponent, controller_state: Any, observation: Observation
 ) -> None:
-    """Ask without effect (states are values), so that no computing time holds compilation.
+    """Ask without effect, with a state that nobody uses, so that no time holds compilation.
 
     Several times, since what needs a step before is first computed in the next. Who fails will
     fail again, at a step that counts.
