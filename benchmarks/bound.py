@@ -26,7 +26,7 @@ from steersman.bench.suites import suite
 from steersman.controllers.mpc_delay import MpcDelay
 from steersman.files import make_folder, write_text
 from steersman.provenance import provenance
-from steersman.rollout import RunConfig, RunError, run
+from steersman.rollout import RunConfig, attempt
 
 
 def as_it_is(run: RunConfig, controller: MpcDelay) -> RunConfig:
@@ -55,11 +55,7 @@ VARIANTS: dict[str, Callable[[RunConfig, MpcDelay], RunConfig]] = {
 
 def error(config: RunConfig) -> float:
     """RMS lateral error [m], charged if it ends early."""
-    try:
-        episode = run(config)
-    except RunError as fault:
-        episode = fault.episode
-    return charged(config, episode)["charged_rms_m"]
+    return charged(config, attempt(config).of_controller())["charged_rms_m"]
 
 
 def root_mean_square(values: list[float]) -> float:

@@ -24,8 +24,8 @@ from steersman.bench.metrics import summarise
 from steersman.config import build, read_yaml
 from steersman.files import make_folder, write_text
 from steersman.provenance import provenance
-from steersman.rollout import RunConfig
-from steersman.studies.demo import drive_one, tests
+from steersman.rollout import RunConfig, attempt
+from steersman.studies.demo import tests
 
 # Mean |d| at most [mm]: a tenth of the paper's; steering SD at most; Monza's mean and max [mm];
 # max |d| with waypoint errors of 0.1 m [mm].
@@ -59,7 +59,9 @@ def configs() -> dict[str, dict[str, Any]]:
 
 def driven(controller: Mapping[str, Any], words: Mapping[str, Any]) -> dict[str, Any]:
     """One drive in figures."""
-    found = summarise(drive_one(build(RunConfig, {**words, "controller": controller})))
+    found = summarise(
+        attempt(build(RunConfig, {**words, "controller": controller})).of_controller()
+    )
     steady = found["steady"]["mean_abs_lateral_error_m"]
     return {
         "mean_mm": 1e3 * found["mean_abs_lateral_error_m"],

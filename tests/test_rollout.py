@@ -21,7 +21,7 @@ from steersman.kernels.observe import wrap_angle
 from steersman.paths.base import PathComponent
 from steersman.paths.basic import Circle, Straight
 from steersman.plants.simulator import Simulator, SimulatorConfig
-from steersman.rollout import PlantFailure, RunConfig, RunError, run
+from steersman.rollout import Interrupted, PlantFailure, RunConfig, RunError, attempt, run
 from steersman.sensing import WaypointSensor
 from steersman.speed import ConstantSpeed, ConstantThrottle
 from steersman.types import Command, Decision, Observation, Pose, Status, VehicleState
@@ -215,10 +215,59 @@ def test_controller_that_does_not_fit_says_so_itself() -> None:
 
 
 def test_interrupt_keeps_what_was_driven() -> None:
-    episode = drive(Scripted(answer=KeyboardInterrupt()), Straight())
+    with pytest.raises(Interrupted) as caught:
+        drive(Scripted(answer=KeyboardInterrupt()), Straight())
+    episode = caught.value.episode
     assert episode.end == ending.INTERRUPTED
     assert not episode.completed
     assert len(episode) == 10
+
+
+def _answer(monkeypatch: pytest.MonkeyPatch, answer: Any) -> None:
+    """Make every PID answer so from half a second on."""
+
+    def decide(_: Pid, state: Any, observation: Observation) -> tuple[float, Status, Any]:
+        if observation.time < 0.5:
+            return 0.0, Status.SOLVED, state
+        if isinstance(answer, BaseException):
+            raise answer
+        return answer, Status.SOLVED, state
+
+    monkeypatch.setattr(Pid, "decide", decide)
+
+
+@pytest.mark.parametrize(
+    ("answer", "outcome", "end"),
+    [
+        (ValueError("no"), "controller_failed", ending.ERROR),
+        (1.0, "left_road", ending.OFF_TRACK),
+        (0.0, "finished", ending.DURATION),
+    ],
+)
+def test_an_attempt_says_what_came_of_it(
+    monkeypatch: pytest.MonkeyPatch, answer: Any, outcome: str, end: str
+) -> None:
+    _answer(monkeypatch, answer)
+    tried = attempt(RunConfig(controller=Pid(), path=Straight(), duration=3.0))
+    assert (tried.outcome, tried.episode.end) == (outcome, end)
+    assert (tried.error is None) == (outcome != "controller_failed")
+    assert tried.of_controller() is tried.episode
+    assert tried.episode.meta["config"]["path"]["kind"] == "straight"
+
+
+def test_an_attempt_whose_plant_fails_is_no_result_of_the_controller() -> None:
+    tried = attempt(RunConfig(controller=GOOD, plant=Fragile()))
+    assert tried.outcome == "plant_failed"
+    with pytest.raises(PlantFailure, match="nobody answers"):
+        tried.of_controller()
+
+
+def test_an_interruption_is_no_outcome(monkeypatch: pytest.MonkeyPatch) -> None:
+    _answer(monkeypatch, KeyboardInterrupt())
+    with pytest.raises(KeyboardInterrupt) as caught:
+        attempt(RunConfig(controller=Pid(), path=Straight(), duration=3.0))
+    assert isinstance(caught.value, Interrupted)
+    assert caught.value.episode.meta["seed"] == 0
 
 
 class Fragile(SimulatorConfig):
@@ -241,6 +290,7 @@ class Fragile(SimulatorConfig):
 
 
 def test_plant_that_fails_keeps_what_was_driven_and_is_closed() -> None:
+    Fragile.closed.clear()
     config = RunConfig(controller=GOOD, plant=Fragile())
     with pytest.raises(PlantFailure, match=r"^nobody answers, at t = 0\.50 s$") as caught:
         run(config)

@@ -7,9 +7,9 @@ import time
 import traceback
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 from pydantic import model_validator
@@ -97,6 +97,50 @@ class _Recorder:
         return Episode(columns, end, distance, plant.dt, path.length, path.closed, fine=fine)
 
 
+Outcome: TypeAlias = Literal[
+    "finished", "left_road", "rolled_over", "timed_out", "controller_failed", "plant_failed"
+]
+_OUTCOMES: dict[str, Outcome] = {
+    ending.OFF_TRACK: "left_road",
+    ending.ROLL_OVER: "rolled_over",
+    ending.TIMEOUT: "timed_out",
+}
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """What came of a run.
+
+    Attributes:
+        outcome: how the run ended; ``"finished"`` is its planned end.
+        episode: what was driven; until the failure, where something failed.
+        error: what failed: a ``RunError`` or a ``PlantFailure``; None where nothing did.
+    """
+
+    outcome: Outcome
+    episode: Episode
+    error: RunError | PlantFailure | None = None
+
+    def of_controller(self) -> Episode:
+        """The episode as a result of the controller, whose failure is one; a plant's is not.
+
+        Raises:
+            PlantFailure: the plant failed while it was driven.
+        """
+        if isinstance(self.error, PlantFailure):
+            raise self.error
+        return self.episode
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C while a run was driven; ``episode`` holds what was driven until then."""
+
+    def __init__(self, episode: Episode) -> None:
+        """Keep the episode."""
+        super().__init__(episode)
+        self.episode = episode
+
+
 class RunError(ControllerError):
     """A run that failed; ``episode`` holds what was driven until then."""
 
@@ -127,6 +171,25 @@ def run(config: RunConfig, progress: Callable[[float], None] | None = None) -> E
         PlantFailure: the plant failed in mid-run; so does this one.
         PlantError: the plant cannot be reached.
         ConfigError: the configuration's parts do not fit together.
+        Interrupted: Ctrl-C; it carries the episode so far.
+    """
+    tried = attempt(config, progress)
+    if tried.error is not None:
+        raise tried.error
+    return tried.episode
+
+
+def attempt(config: RunConfig, progress: Callable[[float], None] | None = None) -> Attempt:
+    """Drive one configuration and return what came of it, failures included.
+
+    Args:
+        config: what to drive.
+        progress: called now and then with the share of the run that is done.
+
+    Raises:
+        PlantError: the plant cannot be reached.
+        ConfigError: the configuration's parts do not fit together.
+        Interrupted: Ctrl-C; it carries the episode so far and is a ``KeyboardInterrupt``.
     """
     plant = config.plant.make(config.vehicle)
     try:
@@ -145,25 +208,20 @@ def run(config: RunConfig, progress: Callable[[float], None] | None = None) -> E
             progress=progress,
         )
     except (RunError, PlantFailure) as error:
-        raise type(error)(str(error), _with_meta(error.episode, config, plant)) from None
+        error.episode = _with_meta(error.episode, config, plant)
+        failed: Outcome = "controller_failed" if isinstance(error, RunError) else "plant_failed"
+        return Attempt(failed, error.episode, error)
+    except Interrupted as error:
+        raise Interrupted(_with_meta(error.episode, config, plant)) from None
     finally:
         plant.close()
-    return _with_meta(episode, config, plant)
+    return Attempt(_OUTCOMES.get(episode.end, "finished"), _with_meta(episode, config, plant))
 
 
 def _with_meta(episode: Episode, config: RunConfig, plant: Plant) -> Episode:
     made = {"seed": config.seed, "plant": plant.source}
     meta = {"config": config.model_dump(mode="json"), **made, **provenance()}
-    return Episode(
-        episode.columns,
-        episode.end,
-        episode.distance,
-        episode.dt,
-        episode.path_length,
-        episode.closed,
-        meta,
-        episode.fine,
-    )
+    return replace(episode, meta=meta)
 
 
 def rollout(  # noqa: PLR0913 - the nouns of a closed loop
@@ -196,6 +254,7 @@ def rollout(  # noqa: PLR0913 - the nouns of a closed loop
         PlantFailure: the plant failed while it was driven.
         PlantError: the plant cannot be made ready.
         ConfigError: the path has no laps, or ends before the start.
+        Interrupted: Ctrl-C.
     """
     rng = np.random.default_rng(seed)
     dt = plant.dt
@@ -237,7 +296,8 @@ def rollout(  # noqa: PLR0913 - the nouns of a closed loop
             if progress is not None and step % 100 == 0:
                 progress(min(max(distance / goal, step * dt / limit), 1.0))
     except KeyboardInterrupt:
-        end = ending.INTERRUPTED
+        so_far = recorder.episode(ending.INTERRUPTED, distance, plant, path)
+        raise Interrupted(so_far) from None
     return recorder.episode(end, distance, plant, path)
 
 

@@ -119,7 +119,7 @@ def test_a_finished_search_drives_nothing_again(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = falsify(config(trials=2, checks=1), tmp_path)
-    monkeypatch.setattr("steersman.studies.tried.run", None)
+    monkeypatch.setattr("steersman.studies.tried.attempt", None)
     assert falsify(config(trials=2, checks=1), tmp_path) == first
 
 

@@ -13,10 +13,10 @@ from steersman.bench.metrics import evaluate
 from steersman.bench.standards import BENCH_METRICS
 from steersman.bench.suite import Scenario
 from steersman.config import dump
-from steersman.episode import INTERRUPTED, Episode
+from steersman.episode import Episode
 from steersman.errors import ConfigError
 from steersman.provenance import provenance
-from steersman.rollout import RunConfig, RunError, run
+from steersman.rollout import RunConfig, attempt
 
 Row: TypeAlias = dict[str, Any]
 # For estimates only [m/s].
@@ -73,15 +73,9 @@ def drive(scenario: Scenario, entrant: Entrant) -> Episode:
     """The episode; what was driven until then, if the controller failed.
 
     Raises:
-        KeyboardInterrupt: the run was interrupted, so that its record is not one.
+        PlantError: the plant failed.
     """
-    try:
-        episode = run(fitted(scenario, entrant))
-    except RunError as error:
-        episode = error.episode
-    if episode.end == INTERRUPTED:
-        raise KeyboardInterrupt
-    return episode
+    return attempt(fitted(scenario, entrant)).of_controller()
 
 
 def measure(scenario: Scenario, entrant: Entrant) -> Row:
@@ -130,9 +124,7 @@ def check(scenario: Scenario, entrant: Entrant) -> None:
     """
     short = fitted(scenario, entrant).model_copy(update={"duration": 0.2, "laps": None})
     try:
-        run(short)
-    except RunError:
-        return  # a controller that fails at once is a result
+        attempt(short).of_controller()  # a controller that fails at once is a result
     except ConfigError as error:
         raise ConfigError(f"{entrant.name}: {error}") from None
 

@@ -64,7 +64,7 @@ def drive(
     tree = settings.read(words or [], "drive")
 
     from steersman.config import build, dump
-    from steersman.rollout import PlantFailure, RunConfig, RunError, run
+    from steersman.rollout import Interrupted, RunConfig, attempt
 
     config = build(RunConfig, tree)
     settings.tell_plant(config.plant)
@@ -72,27 +72,26 @@ def drive(
     page = None if report is None else _page(report)
     file = recording.recording_file(mcap)
     tell_compiling()
+    error, interrupted = None, False
     try:
         with share_bar("driving") as progress:
-            episode = run(config, progress)
-    except (RunError, PlantFailure) as error:
-        if folder is not None:
-            save(folder, config, error.episode, _metrics(error.episode))
-        _replay(page, config, error.episode)
-        recording.record(file, config, error.episode)
-        if folder is None:
-            raise
-        raise SteersmanError(f"{error}; what was driven until then is in {folder}") from error
+            tried = attempt(config, progress)
+        episode, error = tried.episode, tried.error
+    except Interrupted as stopped:
+        episode, interrupted = stopped.episode, True
     metrics = _metrics(episode)
     if folder is not None:
         save(folder, config, episode, metrics)
     _replay(page, config, episode)
     recording.record(file, config, episode)
+    if error is not None:
+        kept = "" if folder is None else f"; what was driven until then is in {folder}"
+        raise SteersmanError(f"{error}{kept}") from error
     if as_json:
         show_json({"config": dump(config), "metrics": metrics})
     else:
         _show(config, metrics, folder)
-    if episode.end == "interrupted":
+    if interrupted:
         raise typer.Exit(INTERRUPTED)
 
 

@@ -12,7 +12,7 @@ from steersman.config import build
 from steersman.episode import Episode
 from steersman.files import make_folder, write_text
 from steersman.provenance import provenance
-from steersman.rollout import RunConfig, RunError, run
+from steersman.rollout import RunConfig, attempt
 
 
 class Test(NamedTuple):
@@ -104,7 +104,8 @@ def drive_tests(
         for name, controller in controllers.items():
             if progress is not None:
                 progress(f"{test.name}: {name}")
-            episode = drive_one(build(RunConfig, test.config | {"controller": controller}))
+            config = build(RunConfig, test.config | {"controller": controller})
+            episode = attempt(config).of_controller()
             folder = make_folder(out / "episodes" / _slug(test.name))
             episode.save(folder / f"{_slug(name)}.npz")
             rows.append(_row(test, name, episode))
@@ -118,14 +119,6 @@ def drive_tests(
 
 def _slug(name: str) -> str:
     return name.lower().replace(", ", "_").replace(" ", "_").replace("/", "_per_").strip(".")
-
-
-def drive_one(config: RunConfig) -> Episode:
-    """The episode of a run; what was driven until then, if the controller failed."""
-    try:
-        return run(config)
-    except RunError as error:
-        return error.episode
 
 
 def _row(test: Test, driver: str, episode: Episode) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from steersman.bench.suite import derived_seed
 from steersman.studies.perturbation import AXES, Point, norm
-from steersman.studies.tried import Kept, Key, Tried, attempt
+from steersman.studies.tried import Kept, Key, Tried, drive
 
 if TYPE_CHECKING:
     from steersman.studies.falsify import FalsifyConfig
@@ -39,7 +39,7 @@ class Search:
         row = self._kept.found.get(key)
         if row is None:
             config = self.config.ranges.disturbed(self.run, point)
-            row = attempt(self._stage, point, config)
+            row = drive(self._stage, point, config)
             self._kept.add(row)
         self.tried.setdefault(key, row)
         self._tell()

@@ -16,8 +16,8 @@ import numpy as np
 
 from steersman.bench.charge import charged_rms, driven_share
 from steersman.bench.metrics import rms_lateral_error, steer_change_rms
-from steersman.episode import INTERRUPTED, Episode
-from steersman.rollout import RunConfig, RunError, run
+from steersman.episode import Episode
+from steersman.rollout import RunConfig, attempt
 
 # Share of a failed run that is charged at least, and of one that never got going.
 _LEAST = 0.05
@@ -75,16 +75,10 @@ def measure(config: RunConfig, smoothness: float) -> RunCost:
         smoothness: price of the RMS steering rate [m s].
 
     Raises:
-        KeyboardInterrupt: the run was interrupted, so that its record is not one.
         ConfigError: the controller does not fit the run.
+        PlantError: the plant failed.
     """
-    try:
-        episode = run(config)
-    except RunError as error:  # a controller that fails is a result
-        episode = error.episode
-    if episode.end == INTERRUPTED:
-        raise KeyboardInterrupt
-    return _priced(config, episode, smoothness)
+    return _priced(config, attempt(config).of_controller(), smoothness)
 
 
 def _priced(config: RunConfig, episode: Episode, smoothness: float) -> RunCost:

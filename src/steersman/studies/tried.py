@@ -10,9 +10,8 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from steersman.episode import INTERRUPTED
 from steersman.errors import DataError
-from steersman.rollout import RunConfig, RunError, run
+from steersman.rollout import RunConfig, attempt
 from steersman.studies.perturbation import Point, norm
 
 Key: TypeAlias = tuple[float, ...]
@@ -37,19 +36,15 @@ class Tried(NamedTuple):
     """Simulated time [s]."""
 
 
-def attempt(stage: str, point: Point, config: RunConfig) -> Tried:
+def drive(stage: str, point: Point, config: RunConfig) -> Tried:
     """Drive one disturbed run; a controller that fails is a result.
 
     Raises:
-        KeyboardInterrupt: the run was interrupted, so that its record is not one.
         ConfigError: the parts do not fit together.
+        PlantError: the plant failed.
     """
-    try:
-        episode = run(config)
-    except RunError as error:
-        episode = error.episode
-    if episode.end == INTERRUPTED:
-        raise KeyboardInterrupt
+    tried = attempt(config)
+    episode = tried.of_controller()
     failed = not episode.completed
     largest = float(np.max(np.abs(episode["lateral_error"]), initial=0.0))
     return Tried(
@@ -58,7 +53,7 @@ def attempt(stage: str, point: Point, config: RunConfig) -> Tried:
         norm(point),
         failed,
         episode.end,
-        config.corridor if episode.end == "off_track" else largest,
+        config.corridor if tried.outcome == "left_road" else largest,
         len(episode) * episode.dt,
     )
 

@@ -11,7 +11,7 @@ import numpy as np
 from steersman.bench.metrics import summarise
 from steersman.config import build
 from steersman.episode import Episode
-from steersman.rollout import RunConfig, RunError, run
+from steersman.rollout import RunConfig, attempt
 from steersman.types import FloatArray
 
 MPC_PID = {"kind": "mpc_pid"}
@@ -31,10 +31,8 @@ def throttle(at: float) -> dict[str, Any]:
 
 def drive(controller: Mapping[str, Any], **words: Any) -> Episode:
     """The episode of a run; what was driven until then, if the controller failed."""
-    try:
-        return run(build(RunConfig, {"controller": dict(controller), **words}))
-    except RunError as error:
-        return error.episode
+    config = build(RunConfig, {"controller": dict(controller), **words})
+    return attempt(config).of_controller()
 
 
 def kept(episode: Episode) -> dict[str, Any]:
