@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from steersman.bench.metrics import summarise
+from steersman.metrics.base import summarise
 from steersman.config import build, read_yaml
 from steersman.files import make_folder, write_text
 from steersman.provenance import provenance

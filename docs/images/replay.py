@@ -14,7 +14,7 @@ from PIL import Image
 from playwright.sync_api import sync_playwright
 
 from steersman import tuned
-from steersman.bench.metrics import summarise
+from steersman.metrics.base import summarise
 from steersman.config import build, read_yaml
 from steersman.report import Run, write_report
 from steersman.rollout import RunConfig, run

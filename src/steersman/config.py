@@ -73,6 +73,7 @@ FAMILIES: dict[str, str] = {
     "task": "steersman.learning.task",
     "agent": "steersman.learning.algorithms",
     "schedule": "steersman.learning.schedules",
+    "metric": "steersman.metrics",
 }
 _REGISTRY: dict[str, dict[str, type[Component]]] = {family: {} for family in FAMILIES}
 

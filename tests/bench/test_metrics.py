@@ -1,5 +1,6 @@
 """Metrics against closed forms, symmetries and bounds."""
 
+import itertools
 import json
 import math
 from dataclasses import replace
@@ -10,10 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from steersman.bench.metrics import METRICS, STEADY, evaluate, last_half, summarise
+from steersman.contracts.metric import check
 from steersman.episode import COLUMNS, DURATION, OFF_TRACK, ROLL_OVER, Episode
+from steersman.metrics.base import evaluate, last_half, metric, metrics, summarise
 
 DT = 0.05
+COUNT = itertools.count()
+STEADY = [name for name, cls in metrics().items() if cls.steady]
 LATERAL = (
     *("lateral_error", "heading_error", "course_error", "steer_command", "steer", "wheel_angle"),
     *("a_y", "v_y", "yaw_rate", "curvature", "y", "psi", "path_y"),
@@ -117,8 +121,8 @@ def test_the_order_of_rows_matters_to_rates_only(values, random):
     shuffled = list(values)
     random.shuffle(shuffled)
     ordered = ("rate", "jerk", "change", "reversals")
-    order_free = [n for n in METRICS if not any(word in n for word in ordered)]
-    table = {name: METRICS[name] for name in order_free}
+    order_free = [n for n in metrics() if not any(word in n for word in ordered)]
+    table = {name: metrics()[name] for name in order_free}
     names = ("lateral_error", "heading_error", "steer_command", "a_y", "v_x", "control_time")
     one = episode(len(values), **dict.fromkeys(names, values))
     other = episode(len(values), **dict.fromkeys(names, np.array(shuffled)))
@@ -208,12 +212,34 @@ def test_a_signal_that_is_not_finite_gives_none_and_valid_json(bad):
     json.dumps(got, allow_nan=False)
 
 
-def test_the_table_names_units_and_meanings():
-    assert set(STEADY) <= set(METRICS)
-    assert len({metric.function for metric in METRICS.values()}) == len(METRICS)
-    for name, metric in METRICS.items():
-        assert metric.unit, name
-        assert metric.meaning, name
+@pytest.mark.parametrize("name", metrics(benchmark=True))
+def test_every_metric_fulfils_its_contract(name):
+    assert check(metrics(benchmark=True)[name]) == []
+
+
+@pytest.mark.parametrize(
+    ("function", "finding"),
+    [
+        (lambda e: float(np.sum(e["lateral_error"])), "mirror image"),
+        (lambda e: 1.0 / len(e), "raises ZeroDivisionError over a drive without rows"),
+        (lambda e: float(e["v_x"].sort() or len(e)), "changes the columns"),
+        (lambda e: float(next(COUNT)), "and then"),
+    ],
+)
+def test_the_contract_finds(function, finding):
+    from steersman.metrics.base import Metric
+
+    wrong = type("Wrong", (Metric,), {"meaning": "m", "function": staticmethod(function)})
+    assert any(finding in line for line in check(wrong))
+
+
+def test_a_metric_that_is_declared_is_measured(monkeypatch):
+    from steersman.config import _REGISTRY
+
+    monkeypatch.setitem(_REGISTRY, "metric", dict(_REGISTRY["metric"]))
+    metric("rows_of_test", "-", "rows", "higher", dtype=int)(len)
+    assert summarise(episode(7))["rows_of_test"] == 7
+    assert "Higher is better" in str(metrics()["rows_of_test"].__doc__)
 
 
 def test_interventions_are_counted_with_their_time():

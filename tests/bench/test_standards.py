@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from steersman.bench.metrics import evaluate
-from steersman.bench.standards import BENCH_METRICS, weighting
 from steersman.episode import COLUMNS, DURATION, OFF_TRACK, Episode
+from steersman.metrics.base import evaluate, metrics
+from steersman.metrics.comfort import weighting
 from steersman.types import FloatArray
 
 DT, RATE = 0.05, 100.0
+BENCH = {name: cls for name, cls in metrics(benchmark=True).items() if cls.benchmark}
 
 
 def episode(
@@ -35,7 +36,7 @@ def wave(frequency: float, size: float = 1.0, rows: int = 400) -> FloatArray:
 
 
 def test_a_constant_acceleration_passes_r79s_filter_as_it_is() -> None:
-    got = evaluate(episode(np.full(2000, 2.5)), BENCH_METRICS)
+    got = evaluate(episode(np.full(2000, 2.5)), BENCH)
     assert got["r79_acceleration_m_s2"] == pytest.approx(2.5)
     assert got["r79_jerk_m_s3"] == pytest.approx(0.0, abs=1e-9)
     assert got["r79"] is True
@@ -47,7 +48,7 @@ def test_a_constant_acceleration_passes_r79s_filter_as_it_is() -> None:
 def test_r79_damps_as_a_fourth_order_butterworth(frequency: float) -> None:
     rows = 4000
     swell = np.sin(np.pi * np.arange(5 * rows) / (5 * rows)) ** 2  # no start, no end
-    got = evaluate(episode(swell * wave(frequency, rows=rows), rows=rows), BENCH_METRICS)
+    got = evaluate(episode(swell * wave(frequency, rows=rows), rows=rows), BENCH)
     gain = 1.0 / math.sqrt(1.0 + (frequency / 0.5) ** 8)
     assert got["r79_acceleration_m_s2"] == pytest.approx(gain, rel=0.1)
     # The mean of a derivative over T is the difference of the ends: 2 sin(pi f T) / T of the size.
@@ -62,7 +63,7 @@ def test_r79_damps_as_a_fourth_order_butterworth(frequency: float) -> None:
 )
 def test_weighting_is_that_of_the_standards_table(frequency: float, factor: int) -> None:
     rows = 2000
-    got = evaluate(episode(wave(frequency, math.sqrt(2.0), rows), rows=rows), BENCH_METRICS)
+    got = evaluate(episode(wave(frequency, math.sqrt(2.0), rows), rows=rows), BENCH)
     # The bilinear transform bends the scale near half the sampling rate.
     assert got["weighted_acceleration_m_s2"] == pytest.approx(factor / 1000.0, rel=0.12)
     assert weighting(RATE).shape[1] == 6
@@ -73,36 +74,36 @@ def test_weighting_is_that_of_the_standards_table(frequency: float, factor: int)
     [(2.9, DURATION, True), (3.2, DURATION, False), (1.0, OFF_TRACK, False)],
 )
 def test_limits_are_those_of_a_completed_run(size: float, end: str, passes: bool) -> None:
-    got = evaluate(episode(np.full(2000, size), end=end), BENCH_METRICS)
+    got = evaluate(episode(np.full(2000, size), end=end), BENCH)
     assert got["r79"] is passes
     assert got["iso_11270"] is passes
 
 
 def test_a_step_breaks_the_limit_of_jerk() -> None:
     step = np.where(np.arange(2000) < 1000, -1.4, 1.4)
-    got = evaluate(episode(step), BENCH_METRICS)
+    got = evaluate(episode(step), BENCH)
     assert got["iso_11270"] is False  # 2.8 m/s^2 within half a second
     assert got["r79"] is True  # the filter takes longer than that
 
 
 def test_without_a_record_nothing_is_said() -> None:
-    got = evaluate(episode(), BENCH_METRICS)
+    got = evaluate(episode(), BENCH)
     for name in ("r79_acceleration_m_s2", "r79_jerk_m_s3", "r79", "weighted_acceleration_m_s2"):
         assert got[name] is None
     coarse = replace(episode(), fine=np.ones((800, 2)))
-    slow = evaluate(coarse, BENCH_METRICS)
+    slow = evaluate(coarse, BENCH)
     assert slow["r79_acceleration_m_s2"] is None  # 40 Hz
 
 
 def test_what_the_path_asks_for() -> None:
-    got = evaluate(episode(v_x=8.0, v_y=6.0, curvature=-0.03), BENCH_METRICS)
+    got = evaluate(episode(v_x=8.0, v_y=6.0, curvature=-0.03), BENCH)
     assert got["path_acceleration_m_s2"] == pytest.approx(3.0)
 
 
 def test_deadlines_and_shares() -> None:
     took = np.where(np.arange(400) < 3, 0.06, np.where(np.arange(400) < 10, 0.02, 1e-5))
     status = np.where(np.arange(400) < 100, 1.0, 0.0)
-    got = evaluate(episode(control_time=took, status=status, course_error=0.1), BENCH_METRICS)
+    got = evaluate(episode(control_time=took, status=status, course_error=0.1), BENCH)
     assert (got["deadline_misses_50ms"], got["deadline_misses_10ms"]) == (3, 10)
     assert got["saturated_share"] == 0.25
     assert got["rms_course_error_deg"] == pytest.approx(math.degrees(0.1))
@@ -110,11 +111,11 @@ def test_deadlines_and_shares() -> None:
 
 def test_a_mirrored_record_measures_the_same() -> None:
     across = np.random.default_rng(0).normal(0.0, 2.0, 2000)
-    assert evaluate(episode(across), BENCH_METRICS) == evaluate(episode(-across), BENCH_METRICS)
+    assert evaluate(episode(across), BENCH) == evaluate(episode(-across), BENCH)
 
 
 def test_an_empty_run_is_valid() -> None:
     none = Episode({name: np.zeros(0) for name in COLUMNS}, OFF_TRACK, 0.0, DT, 1.0, True)
-    values = evaluate(none, BENCH_METRICS)
+    values = evaluate(none, BENCH)
     assert values["r79"] is None
     assert values["deadline_misses_50ms"] == 0

@@ -8,12 +8,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from steersman.bench.metrics import rms_lateral_error
 from steersman.controllers import delay_plan
 from steersman.controllers.delay_model import Weights, at_speed, build_model, build_tables
 from steersman.controllers.delay_plan import Problem
 from steersman.controllers.error_model import discrete, error_model
 from steersman.controllers.mpc_delay import MpcDelay
+from steersman.metrics.base import rms_lateral_error
 from steersman.paths.basic import Circle, Straight
 from steersman.paths.eights import FigureEight
 from steersman.plants.simulator import SimulatorConfig

@@ -10,9 +10,9 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 
-from steersman.bench.metrics import summarise
 from steersman.config import build
 from steersman.episode import COLUMNS, Episode
+from steersman.metrics.base import summarise
 from steersman.report import Run, write_report
 from steersman.report.article import write_article
 from steersman.report.scene import Group

@@ -13,9 +13,9 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from steersman.bench.metrics import summarise
 from steersman.config import build
 from steersman.errors import DataError, SteersmanError
+from steersman.metrics.base import summarise
 from steersman.report import Run, Table, tables, web, write_report
 from steersman.report import html as module
 from steersman.report.html import LIMIT, group_title, render

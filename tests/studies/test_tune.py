@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from steersman.bench.metrics import METRICS
 from steersman.config import build, override, read_yaml
 from steersman.errors import ConfigError
+from steersman.metrics.driving import rms_lateral_error, steer_change_rms
 from steersman.rollout import RunConfig, run
 from steersman.studies import tune as tuning
 from steersman.studies.objective import RunCost, measure
@@ -161,8 +161,8 @@ def test_the_objective_is_told_apart_for_each_trial(tmp_path: FilePath) -> None:
         assert row["simulated_seconds"] == pytest.approx(3.0) or row["failures"] == 1
     (chosen,) = (row for row in trade["trials"] if row["chosen"])
     episode = run(build(RunConfig, RUN | {"controller": best}))
-    assert chosen["rms_error_m"] == pytest.approx(METRICS["rms_lateral_error_m"].function(episode))
-    change = METRICS["steer_change_rms"].function(episode)
+    assert chosen["rms_error_m"] == pytest.approx(rms_lateral_error(episode))
+    change = steer_change_rms(episode)
     assert chosen["steer_change_rms"] == pytest.approx(change)
     result = json.loads((tmp_path / "result.json").read_text())
     assert result["chosen"]["number"] == chosen["number"]

@@ -6,16 +6,22 @@ import math
 
 import pytest
 
-from steersman.bench.metrics import summarise
 from steersman.config import build, components, resolve
+from steersman.contracts.metric import check
 from steersman.errors import ConfigError
+from steersman.metrics.base import metrics, summarise
 from steersman.paths.base import PathComponent
 from steersman.rollout import RunConfig, run
 
 
 @pytest.mark.parametrize(
     ("family", "kind"),
-    [("controller", "vector_field"), ("path", "stadium"), ("vehicle", "kei_car")],
+    [
+        ("controller", "vector_field"),
+        ("metric", "share_beyond_20cm"),
+        ("path", "stadium"),
+        ("vehicle", "kei_car"),
+    ],
 )
 def test_it_is_found_by_name(family: str, kind: str) -> None:
     assert kind in components(family)
@@ -23,9 +29,14 @@ def test_it_is_found_by_name(family: str, kind: str) -> None:
 
 def test_it_follows_a_road() -> None:
     parts = {"controller": "vector_field", "path": "stadium", "vehicle": "kei_car", "laps": 1}
-    metrics = summarise(run(build(RunConfig, parts)))
-    assert metrics["completed"]
-    assert metrics["max_abs_lateral_error_m"] < 0.5
+    found = summarise(run(build(RunConfig, parts)))
+    assert found["completed"]
+    assert found["max_abs_lateral_error_m"] < 0.5
+    assert found["share_beyond_20cm"] < 0.2
+
+
+def test_the_metric_fulfils_its_contract() -> None:
+    assert check(metrics()["share_beyond_20cm"]) == []
 
 
 def test_the_stadium_closes_and_turns_once() -> None:

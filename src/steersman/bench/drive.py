@@ -9,12 +9,11 @@ from typing import Any, TypeAlias
 
 from steersman.bench.charge import charged_mean, charged_quantile, charged_rms, driven_share
 from steersman.bench.entrants import Entrant
-from steersman.bench.metrics import evaluate
-from steersman.bench.standards import BENCH_METRICS
 from steersman.bench.suite import Scenario
 from steersman.config import dump
 from steersman.episode import Episode
 from steersman.errors import ConfigError
+from steersman.metrics.base import evaluate, metrics
 from steersman.provenance import provenance
 from steersman.rollout import RunConfig, attempt
 
@@ -92,8 +91,7 @@ def measure(scenario: Scenario, entrant: Entrant) -> Row:
         "dt_s": episode.dt,
         "end": episode.end,
         **charged(scenario.run, episode),
-        **evaluate(episode),
-        **evaluate(episode, BENCH_METRICS),
+        **evaluate(episode, metrics(benchmark=True)),
         **({} if scenario.run.plant.embedded else {"plant": episode.meta["plant"]}),
         "commit": provenance()["commit"],
     }

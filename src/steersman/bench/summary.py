@@ -10,9 +10,9 @@ import numpy as np
 
 from steersman.bench.disturbance import Disturbance
 from steersman.bench.drive import Row
-from steersman.bench.standards import MOST_ACCELERATION
 from steersman.bench.statistics import Clusters, Interval
 from steersman.bench.suite import CLEAN
+from steersman.metrics.comfort import MOST_ACCELERATION
 from steersman.types import FloatArray
 
 # Rows of a group, by whether their disturbance belongs to it.

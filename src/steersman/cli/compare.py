@@ -196,7 +196,7 @@ def _show(outcome: dict[str, Any], folder: FilePath | None) -> None:
 
 def _show_metrics(outcome: dict[str, Any]) -> None:
     """All metrics of all drives, so many to a table as fit."""
-    from steersman.bench.metrics import METRICS
+    from steersman.metrics.base import metrics
     from steersman.report.tables import text
 
     everybody = outcome["contestants"]
@@ -206,6 +206,6 @@ def _show_metrics(outcome: dict[str, Any]) -> None:
         out = table("measured", "unit", *letters, right=tuple(letters))
         found = [outcome["metrics"][one["name"]] for one in some]
         out.add_row("ended by", "-", *(str(m["end"]).replace("_", " ") for m in found))
-        for name, metric in METRICS.items():
+        for name, metric in metrics().items():
             out.add_row(metric.meaning, metric.unit, *(text(m[name]) for m in found))
         show("", out)

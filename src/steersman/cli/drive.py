@@ -126,7 +126,7 @@ def save(folder: FilePath, config: RunConfig, episode: Episode, metrics: dict[st
 
 def _metrics(episode: Episode) -> dict[str, Any]:
     """All metrics, and whose numbers they are."""
-    from steersman.bench.metrics import summarise
+    from steersman.metrics.base import summarise
 
     return {**summarise(episode), "plant": episode.meta["plant"]}
 
@@ -152,7 +152,7 @@ def _replay(page: FilePath | None, config: RunConfig, episode: Episode) -> None:
     """
     if page is None:
         return
-    from steersman.bench.metrics import summarise
+    from steersman.metrics.base import summarise
     from steersman.report import Run, write_report
 
     name = config.controller.kind.replace("_", " ")
@@ -161,17 +161,17 @@ def _replay(page: FilePath | None, config: RunConfig, episode: Episode) -> None:
     note(f"replay: {page}")
 
 
-def _show(config: RunConfig, metrics: dict[str, Any], folder: FilePath | None) -> None:
-    from steersman.bench.metrics import METRICS
+def _show(config: RunConfig, found: dict[str, Any], folder: FilePath | None) -> None:
+    from steersman.metrics.base import metrics
     from steersman.report.tables import text
 
-    steady = metrics["steady"]
+    steady = found["steady"]
     figures = table("measured", "unit", "run", "last half", right=("run", "last half"))
-    for name, metric in METRICS.items():
+    for name, metric in metrics().items():
         late = text(steady[name]) if name in steady else ""
-        figures.add_row(metric.meaning, metric.unit, text(metrics[name]), late)
+        figures.add_row(metric.meaning, metric.unit, text(found[name]), late)
     who = f"{config.controller.kind} drives {config.plant.car(config.vehicle)}"
     where = f"on {config.path.kind}, {config.speed.kind}"
-    end = str(metrics["end"]).replace("_", " ")
+    end = str(found["end"]).replace("_", " ")
     written = [] if folder is None else [f"\nwritten to {folder}"]
     show(f"{who} {where}; ended by: {end}\n", figures, *written)

@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from steersman.bench.metrics import summarise
 from steersman.config import read_yaml
 from steersman.episode import Episode, is_episode, load_episode
 from steersman.errors import DataError
+from steersman.metrics.base import summarise
 from steersman.types import FloatArray
 
 # Parts of a file's place that say nothing about the run.

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from steersman.bench.metrics import METRICS
+from steersman.metrics.base import metrics
 from steersman.report.runs import Run, Table
 
 NOTHING = "\u2013"
@@ -179,7 +179,7 @@ def all_metrics(runs: Sequence[Run]) -> list[dict[str, Any]]:
 
 
 def _meaning(name: str) -> str:
-    metric = METRICS.get(name.removeprefix("steady."))
+    metric = metrics().get(name.removeprefix("steady."))
     if metric is None:
         return ""
     return metric.meaning + (", last half of the run" if name.startswith("steady.") else "")

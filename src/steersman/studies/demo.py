@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
-from steersman.bench.metrics import summarise
 from steersman.config import build
 from steersman.episode import Episode
 from steersman.files import make_folder, write_text
+from steersman.metrics.base import summarise
 from steersman.provenance import provenance
 from steersman.rollout import RunConfig, attempt
 

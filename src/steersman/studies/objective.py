@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from steersman.bench.charge import charged_rms, driven_share
-from steersman.bench.metrics import rms_lateral_error, steer_change_rms
 from steersman.episode import Episode
+from steersman.metrics.driving import rms_lateral_error, steer_change_rms
 from steersman.rollout import RunConfig, attempt
 
 # Share of a failed run that is charged at least, and of one that never got going.

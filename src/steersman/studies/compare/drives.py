@@ -8,12 +8,12 @@ from typing import Any
 from steersman.bench.along import along_path, same_path
 from steersman.bench.disturbance import Disturbance
 from steersman.bench.drive import drive
-from steersman.bench.metrics import summarise
 from steersman.bench.pairs import FEW_PATHS
 from steersman.bench.suite import CLEAN, Scenario
 from steersman.config import build
 from steersman.episode import Episode
 from steersman.errors import ConfigError
+from steersman.metrics.base import summarise
 from steersman.rollout import RunConfig
 from steersman.studies.compare.contestants import Contestant
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from steersman.bench.metrics import summarise
 from steersman.config import build
 from steersman.episode import Episode
+from steersman.metrics.base import summarise
 from steersman.rollout import RunConfig, attempt
 from steersman.types import FloatArray
 

@@ -10,13 +10,19 @@ derivative; the same limits); ISO 2631-1:1997 (weighting W_d of horizontal accel
 from __future__ import annotations
 
 import math
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
 
-from steersman.bench.metrics import JERK_WINDOW, METRICS, Metric
 from steersman.episode import Episode
+from steersman.metrics.base import metric
+from steersman.metrics.driving import (
+    JERK_WINDOW,
+    max_lateral_acceleration,
+    max_lateral_jerk_500ms,
+    saturated,
+)
 from steersman.types import FloatArray
 
 # Limits of ISO 11270 and UN R79.
@@ -27,6 +33,7 @@ _R79_CUT, _R79_ORDER, _R79_RATE = 0.5, 4, 100.0
 # low-pass at 100 Hz lies beyond what is sampled.
 _F1, _Q1, _F3, _F4, _Q4 = 0.4, 1.0 / math.sqrt(2.0), 2.0, 2.0, 0.63
 _DEADLINES = (0.05, 0.01)
+_benchmark = partial(metric, benchmark=True)
 
 
 def sampled_rate(episode: Episode) -> float:
@@ -42,12 +49,14 @@ def _fine(episode: Episode, column: int) -> FloatArray | None:
     return values if values.size and bool(np.isfinite(values).all()) else None
 
 
+@_benchmark("r79_acceleration_m_s2", "m/s^2", "largest |a_y|, UN R79's filter", "lower")
 def r79_acceleration(episode: Episode) -> float:
     """Largest |a_y| after UN R79's filter [m/s^2]."""
     filtered = _r79(episode)
     return math.nan if filtered is None else float(np.max(np.abs(filtered)))
 
 
+@_benchmark("r79_jerk_m_s3", "m/s^3", "largest lateral jerk, UN R79's filter and average", "lower")
 def r79_jerk(episode: Episode) -> float:
     """Largest moving average over 0.5 s of the derivative of the filtered a_y [m/s^3]."""
     filtered = _r79(episode)
@@ -92,6 +101,9 @@ def weighting(rate: float) -> Any:
     return np.vstack([signal.tf2sos(*part) for part in parts])
 
 
+@_benchmark(
+    "weighted_acceleration_m_s2", "m/s^2", "ISO 2631-1 weighted RMS of a_x and a_y", "lower"
+)
 def weighted_acceleration(episode: Episode) -> float:
     """Root of the summed mean squares of weighted a_x and a_y [m/s^2], seated, comfort (k = 1)."""
     along, across = _fine(episode, 0), _fine(episode, 1)
@@ -102,6 +114,9 @@ def weighted_acceleration(episode: Episode) -> float:
     return math.sqrt(float(sum(squares)))
 
 
+@_benchmark(
+    "path_acceleration_m_s2", "m/s^2", "largest lateral acceleration that the path asks for"
+)
 def path_acceleration(episode: Episode) -> float:
     """Largest lateral acceleration that the path itself asks for, v^2 |kappa| [m/s^2]."""
     if not len(episode):
@@ -110,13 +125,13 @@ def path_acceleration(episode: Episode) -> float:
     return float(np.max(speed2 * np.abs(episode["curvature"])))
 
 
+@_benchmark("iso_11270", "-", "completed within ISO 11270's limits", "higher", dtype=bool)
 def iso_11270(episode: Episode) -> float:
     """1 if the run was completed within ISO 11270's acceleration and jerk."""
-    acceleration = METRICS["max_lateral_acceleration_m_s2"].function(episode)
-    jerk = METRICS["max_lateral_jerk_500ms_m_s3"].function(episode)
-    return _within(episode, acceleration, jerk)
+    return _within(episode, max_lateral_acceleration(episode), max_lateral_jerk_500ms(episode))
 
 
+@_benchmark("r79", "-", "completed within UN R79's limits", "higher", dtype=bool)
 def r79(episode: Episode) -> float:
     """1 if the run was completed within UN R79's acceleration and jerk."""
     return _within(episode, r79_acceleration(episode), r79_jerk(episode))
@@ -129,16 +144,19 @@ def _within(episode: Episode, acceleration: float, jerk: float) -> float:
     return float(episode.completed and good)
 
 
+@_benchmark("saturated_share", "-", "share of steps with the command clipped", "lower")
 def saturated_share(episode: Episode) -> float:
     """Share of control steps whose command was clipped to a limit."""
-    return METRICS["saturated"].function(episode) / len(episode) if len(episode) else math.nan
+    return saturated(episode) / len(episode) if len(episode) else math.nan
 
 
+@_benchmark("rms_heading_error_deg", "deg", "RMS of the heading error", "lower")
 def rms_heading_error(episode: Episode) -> float:
     """Root mean square of the heading error [deg]."""
     return _rms_degrees(episode["heading_error"])
 
 
+@_benchmark("rms_course_error_deg", "deg", "RMS of the course error", "lower")
 def rms_course_error(episode: Episode) -> float:
     """Root mean square of the course error [deg]."""
     return _rms_degrees(episode["course_error"])
@@ -148,30 +166,13 @@ def _rms_degrees(values: FloatArray) -> float:
     return math.degrees(float(np.sqrt(np.mean(np.square(values))))) if values.size else math.nan
 
 
+@_benchmark("deadline_misses_50ms", "-", "control steps over 50 ms", "lower", dtype=int)
 def misses_50ms(episode: Episode) -> float:
     """Number of control steps that took longer than 50 ms."""
     return float(np.count_nonzero(episode["control_time"] > _DEADLINES[0]))
 
 
+@_benchmark("deadline_misses_10ms", "-", "control steps over 10 ms", "lower", dtype=int)
 def misses_10ms(episode: Episode) -> float:
     """Number of control steps that took longer than 10 ms."""
     return float(np.count_nonzero(episode["control_time"] > _DEADLINES[1]))
-
-
-BENCH_METRICS: dict[str, Metric] = {
-    "rms_heading_error_deg": Metric(rms_heading_error, "deg", "RMS of the heading error"),
-    "rms_course_error_deg": Metric(rms_course_error, "deg", "RMS of the course error"),
-    "saturated_share": Metric(saturated_share, "-", "share of steps with the command clipped"),
-    "path_acceleration_m_s2": Metric(
-        path_acceleration, "m/s^2", "largest lateral acceleration that the path asks for"
-    ),
-    "iso_11270": Metric(iso_11270, "-", "completed within ISO 11270's limits", bool),
-    "r79_acceleration_m_s2": Metric(r79_acceleration, "m/s^2", "largest |a_y|, UN R79's filter"),
-    "r79_jerk_m_s3": Metric(r79_jerk, "m/s^3", "largest lateral jerk, UN R79's filter and average"),
-    "r79": Metric(r79, "-", "completed within UN R79's limits", bool),
-    "weighted_acceleration_m_s2": Metric(
-        weighted_acceleration, "m/s^2", "ISO 2631-1 weighted RMS of a_x and a_y"
-    ),
-    "deadline_misses_50ms": Metric(misses_50ms, "-", "control steps over 50 ms", int),
-    "deadline_misses_10ms": Metric(misses_10ms, "-", "control steps over 10 ms", int),
-}

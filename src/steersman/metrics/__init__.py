@@ -1,0 +1,1 @@
+"""Figures that are measured of a drive: the registered family ``metric``."""
