@@ -20,9 +20,9 @@ from typing import Any
 
 import numpy as np
 
-from steersman.metrics.base import summarise
 from steersman.config import build, read_yaml
 from steersman.files import make_folder, write_text
+from steersman.metrics.base import summarise
 from steersman.provenance import provenance
 from steersman.rollout import RunConfig, attempt
 from steersman.studies.demo import tests
