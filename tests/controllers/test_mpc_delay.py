@@ -13,7 +13,7 @@ from steersman.controllers.delay_model import Weights, at_speed, build_model, bu
 from steersman.controllers.delay_plan import Problem
 from steersman.controllers.error_model import discrete, error_model
 from steersman.controllers.mpc_delay import MpcDelay
-from steersman.metrics.base import rms_lateral_error
+from steersman.metrics.driving import rms_lateral_error
 from steersman.paths.basic import Circle, Straight
 from steersman.paths.eights import FigureEight
 from steersman.plants.simulator import SimulatorConfig
