@@ -1,9 +1,129 @@
-"""Steersman trains, tunes, compares and delivers steering controllers."""
+"""Steersman trains, tunes, compares and delivers steering controllers.
 
-import gymnasium
+This is the front door: what is not here is private and may change without notice. Every name is
+imported when it is first used, so that ``import steersman`` costs next to nothing.
+
+>>> import steersman as sm
+>>> sm.drive("tuned/lqr", path="circle", duration=2).end
+'duration'
+"""
+
+from __future__ import annotations
+
+import sys
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from steersman.api import attempt as attempt
+    from steersman.api import bench as bench
+    from steersman.api import compare as compare
+    from steersman.api import configure as configure
+    from steersman.api import drive as drive
+    from steersman.api import falsify as falsify
+    from steersman.api import identify as identify
+    from steersman.api import imitate as imitate
+    from steersman.api import load as load
+    from steersman.api import make as make
+    from steersman.api import train as train
+    from steersman.api import tune as tune
+    from steersman.config import Component as Component
+    from steersman.config import Of as Of
+    from steersman.config import Settings as Settings
+    from steersman.config import components as components
+    from steersman.config import families as families
+    from steersman.config import param as param
+    from steersman.config import register as register
+    from steersman.config import required as required
+    from steersman.controllers.base import ControllerComponent
+    from steersman.episode import Episode as Episode
+    from steersman.errors import ConfigError as ConfigError
+    from steersman.errors import ControllerError as ControllerError
+    from steersman.errors import DataError as DataError
+    from steersman.errors import PlantError as PlantError
+    from steersman.errors import SteersmanError as SteersmanError
+    from steersman.errors import TrainingDiverged as TrainingDiverged
+    from steersman.learning.config import TrainConfig as TrainConfig
+    from steersman.paths.base import PathComponent
+    from steersman.plants.base import PlantComponent
+    from steersman.rollout import Attempt as Attempt
+    from steersman.rollout import RunConfig as RunConfig
+    from steersman.speed import SpeedComponent
+    from steersman.types import Command as Command
+    from steersman.types import Decision as Decision
+    from steersman.types import Observation as Observation
+    from steersman.types import Pose as Pose
+    from steersman.types import Status as Status
+    from steersman.types import VehicleState as VehicleState
+    from steersman.vehicles import Vehicle as Vehicle
+
+    Controller = ControllerComponent
+    Path = PathComponent
+    Plant = PlantComponent
+    Speed = SpeedComponent
 
 __version__ = "0.1.0"
 
-gymnasium.register(
-    id="steersman/PathFollowing-v0", entry_point="steersman.learning.env:PathFollowingEnv"
-)
+# The front door: the names behind each module. To add one: here, and above for type checkers.
+_FRONT_DOOR = {
+    "api": (
+        *("drive", "attempt", "train", "imitate", "tune", "bench", "compare", "falsify"),
+        *("identify", "load", "configure", "make"),
+    ),
+    "config": (
+        *("register", "param", "required", "Of", "Component", "Settings"),
+        *("components", "families"),
+    ),
+    "rollout": ("RunConfig", "Attempt"),
+    "learning.config": ("TrainConfig",),
+    "controllers.base": ("Controller",),
+    "paths.base": ("Path",),
+    "plants.base": ("Plant",),
+    "speed": ("Speed",),
+    "vehicles": ("Vehicle",),
+    "types": ("Observation", "Decision", "Status", "Command", "VehicleState", "Pose"),
+    "episode": ("Episode",),
+    "errors": (
+        *("SteersmanError", "ConfigError", "DataError"),
+        *("ControllerError", "PlantError", "TrainingDiverged"),
+    ),
+}
+# Names that are shorter here than in their module.
+_LONGER = {name: f"{name}Component" for name in ("Controller", "Path", "Plant", "Speed")}
+_MODULES = {name: module for module, names in _FRONT_DOOR.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module 'steersman' has no attribute {name!r}")
+    from importlib import import_module
+
+    module = import_module(f"steersman.{_MODULES[name]}")
+    value = getattr(module, _LONGER.get(name, name))
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*_MODULES, "__version__"])
+
+
+def register_environments() -> None:
+    """Make ``steersman/PathFollowing-v0`` known to Gymnasium, which calls this at its import."""
+    from gymnasium.envs.registration import register, registry
+
+    name = "steersman/PathFollowing-v0"
+    if name not in registry:
+        register(id=name, entry_point="steersman.learning.env:PathFollowingEnv")
+
+
+class _FrontDoor(ModuleType):
+    def __setattr__(self, name: str, value: Any) -> None:
+        # Python binds the package steersman.bench here once it is imported: the verb stays.
+        if not (name in _MODULES and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _FrontDoor
+if "gymnasium" in sys.modules:
+    register_environments()

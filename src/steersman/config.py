@@ -43,6 +43,7 @@ __all__ = [
     "dump",
     "families",
     "field_unit",
+    "lay_over",
     "lookup",
     "merge",
     "override",
@@ -292,9 +293,22 @@ def merge(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
     return out
 
 
+def lay_over(tree: Mapping[str, Any], key: str, value: Any) -> dict[str, Any]:
+    """``tree`` with ``value`` at the dotted ``key``, as :func:`merge` does.
+
+    >>> lay_over({"path": "circle"}, "path.radius", 50)
+    {'path': {'kind': 'circle', 'radius': 50}}
+    """
+    for name in reversed(key.strip().split(".")):
+        value = {name: value}
+    return merge(tree, value)
+
+
 def _fields(value: Any) -> Mapping[str, Any]:
     if isinstance(value, str):
         return {"kind": value}
+    if isinstance(value, BaseModel):
+        return dump(value) or {}
     return value if isinstance(value, Mapping) else {}
 
 
@@ -310,13 +324,9 @@ def override(tree: Mapping[str, Any], assignments: Iterable[str]) -> dict[str, A
     out = dict(tree)
     for text in assignments:
         key, sign, raw = text.partition("=")
-        keys = key.strip().split(".")
-        if not sign or not all(keys):
+        if not sign or not all(key.strip().split(".")):
             raise ConfigError(f"{text!r} is not an assignment; write key=value or key.field=value")
-        value = core_yaml.value(raw)
-        for name in reversed(keys):
-            value = {name: value}
-        out = merge(out, value)
+        out = lay_over(out, key, core_yaml.value(raw))
     return out
 
 

@@ -17,7 +17,7 @@ import pytest
 import typer
 from typer.testing import Result
 
-from steersman import tuned
+from steersman import commands, tuned
 from steersman.cli import output, seeds, settings
 from steersman.config import build, components, families, read_yaml, resolve, to_yaml
 from steersman.episode import load_episode
@@ -491,13 +491,13 @@ class TestTrain:
 
 class TestSettings:
     def test_the_first_word_without_a_sign_is_the_name(self) -> None:
-        assert settings.split(["a=1", "file", "b.c=x=y"]) == ("file", ["a=1", "b.c=x=y"])
-        assert settings.split([]) == (None, [])
+        assert commands.split(["a=1", "file", "b.c=x=y"]) == ("file", ["a=1", "b.c=x=y"])
+        assert commands.split([]) == (None, [])
 
     def test_what_would_be_undone_is_refused(self) -> None:
         with pytest.raises(ConfigError, match=r"a: a=pid would undo a\.b\.c=1; put a=pid first"):
-            settings.split(["a.b.c=1", "a=pid"])
-        settings.split(["a=pid", "a.b.c=1", "ab=2"])
+            commands.split(["a.b.c=1", "a=pid"])
+        commands.split(["a=pid", "a.b.c=1", "ab=2"])
 
     def test_an_unwritable_folder_is_found(
         self, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch

@@ -16,9 +16,9 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from steersman.cli import app, settings, train
+import steersman as sm
+from steersman.cli import app, settings
 from steersman.cli.outcome import _UsageError
-from steersman.learning.train import train_config
 
 from . import world
 from .pages import PAGES, ROOT, Block, blocks, commands
@@ -135,7 +135,7 @@ def test_settings_that_the_guide_to_training_suggests() -> None:
     assert len(suggested) > 8
     for words in suggested:
         given = [word for word in shlex.split(words) if not word.startswith("seeds=")]
-        train_config(train.read(["demo", *given]))
+        sm.configure("train", "demo", *given)
 
 
 @pytest.mark.parametrize("words", ["drive path=circel", "train demo --out x agent.gama=1"])

@@ -96,12 +96,13 @@ def bench(
     from steersman.bench.entrants import entrants
     from steersman.bench.results import results, write
     from steersman.cli.seeds import parse
+    from steersman.commands import split
 
     named = [word for text in controllers or [] for word in text.split(",") if word.strip()]
     if engine not in ENGINES:
         raise ConfigError(f"unknown engine {engine!r}{suggestion(engine, ENGINES)}", ("--engine",))
     numbers = parse(seeds)
-    name, assignments = settings.split(words or [])
+    name, assignments = split(words or [])
     suite = name or "standard"
     plan, read = _plan(suite, assignments, maps)
     jobs = jobs_for(plan, jobs, engine)

@@ -8,7 +8,6 @@ from typing import Annotated
 
 import typer
 
-from steersman.cli import settings
 from steersman.cli.output import folded, write
 
 SERVE_EXAMPLES = (
@@ -51,6 +50,7 @@ def serve(
     """
     import logging
 
+    from steersman.api import vehicle_of
     from steersman.standin.blueprints import models
     from steersman.standin.server import Server
     from steersman.standin.server import serve as run
@@ -59,7 +59,7 @@ def serve(
     server = Server(
         host,
         port,
-        models(settings.vehicle(vehicle)),
+        models(vehicle_of(vehicle)),
         None if maps is None else FilePath(maps).expanduser(),
     )
 

@@ -163,11 +163,12 @@ def _parts(words: list[str] | None) -> tuple[PlantComponent, Vehicle]:
     Raises:
         ConfigError: they name something else.
     """
+    from steersman.commands import split
     from steersman.config import build, dump, merge, override
     from steersman.plants.carla import CarlaConfig
     from steersman.rollout import RunConfig
 
-    name, assignments = settings.split(words or [])
+    name, assignments = split(words or [])
     if name is not None:
         raise ConfigError(f"{name!r} is not a setting; write plant.port=2000")
     for word in assignments:

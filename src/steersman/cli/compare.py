@@ -96,10 +96,11 @@ def compare(
 
 def split(words: Sequence[str]) -> tuple[list[str], dict[str, str]]:
     """Those that name a contestant, and by their key those that set something of the suite."""
+    from steersman import commands
     from steersman.bench.suite import Suite
 
     known = {"suite", *Suite.model_fields}
-    _, assignments = settings.split([word for word in words if _root(word) in known])
+    _, assignments = commands.split([word for word in words if _root(word) in known])
     chosen = {word.partition("=")[0].strip(): word for word in assignments}
     return [word for word in words if _root(word) not in known], chosen
 

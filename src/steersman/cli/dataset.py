@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from steersman.cli import train
 from steersman.cli.output import note, share_bar, tell_compiling
 from steersman.cli.recording import EPISODE, driven
 from steersman.errors import DataError
@@ -68,17 +67,18 @@ def _stored(source: str, place: FilePath) -> Stored:
 
 def _of_training(source: str, place: FilePath) -> Stored:
     """What a training kept of its steps, or else its demonstrator on its roads."""
-    from steersman.config import build, dump
+    from steersman.config import dump
     from steersman.learning.datasets import store
     from steersman.learning.datasets.demonstrate import SIGMA, demonstrate
-    from steersman.learning.problem import Problem
 
     if (place / "data").is_dir():
         return store.read(str(place / "data"))
     if place.is_dir() and not (place / "config.yaml").is_file():
         raise DataError(f"{source}: neither a drive ({EPISODE}) nor a training (config.yaml)")
-    tree = train.read([str(place / "config.yaml") if place.is_dir() else source])
-    problem = build(Problem, tree.get("problem", {}))
+    from steersman import api
+
+    name = str(place / "config.yaml") if place.is_dir() else source
+    problem = api.configure("train", name, notify=note).problem
     kind = (dump(problem.demonstration.controller) or {})["kind"]
     tell_compiling()
     with share_bar("demonstrating") as progress:

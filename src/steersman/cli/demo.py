@@ -56,7 +56,9 @@ def demo(
     with MPC-PID, prints the table beside the paper's figures, and writes policy, resolved
     configuration, episodes and report.html.
     """
-    given = settings.existing(policy) if policy else None
+    from steersman.commands import existing
+
+    given = existing(policy) if policy else None
     folder = settings.out_folder(out)
     tell_compiling()
     try:
@@ -73,9 +75,9 @@ def demo(
 
 
 def _train(words: list[str], folder: FilePath) -> FilePath:
-    from steersman.learning.train import train_config
+    from steersman import api
 
-    config = train_config(train.read(["demo", *words]))
+    config = api.configure("train", "demo", *words, notify=note)
     return train.train_with_bar(config, folder / "training", overwrite=True)
 
 

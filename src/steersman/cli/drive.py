@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,7 +10,7 @@ import typer
 from steersman.cli import recording, settings
 from steersman.cli.outcome import INTERRUPTED
 from steersman.cli.output import note, share_bar, show, show_json, table, tell_compiling
-from steersman.errors import DataError, SteersmanError
+from steersman.errors import SteersmanError
 
 if TYPE_CHECKING:
     from steersman.episode import Episode
@@ -61,14 +60,15 @@ def drive(
 
     Files named in settings are relative to the current folder.
     """
-    tree = settings.read(words or [], "drive")
+    from steersman import api
+    from steersman.config import dump
+    from steersman.rollout import Interrupted, attempt
 
-    from steersman.config import build, dump
-    from steersman.rollout import Interrupted, RunConfig, attempt
-
-    config = build(RunConfig, tree)
+    config = api.configure("drive", *(words or []))
     settings.tell_plant(config.plant)
-    folder = None if out is None else _folder(out, overwrite=overwrite)
+    folder = None if out is None else settings.out_folder(out)
+    if folder is not None:
+        api.drive_folder(folder, overwrite=overwrite)
     page = None if report is None else _page(report)
     file = recording.recording_file(mcap)
     tell_compiling()
@@ -79,9 +79,9 @@ def drive(
         episode, error = tried.episode, tried.error
     except Interrupted as stopped:
         episode, interrupted = stopped.episode, True
-    metrics = _metrics(episode)
+    metrics = api.drive_metrics(episode)
     if folder is not None:
-        save(folder, config, episode, metrics)
+        api.write_drive(folder, config, episode)
     _replay(page, config, episode)
     recording.record(file, config, episode)
     if error is not None:
@@ -93,42 +93,6 @@ def drive(
         _show(config, metrics, folder)
     if interrupted:
         raise typer.Exit(INTERRUPTED)
-
-
-def _folder(out: str, *, overwrite: bool) -> FilePath:
-    """The folder for a drive.
-
-    Raises:
-        DataError: it holds a drive, and nobody asked to replace it, or something else.
-    """
-    folder = settings.out_folder(out)
-    if (folder / "episode.npz").exists():
-        if not overwrite:
-            raise DataError(f"{folder}: holds a drive already; give another folder or --overwrite")
-    elif (folder / "config.yaml").exists():
-        raise DataError(f"{folder}: holds the configuration of something else; give another folder")
-    return folder
-
-
-def save(folder: FilePath, config: RunConfig, episode: Episode, metrics: dict[str, Any]) -> None:
-    """Write ``episode.npz``, ``metrics.json`` and ``config.yaml``.
-
-    Raises:
-        DataError: a file cannot be written.
-    """
-    from steersman.config import to_yaml
-    from steersman.files import write_text
-
-    episode.save(folder / "episode.npz")
-    write_text(folder / "metrics.json", json.dumps(metrics, indent=2, allow_nan=False) + "\n")
-    write_text(folder / "config.yaml", to_yaml(config))
-
-
-def _metrics(episode: Episode) -> dict[str, Any]:
-    """All metrics, and whose numbers they are."""
-    from steersman.metrics.base import summarise
-
-    return {**summarise(episode), "plant": episode.meta["plant"]}
 
 
 def _page(name: str) -> FilePath:

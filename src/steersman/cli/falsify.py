@@ -41,22 +41,20 @@ def falsify(
     Mass, friction, steering delay, waypoint noise and speed are disturbed, each within its range.
     Writes config.yaml, drives.jsonl (a line for each drive), falsify.json and report.html.
     """
-    tree = _for_one_car(settings.read(words or [], "falsify"), words or [])
-
-    from steersman.config import build, override
+    from steersman import api
     from steersman.report.falsification import sentences, single_rows, write_falsification
-    from steersman.studies.falsify import FalsifyConfig
-    from steersman.studies.falsify import falsify as run
     from steersman.studies.hunt import most_drives
 
     given = [] if trials is None else [f"trials={trials}"]
-    config = build(FalsifyConfig, override(tree, given))
+    config = api.configure("falsify", *(words or []), *given, notify=note)
     settings.tell_plant(config.plant)
     folder = settings.out_folder(out)
     tell_compiling()
     try:
         with steps_bar(most_drives(config), "falsifying", "drives", TOLD) as update:
-            result = run(config, folder, lambda done, _, found: update(done, found))
+            result = api.falsify(
+                config, out=folder, progress=lambda done, _, found: update(done, found)
+            )
     except KeyboardInterrupt:
         note(f"interrupted; the same command goes on from {folder}")
         raise typer.Exit(INTERRUPTED) from None
@@ -68,16 +66,6 @@ def falsify(
     if result["singles"]:
         show(_table(single_rows(result)), "")
     show(*sentences(result), f"written to {folder}")
-
-
-def _for_one_car(tree: dict[str, Any], words: list[str]) -> dict[str, Any]:
-    """The same, made fit for a plant of its own."""
-    if tree.get("plant") is None:
-        return tree  # no other plant than the default
-
-    from steersman.studies.falsify import for_one_car
-
-    return settings.for_one_car(tree, tree["plant"], words, for_one_car(tree["plant"]))
 
 
 def _table(rows: list[dict[str, str]]) -> Any:

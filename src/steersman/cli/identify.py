@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -68,19 +67,14 @@ def identify(
     throttle map and brakes, each with a 95 % interval. What the recording does not tell is kept
     from the vehicle that it starts from, and said.
     """
-    from steersman.studies.identify.identify import identify as fit
-    from steersman.studies.identify.log import read_log
-    from steersman.studies.identify.result import TITLE, plain, sections, write
+    from steersman import api
+    from steersman.studies.identify.result import TITLE, plain, sections
 
     files = [None if f is None else settings.out_file(f, o) for f, o in _targets(out, page)]
-    start = settings.vehicle(vehicle)
-    if lock is not None and not lock > 0.0:
-        raise ConfigError(f"{lock:g} is not allowed; must be greater than 0 [rad]", ("--lock",))
-    recording = read_log(FilePath(log), lock, ahead)
     tell_compiling()
-    found = fit(recording, start, holdout, note)
-    if files[0] is not None:
-        write(found, files[0])
+    found = api.identify(
+        log, vehicle, holdout=holdout, lock=lock, ahead=ahead, out=files[0], notify=note
+    )
     if files[1] is not None:
         from steersman.report.article import write_article
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from steersman.cli import settings, train
+from steersman.cli import settings
 from steersman.cli.outcome import interrupted
 from steersman.cli.output import animated, note, steps_bar, tell_compiling, write
 
@@ -26,8 +26,6 @@ EXAMPLES = (
     "\n"
     "What can be set: steersman show imitate"
 )
-# What an imitation takes from the configuration of a training.
-_SHARED = ("problem", "validation", "seed", "trim", "threads")
 
 
 def imitate(
@@ -56,11 +54,9 @@ def imitate(
     kept = FilePath(out) / "config.yaml"
     if not words and resume and kept.is_file():
         words = [str(kept)]
-    tree = read(words or [])
+    from steersman import api
 
-    from steersman.learning.imitation.imitate import imitation_config
-
-    config = imitation_config(tree)
+    config = api.configure("imitate", *(words or []), notify=note)
     settings.tell_plant(config.problem.plant)
     folder = settings.out_folder(out)
     tell_compiling()
@@ -71,36 +67,11 @@ def imitate(
     write(f"{policy}\n")
 
 
-def read(words: list[str]) -> dict[str, Any]:
-    """The preset or file, with the assignments laid over it.
-
-    ``plant=...`` is short for ``problem.plant=...``, as in a training.
-
-    Raises:
-        ConfigError: there is no such preset, or the words contradict each other.
-        DataError: the file is missing or no YAML.
-    """
-    from steersman.config import override
-
-    name, assignments = settings.split(train.plant_of_problem(words))
-    tree = train.read([] if name is None else [name])
-    if "agent" in tree:
-        tree = {key: tree[key] for key in _SHARED if key in tree}
-    tree = override(tree, assignments)
-    plant = tree.get("problem", {}).get("plant")
-    if plant is None:
-        return tree  # no other plant than the default
-
-    from steersman.learning.imitation.config import for_one_car
-
-    return settings.for_one_car(tree, plant, assignments, for_one_car(tree, plant))
-
-
 def imitate_with_bar(
     config: ImitationConfig, folder: FilePath, *, overwrite: bool, resume: bool
 ) -> FilePath:
     """Imitate, and show tracking error and the time left on stderr."""
-    from steersman.learning.imitation.imitate import imitate as run
+    from steersman import api
 
     # Data have no steps that are driven: there rounds are counted.
     steps, noun = (1, "rounds") if config.data else (config.round_steps * config.vehicles, "steps")
@@ -118,10 +89,10 @@ def imitate_with_bar(
         def tick(rounds: float) -> None:
             update(rounds * steps, text)
 
-        return run(
+        return api.imitate(
             config,
-            folder,
-            tell,
+            out=folder,
+            progress=tell,
             tick=tick if animated() else None,
             notify=note,
             overwrite=overwrite,

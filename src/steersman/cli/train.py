@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -60,11 +60,10 @@ def train(
     chosen, words = seeds.split(words or [])
     if jobs is not None and chosen is None:
         raise ConfigError("--jobs: there is one training; it goes with seeds=0..4")
-    tree = read(words or (_resumed(out, chosen) if resume else []))
+    from steersman import api
 
-    from steersman.learning.train import train_config
-
-    config = train_config(tree)
+    words = words or (_resumed(out, chosen) if resume else [])
+    config = api.configure("train", *words, notify=note)
     settings.tell_plant(config.problem.plant)
     folder = settings.out_folder(out)
     tell_compiling()
@@ -85,54 +84,11 @@ def _resumed(out: str, chosen: list[int] | None) -> list[str]:
     return [str(file)] if file.is_file() else []
 
 
-def read(words: list[str]) -> dict[str, Any]:
-    """The preset or file, with the assignments laid over it.
-
-    ``plant=...`` is short for ``problem.plant=...``. With a plant that drives one car, what is
-    meant for many is set to one, unless it is given; a note says what.
-
-    Raises:
-        ConfigError: there is no such preset, or the words contradict each other.
-        DataError: the file is missing or no YAML.
-    """
-    name, assignments = settings.split(plant_of_problem(words))
-    if name is None or _is_file(name):
-        named = [] if name is None else [name]
-        return _for_one_car(settings.read([*named, *assignments]), assignments)
-
-    from steersman.config import override
-    from steersman.learning.train import load_preset
-
-    return _for_one_car(override(load_preset(name), assignments), assignments)
-
-
-def plant_of_problem(words: list[str]) -> list[str]:
-    """The same words; ``plant=...`` is short for ``problem.plant=...``."""
-    return [f"problem.{w}" if settings.key(w).split(".")[0] == "plant" else w for w in words]
-
-
-def _for_one_car(tree: dict[str, Any], assignments: list[str]) -> dict[str, Any]:
-    """The same, made fit for a plant of its own."""
-    problem = tree.get("problem")
-    plant = problem.get("plant") if isinstance(problem, dict) else None
-    if plant is None:
-        return tree  # no other plant than the default
-
-    from steersman.learning.config import for_one_car
-
-    return settings.for_one_car(tree, plant, assignments, for_one_car(tree, plant))
-
-
-def _is_file(name: str) -> bool:
-    file = FilePath(name)
-    return file.suffix in {".yaml", ".yml"} or file.name != name or file.is_file()
-
-
 def train_with_bar(
     config: TrainConfig, folder: FilePath, *, overwrite: bool, resume: bool = False
 ) -> FilePath:
     """Train, and show reward, tracking error, off-track resets and the time left on stderr."""
-    from steersman.learning.train import train as run
+    from steersman import api
 
     with steps_bar(config.steps, "training") as update:
         text = "training"
@@ -145,10 +101,10 @@ def train_with_bar(
         def tick(steps: int) -> None:
             update(steps, text)
 
-        return run(
+        return api.train(
             config,
-            folder,
-            tell,
+            out=folder,
+            progress=tell,
             tick=tick if animated() else None,
             notify=note,
             overwrite=overwrite,

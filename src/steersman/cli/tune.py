@@ -39,13 +39,10 @@ def tune(
     that the tuning cost), and the trials' errors against their steering activity: pareto.json,
     pareto.svg and report.html.
     """
-    tree = settings.read(words or [], "tune")
+    from steersman import api
+    from steersman.config import to_yaml
 
-    from steersman.config import build, override, to_yaml
-    from steersman.studies.tune import TuneConfig
-    from steersman.studies.tune import tune as run
-
-    config = build(TuneConfig, override(tree, [f"trials={trials}"] if trials else []))
+    config = api.configure("tune", *(words or []), *([f"trials={trials}"] if trials else []))
     settings.tell_plant(config.plant)
     folder = settings.out_folder(out)
     tell_compiling()
@@ -58,7 +55,7 @@ def tune(
                 driven = True
                 update(done, f"cost {1e3 * cost:.4g} mm")
 
-            best = run(config, folder, tell)
+            best = api.tune(config, out=folder, progress=tell)
     except KeyboardInterrupt:
         note(f"interrupted; the same command goes on from {folder}")
         raise typer.Exit(INTERRUPTED) from None

@@ -1,0 +1,238 @@
+"""From words to the configuration of a command, for the command line and for Python alike.
+
+``steersman drive tuned/lqr path=circle path.radius=50`` and
+``sm.drive("tuned/lqr", "path.radius=50", path="circle")`` both end here.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path as FilePath
+from typing import Any, NamedTuple, TypeAlias, TypeVar
+
+from pydantic import BaseModel
+
+from steersman import presets, tuned
+from steersman.config import Component, build, lay_over, override, read_yaml
+from steersman.errors import ConfigError, DataError, suggestion
+
+M = TypeVar("M", bound=BaseModel)
+Word: TypeAlias = str | BaseModel | Mapping[str, Any]
+Notify: TypeAlias = Callable[[str], None]
+
+_POLICY = "its policy drives with controller=policy controller.file={inside}policy.onnx"
+
+
+class Command(NamedTuple):
+    """A command that is configured by words."""
+
+    config: str
+    """``module:class`` of its configuration."""
+    own: str | None
+    """A field that no other command's configuration has."""
+    elsewhere: str
+    """What to do with such a configuration where another command's is expected."""
+    presets: bool = False
+    """Whether its first word may be a preset of training."""
+
+
+COMMANDS = {
+    "drive": Command("steersman.rollout:RunConfig", None, ""),
+    "train": Command("steersman.learning.config:TrainConfig", "agent", _POLICY, True),
+    "imitate": Command("steersman.learning.imitation.config:ImitationConfig", "fit", _POLICY, True),
+    "tune": Command(
+        "steersman.studies.tune:TuneConfig", "smoothness", "what it found is {inside}tuned.yaml"
+    ),
+    "falsify": Command(
+        "steersman.studies.falsify:FalsifyConfig", "ranges", "'steersman falsify {file}' takes it"
+    ),
+    "bench": Command("steersman.bench.suite:Suite", "courses", "'steersman bench {file}' takes it"),
+}
+# What an imitation takes from the configuration of a training.
+_SHARED = ("problem", "validation", "seed", "trim", "threads")
+
+
+def settings_of(command: str) -> type[BaseModel]:
+    """The class of a command's configuration."""
+    module, _, name = COMMANDS[command].config.partition(":")
+    found: type[BaseModel] = getattr(importlib.import_module(module), name)
+    return found
+
+
+def configuration(
+    command: str,
+    words: Sequence[Word] = (),
+    settings: Mapping[str, Any] | None = None,
+    notify: Notify | None = None,
+) -> Any:
+    """The configuration of a command.
+
+    Args:
+        command: ``drive``, ``train``, ``imitate``, ``tune`` or ``falsify``.
+        words: the name of a YAML file, a preset or a component; assignments ``key.field=value``;
+            mappings of fields; components, each of which goes to the field of its family.
+        settings: fields, laid over what the names give and under the assignments.
+        notify: called with a sentence if something was changed to fit a plant with one car.
+
+    Raises:
+        ConfigError: a word or a value is unknown or not allowed; the words contradict each other.
+        DataError: a file is missing or no YAML, or is another command's configuration.
+    """
+    cls = settings_of(command)
+    if len(words) == 1 and isinstance(words[0], cls) and not settings:
+        return words[0]
+    names = [w for w in words if isinstance(w, str) and "=" not in w]
+    assignments = [w for w in words if isinstance(w, str) and "=" in w]
+    check_order(assignments)
+    more = {**(settings or {})}
+    if COMMANDS[command].presets:
+        assignments = [_of_problem(word) for word in assignments]
+        more = {_of_problem(key): value for key, value in more.items()}
+    tree = _named(command, names)
+    for word in words:
+        if isinstance(word, Component):
+            tree = lay_over(tree, word.family, word)
+        elif isinstance(word, BaseModel):
+            tree = {name: getattr(word, name) for name in type(word).model_fields}
+        elif isinstance(word, Mapping):
+            for key, value in word.items():
+                tree = lay_over(tree, key, value)
+    for key, value in more.items():
+        tree = lay_over(tree, key, value)
+    tree = _for_one_car(command, override(tree, assignments), [*assignments, *more], notify)
+    return build(cls, tree)
+
+
+def _of_problem(word: str) -> str:
+    """``plant=...`` is short for ``problem.plant=...`` in what learns."""
+    return f"problem.{word}" if key(word).split(".")[0] == "plant" else word
+
+
+def split(words: Sequence[str]) -> tuple[str | None, list[str]]:
+    """The one word without "=", if there is one, and the assignments.
+
+    Raises:
+        ConfigError: there is a second word without "=", or an assignment undoes another.
+    """
+    names = [word for word in words if "=" not in word]
+    _at_most_one(names)
+    assignments = [word for word in words if "=" in word]
+    check_order(assignments)
+    return (names[0] if names else None), assignments
+
+
+def _at_most_one(names: Sequence[str]) -> None:
+    if len(names) > 1:
+        raise ConfigError(
+            f"{names[1]!r} is neither key=value nor the first name ({names[0]!r} is);"
+            " write key=value"
+        )
+
+
+def check_order(assignments: Sequence[str]) -> None:
+    """Refuse an assignment that would undo one before it.
+
+    Raises:
+        ConfigError: there is one.
+    """
+    seen: dict[str, str] = {}
+    for text in assignments:
+        name = key(text)
+        if name in seen:
+            raise ConfigError(f"given twice: {seen[name]} and {text}", (name,))
+        inner = next((other for other in seen if other.startswith(f"{name}.")), None)
+        if inner is not None:
+            raise ConfigError(f"{text} would undo {seen[inner]}; put {text} first", (name,))
+        seen[name] = text
+
+
+def key(word: str) -> str:
+    """The left side of an assignment, or the word itself."""
+    return word.partition("=")[0].strip()
+
+
+def _named(command: str, names: Sequence[str]) -> dict[str, Any]:
+    """The fields that the words without "=" give."""
+    _at_most_one(names)
+    if not names:
+        return {}
+    name = names[0]
+    if COMMANDS[command].presets and not _is_file(name):
+        file = presets.locate(name)
+        if file is None:
+            raise ConfigError(f"unknown preset {name!r}{suggestion(name, presets.names())}")
+    else:
+        file = existing(name, "; settings are written key=value")
+    tree = read_yaml(file)
+    if command == "imitate" and "agent" in tree:
+        return {name: tree[name] for name in _SHARED if name in tree}
+    _check_command(name, tree, command)
+    return tree
+
+
+def _is_file(name: str) -> bool:
+    file = FilePath(name)
+    return file.suffix in {".yaml", ".yml"} or file.name != name or file.is_file()
+
+
+def existing(name: str, hint: str = "") -> FilePath:
+    """A file that is there, or ``tuned/NAME`` of the package; ``hint`` ends the message if not.
+
+    Raises:
+        DataError: it is not.
+    """
+    file = FilePath(name)
+    shipped = tuned.locate(name)
+    if shipped is not None and not file.exists():
+        return shipped
+    if file.is_dir():
+        raise DataError(f"{name}: is a folder, expected a file")
+    if not file.exists():
+        near = suggestion(name, tuned.names()) if name.startswith("tuned/") else ""
+        raise DataError(f"{name}: no such file{near}{hint}")
+    return file
+
+
+def _check_command(name: str, tree: Mapping[str, Any], command: str) -> None:
+    """Refuse the configuration of another command, and say what to do with it."""
+    for other, entry in COMMANDS.items():
+        if other != command and entry.own is not None and entry.own in tree:
+            folder = FilePath(name).parent
+            inside = "" if folder == FilePath() else f"{folder}/"
+            what = entry.elsewhere.format(inside=inside, file=name)
+            raise DataError(f"{name}: is the configuration of 'steersman {other}'; {what}")
+
+
+def _for_one_car(
+    command: str, tree: dict[str, Any], given: Sequence[str], notify: Notify | None
+) -> dict[str, Any]:
+    """The tree made fit for a plant that has one car: what the user gave stays."""
+    where = tree.get("problem", {}) if COMMANDS[command].presets else tree
+    plant = where.get("plant") if isinstance(where, Mapping) else None
+    if plant is None:  # the embedded simulator
+        return tree
+    own = {key(word) for word in given}
+    changes = [change for change in _changes(command, tree, plant) if key(change) not in own]
+    if changes and notify is not None:
+        kind = plant.get("kind") if isinstance(plant, Mapping) else plant
+        kind = kind.kind if isinstance(kind, Component) else kind
+        notify(f"plant={kind} drives one car: {' '.join(changes)}")
+    return override(tree, changes)
+
+
+def _changes(command: str, tree: Mapping[str, Any], plant: Any) -> list[str]:
+    """Assignments that make the configuration one of a single car."""
+    if command == "train":
+        from steersman.learning.config import for_one_car
+
+        return for_one_car(tree, plant)
+    if command == "imitate":
+        from steersman.learning.imitation.config import for_one_car as imitation_for_one_car
+
+        return imitation_for_one_car(tree, plant)
+    if command == "falsify":
+        from steersman.studies.falsify import for_one_car as search_for_one_car
+
+        return search_for_one_car(plant)
+    return []
