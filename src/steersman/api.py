@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from steersman.commands import Notify, Word, configuration
 from steersman.config import Component, build, dump, read_yaml, resolve
@@ -463,12 +463,11 @@ def identify(
     return found
 
 
-def vehicle_of(word: str | Vehicle) -> Vehicle:
+def vehicle_of(word: Any) -> Vehicle:
     """A vehicle by name, or from a file."""
     if isinstance(word, str) and word.endswith(_YAML):
-        word = make("vehicle", "file", file=word)
-    found: Any = make("vehicle", word)
-    return found
+        word = {"kind": "file", "file": word}
+    return cast("Vehicle", make("vehicle", word))
 
 
 # What a folder of a command holds, in the order in which it is looked for.

@@ -291,7 +291,7 @@ class TestDrive:
         def interrupt(*_: Any) -> None:
             raise KeyboardInterrupt
 
-        monkeypatch.setattr("steersman.rollout.run", interrupt)
+        monkeypatch.setattr("steersman.rollout.attempt", interrupt)
         result = steersman("drive")
         assert (result.exit_code, result.stdout, result.stderr) == (130, "", "")
 
