@@ -1,35 +1,120 @@
-"""All commands put together. To add one: a module with its function, and a line here."""
+"""All commands put together. To add one: a module with its function, and a line in the table."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Annotated
+import importlib
+from collections.abc import Iterator, MutableMapping, Sequence
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from steersman.cli import (
-    bench,
-    carla,
-    carla_client,
-    compare,
-    components,
-    demo,
-    drive,
-    export,
-    falsify,
-    identify,
-    imitate,
-    path,
-    report,
-    reproduce,
-    train,
-    tune,
-)
 from steersman.cli.outcome import OneLineGroup
 from steersman.cli.output import write
 
+
+class Entry(NamedTuple):
+    """A command, or a group of them (a ``typer.Typer``), in a module of its own."""
+
+    place: str
+    """``module:name`` of the function, or of the group."""
+    help: str
+    """The first line of its help, so that the list of commands imports none of them."""
+    examples: str = "EXAMPLES"
+    """Name of the text that ends its help, in the same module."""
+
+
+# In the order of ``steersman --help``.
+COMMANDS = {
+    "list": Entry(
+        "components:list_components",
+        "List the components that can be named in a configuration.",
+        "LIST_EXAMPLES",
+    ),
+    "show": Entry(
+        "components:show_component",
+        "Show the fields of a component, or all settings of a command.",
+        "SHOW_EXAMPLES",
+    ),
+    "drive": Entry("drive:drive", "Drive one closed loop and print what was measured."),
+    "train": Entry("train:train", "Train an agent and export its policy."),
+    "imitate": Entry(
+        "imitate:imitate",
+        "Fit a network to a controller's actions, by DAgger or behaviour cloning.",
+    ),
+    "demo": Entry("demo:demo", "Train an agent with MPC-PID demonstration and compare both."),
+    "tune": Entry("tune:tune", "Tune a controller's gains with Optuna on a suite of runs."),
+    "falsify": Entry(
+        "falsify:falsify",
+        "Search for the mildest disturbance that takes a controller off the road.",
+    ),
+    "bench": Entry(
+        "bench:bench", "Drive every controller through the same scenarios, and compare them."
+    ),
+    "export": Entry("export:export", "Write a result in another format: C, ONNX, MCAP, Minari."),
+    "identify": Entry("identify:identify", "Fit a vehicle to a recording."),
+    "compare": Entry(
+        "compare:compare", "Set drives, trainings, benchmarks or controllers side by side."
+    ),
+    "reproduce": Entry("reproduce:reproduce", "Run the paper's experiments beside its figures."),
+    "report": Entry("report:report", "Make one HTML page of tables and plots."),
+    "path": Entry("path:app", "Paths and roads as OpenDRIVE."),
+    "carla": Entry("carla:app", "CARLA: checks, calibration, a stand-in for its server."),
+}
+
+
+class _Commands(MutableMapping[str, Any]):
+    """The commands by name, each imported when it is first asked for."""
+
+    def __init__(self) -> None:
+        self._made: dict[str, Any] = {}
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._made:
+            self._made[name] = _command(name, COMMANDS[name])
+        return self._made[name]
+
+    def __setitem__(self, name: str, command: Any) -> None:
+        self._made[name] = command
+
+    def __delitem__(self, name: str) -> None:
+        del self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(COMMANDS)
+
+    def __len__(self) -> int:
+        return len(COMMANDS)
+
+
+def _command(name: str, entry: Entry) -> Any:
+    module, _, attribute = entry.place.partition(":")
+    source = importlib.import_module(f"steersman.cli.{module}")
+    found = getattr(source, attribute)
+    if not isinstance(found, typer.Typer):
+        alone = typer.Typer(rich_markup_mode=None, add_completion=False)
+        alone.command(name, epilog=getattr(source, entry.examples))(found)
+        found = alone
+    made = typer.main.get_command(found)
+    made.name = name
+    return made
+
+
+class LazyGroup(OneLineGroup):
+    """The root of the command line: its commands are imported when they are used."""
+
+    def __init__(self, **words: Any) -> None:
+        """As typer makes it."""
+        super().__init__(**{**words, "commands": None})
+        self.commands = _Commands()
+
+    def format_commands(self, _: Any, formatter: Any) -> None:
+        """List the commands from the table, without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, entry.help) for name, entry in COMMANDS.items()])
+
+
 app = typer.Typer(
-    cls=OneLineGroup,
+    cls=LazyGroup,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # help is plain text: "[m]" would be taken for markup
@@ -38,38 +123,10 @@ app = typer.Typer(
         "\b\n"
         "Examples:\n"
         "  steersman list controller\n"
-        "  steersman drive controller=mpc_pid path=circle path.radius=50 duration=60\n"
+        "  steersman drive tuned/lqr path=circle path.radius=50 duration=60\n"
         "  steersman drive --help"
     ),
 )
-app.command("list", epilog=components.LIST_EXAMPLES)(components.list_components)
-app.command("show", epilog=components.SHOW_EXAMPLES)(components.show_component)
-app.command("drive", epilog=drive.EXAMPLES)(drive.drive)
-app.command("train", epilog=train.EXAMPLES)(train.train)
-app.command("imitate", epilog=imitate.EXAMPLES)(imitate.imitate)
-app.command("demo", epilog=demo.EXAMPLES)(demo.demo)
-app.command("tune", epilog=tune.EXAMPLES)(tune.tune)
-app.command("falsify", epilog=falsify.EXAMPLES)(falsify.falsify)
-app.command("bench", epilog=bench.EXAMPLES)(bench.bench)
-app.command("export", epilog=export.EXAMPLES)(export.export)
-app.command("identify", epilog=identify.EXAMPLES)(identify.identify)
-app.command("compare", epilog=compare.EXAMPLES)(compare.compare)
-app.command("reproduce", epilog=reproduce.EXAMPLES)(reproduce.reproduce)
-app.command("report", epilog=report.EXAMPLES)(report.report)
-paths = typer.Typer(
-    rich_markup_mode=None, help="Paths and roads as OpenDRIVE.", epilog=path.GROUP_EXAMPLES
-)
-paths.command("export", epilog=path.EXAMPLES)(path.export)
-paths.command("roads", epilog=path.ROADS_EXAMPLES)(path.roads)
-app.add_typer(paths, name="path")
-servers = typer.Typer(
-    rich_markup_mode=None, help="CARLA: checks, calibration, a stand-in for its server."
-)
-servers.command("serve", epilog=carla.SERVE_EXAMPLES)(carla.serve)
-servers.command("doctor", epilog=carla_client.DOCTOR_EXAMPLES)(carla_client.doctor)
-servers.command("calibrate", epilog=carla_client.CALIBRATE_EXAMPLES)(carla_client.calibrate)
-servers.command("map", epilog=carla_client.MAP_EXAMPLES)(carla_client.fetch_map)
-app.add_typer(servers, name="carla")
 
 
 def _version(wanted: bool) -> None:

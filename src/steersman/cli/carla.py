@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from steersman.cli import carla_client
 from steersman.cli.output import folded, write
 
 SERVE_EXAMPLES = (
@@ -72,3 +73,14 @@ def serve(
 
     run(server, ready)
     write("stand-in: stopped\n")
+
+
+app = typer.Typer(
+    rich_markup_mode=None,
+    add_completion=False,
+    help="CARLA: checks, calibration, a stand-in for its server.",
+)
+app.command("serve", epilog=SERVE_EXAMPLES)(serve)
+app.command("doctor", epilog=carla_client.DOCTOR_EXAMPLES)(carla_client.doctor)
+app.command("calibrate", epilog=carla_client.CALIBRATE_EXAMPLES)(carla_client.calibrate)
+app.command("map", epilog=carla_client.MAP_EXAMPLES)(carla_client.fetch_map)

@@ -124,3 +124,13 @@ def _path(words: list[str]) -> PathComponent:
     assert isinstance(path, PathComponent)  # the registry holds nothing else under "path"
     _ = path.table  # so that a fault in it is told before a folder is made
     return path
+
+
+app = typer.Typer(
+    rich_markup_mode=None,
+    add_completion=False,
+    help="Paths and roads as OpenDRIVE.",
+    epilog=GROUP_EXAMPLES,
+)
+app.command("export", epilog=EXAMPLES)(export)
+app.command("roads", epilog=ROADS_EXAMPLES)(roads)
