@@ -139,11 +139,9 @@ def _problem(words: Sequence[str]) -> Any:
 
 
 def _one(problem: Any, actions: Any) -> Columns:
-    import gymnasium
+    from steersman.learning.env import PathFollowingEnv
 
-    import steersman  # noqa: F401 - registers the environment
-
-    env = gymnasium.make("steersman/PathFollowing-v0", problem=problem).unwrapped
+    env = PathFollowingEnv(problem)
     seen, told = env.reset(seed=7)
     rows = [(seen, 0.0, False, False, told)]
     for action in actions[:, 0]:
