@@ -27,7 +27,6 @@ from steersman.config import build
 from steersman.controllers.mpc_pid import MpcPid
 from steersman.files import write_text
 from steersman.kernels import step as kernel
-from steersman.learning.agent import make_agent
 from steersman.learning.fleet import FleetDriver
 from steersman.learning.problem import Problem
 from steersman.learning.train import load_preset, train_config
@@ -135,7 +134,7 @@ def learning() -> dict[str, float]:
     """Collecting one vector step of 16 vehicles, and one update beside SB3's own."""
     config = train_config(load_preset("demo"))
     env = PathFollowingVecEnv(config.problem, 16)
-    agent = make_agent(config, env)
+    agent = config.agent.make(config, env)
     agent.learn(config.agent.learning_starts + 1600)
     batch = config.agent.batch
 

@@ -14,7 +14,7 @@ from steersman.episode import COLUMNS, Episode
 from steersman.kernels.path import PathTable
 from steersman.learning.config import TrainConfig
 from steersman.learning.export import export_policy
-from steersman.learning.updates import Net, view_net
+from steersman.learning.networks import Net, view_net
 from steersman.paths.base import PathComponent
 from steersman.paths.segments import Segment, from_segments
 from steersman.plants.simulator import SimulatorConfig

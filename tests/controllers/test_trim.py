@@ -13,7 +13,7 @@ from steersman.controllers.policy import Policy
 from steersman.episode import Episode
 from steersman.learning.config import TrainConfig
 from steersman.learning.export import export_policy
-from steersman.learning.updates import Net
+from steersman.learning.networks import Net
 from steersman.paths.basic import Straight
 from steersman.rollout import RunConfig, run
 

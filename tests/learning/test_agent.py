@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from steersman.learning.agent import DemonstratedDDPG, make_agent
+from steersman.learning.ddpg_update import CompiledDDPG
 from steersman.learning.noise import OrnsteinUhlenbeck
 from steersman.learning.vec_env import PathFollowingVecEnv
 
@@ -28,15 +28,15 @@ class Recording(PathFollowingVecEnv):
         super().step_async(actions)
 
 
-def learn(steps: int = 400, **demonstration: Any) -> tuple[DemonstratedDDPG, Recording]:
+def learn(steps: int = 400, **demonstration: Any) -> tuple[CompiledDDPG, Recording]:
     config = tiny(problem={"demonstration": demonstration})
     env = Recording(config.problem, config.agent.vehicles)
-    agent = make_agent(config, env)
+    agent = config.agent.make(config, env)
     agent.learn(steps)
     return agent, env
 
 
-def stored(agent: DemonstratedDDPG) -> Any:
+def stored(agent: CompiledDDPG) -> Any:
     buffer = agent.replay_buffer
     assert buffer is not None
     return buffer.actions[: buffer.pos, :, 0]
@@ -76,7 +76,7 @@ def test_a_policy_at_its_limit_is_seen_through_the_noise(bias: float, share: flo
     """As after a collapse: noise takes the executed action off the limit half of the time."""
     noise = {"kind": "constant", "at": 0.3}
     config = tiny(agent={"learning_starts": 0, "updates": 0, "noise": noise})
-    agent = make_agent(config, PathFollowingVecEnv(config.problem, config.agent.vehicles))
+    agent = config.agent.make(config, PathFollowingVecEnv(config.problem, config.agent.vehicles))
     net = agent.actor_net()
     net.w3[:], net.b3[:] = 0.0, bias
     agent.learn(400)
@@ -108,7 +108,7 @@ def test_schedules_follow_the_steps() -> None:
         agent={"learning_rate": {"kind": "linear", "start": 1e-3, "end": 0.0}},
         steps=400,
     )
-    agent = make_agent(config, PathFollowingVecEnv(config.problem, 4))
+    agent = config.agent.make(config, PathFollowingVecEnv(config.problem, 4))
     assert agent.p_action() == 1.0
     assert agent.current_rate() == pytest.approx(1e-3)
     agent.num_timesteps = 200

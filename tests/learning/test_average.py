@@ -11,8 +11,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from steersman.config import override
 from steersman.errors import ConfigError
-from steersman.learning.average import WeightAverage
 from steersman.learning.config import TrainConfig
+from steersman.learning.networks import WeightAverage
 from steersman.learning.train import _Training, train_config
 from steersman.policy_file import read_policy
 

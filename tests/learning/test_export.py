@@ -11,7 +11,6 @@ import pytest
 
 from steersman.controllers.policy import Policy, load_network
 from steersman.kernels.encode import FEATURE_LIMIT
-from steersman.learning.agent import make_agent
 from steersman.learning.export import export_policy, network
 from steersman.learning.train import TrainConfig
 from steersman.learning.vec_env import PathFollowingVecEnv
@@ -23,7 +22,7 @@ from .problems import problem, tiny
 @pytest.mark.parametrize("size", [0.0, 1e-3, 1.0, 1e3, 1e12, 1e38])
 def test_network_is_the_agents(size: float) -> None:
     config = tiny()
-    agent = make_agent(config, PathFollowingVecEnv(config.problem, 4))
+    agent = config.agent.make(config, PathFollowingVecEnv(config.problem, 4))
     # Larger weights than the fresh ones, so that the answer is no plain zero.
     agent.actor_net().flat[:] *= 4.0
     table = config.problem.encoding.table(2.0, 0.05, True)

@@ -15,12 +15,11 @@ from steersman.controllers.mpc_delay import MpcDelay
 from steersman.controllers.policy import Policy
 from steersman.errors import ConfigError
 from steersman.kernels import step as kernel
-from steersman.learning.agent import make_agent
 from steersman.learning.config import TrainConfig
 from steersman.learning.demonstration import demonstrated_correction
 from steersman.learning.export import export_policy
 from steersman.learning.fleet import FleetDriver
-from steersman.learning.residual import start_at_zero
+from steersman.learning.sb3 import start_at_zero
 from steersman.learning.train import train
 from steersman.learning.validate import Validator
 from steersman.learning.vec_env import PathFollowingVecEnv
@@ -261,7 +260,7 @@ def test_the_base_is_told_what_is_executed(tmp_path: FilePath) -> None:
 
 def test_a_fresh_agent_is_its_base() -> None:
     config = tiny(problem=RESIDUAL)
-    agent = make_agent(config, PathFollowingVecEnv(config.problem, 4))
+    agent = config.agent.make(config, PathFollowingVecEnv(config.problem, 4))
     seen = np.random.default_rng(0).normal(size=(20, agent.observation_space.shape[0]))
     assert not agent.act(seen).any()
     assert not agent.weights()["actor_target"][-1]

@@ -9,7 +9,8 @@ from pydantic import field_validator, model_validator
 
 from steersman.config import Of, Settings, build, override, param
 from steersman.errors import ConfigError
-from steersman.learning.algorithms import AgentComponent, Ddpg
+from steersman.learning.algorithms.base import AgentComponent
+from steersman.learning.algorithms.ddpg import Ddpg
 from steersman.learning.problem import CARS_DIFFER, Problem
 from steersman.paths.base import PathComponent
 from steersman.paths.random_road import RandomRoad

@@ -11,7 +11,7 @@ from steersman.config import dump
 from steersman.files import replacing, write_text
 from steersman.kernels.encode import FEATURE_LIMIT
 from steersman.learning.imitation.config import LearningConfig
-from steersman.learning.updates import Net
+from steersman.learning.networks import Net
 from steersman.policy_file import SIGNS, UNITS, PolicyCard, sha256
 from steersman.provenance import provenance
 

@@ -16,8 +16,8 @@ from steersman.errors import ConfigError, suggestion
 from steersman.files import alone, replacing
 from steersman.learning import alarm, checkpoint
 from steersman.learning.arithmetic import arithmetic
-from steersman.learning.average import WeightAverage
 from steersman.learning.config import TrainConfig
+from steersman.learning.networks import WeightAverage
 from steersman.learning.record import COLUMNS, Record
 from steersman.learning.snapshot import Tree
 from steersman.policy_file import read_policy
@@ -114,7 +114,6 @@ class _Training:
         tick: Callable[[int], None] | None,
         resumed_at: int | None = None,
     ) -> None:
-        from steersman.learning.agent import make_agent
         from steersman.learning.datasets.keep import Keeper
         from steersman.learning.validate import Validator
         from steersman.learning.vec_env import PathFollowingVecEnv
@@ -122,7 +121,7 @@ class _Training:
         self.config, self.out, self.reporter, self.tick = config, out, reporter, tick
         self.next_tick = 0.0
         self.env = PathFollowingVecEnv(config.problem, config.agent.vehicles)
-        self.agent = make_agent(config, self.env)
+        self.agent = config.agent.make(config, self.env)
         self.keeper = Keeper(self.env, out) if config.keep else None
         self.validator = Validator(config.problem, config.validation, self.env.driver.mover.shared)
         self.best = math.inf

@@ -1,6 +1,6 @@
 """Least squares: a policy's network fitted to samples by mini-batches and Adam, compiled.
 
-The same forward and backward functions as DDPG's updates (``learning.updates``).
+The same forward and backward functions as DDPG's updates (``learning.networks``).
 """
 
 from __future__ import annotations
@@ -13,19 +13,26 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from steersman.learning import updates
+from steersman.learning import networks
 from steersman.learning.imitation.collect import Dataset
 from steersman.learning.imitation.config import FitConfig
+from steersman.learning.networks import (
+    FAST,
+    Moments,
+    Net,
+    adam,
+    back_hidden,
+    forward,
+    weight_gradients,
+)
 from steersman.learning.snapshot import Tree, fill
-from steersman.learning.updates import Moments, Net, adam, back_hidden, forward, weight_gradients
 
-_FAST = {"reassoc", "contract", "nsz", "arcp"}
 _ONE = np.float32(1.0)
 # Updates between two looks at the clock and at the keyboard.
 _CHUNK = 100
 
 
-class Draw(NamedTuple):
+class SampleDraw(NamedTuple):
     """Which samples several updates learn from."""
 
     rows: Any
@@ -36,7 +43,7 @@ class Draw(NamedTuple):
     """(features,) float32 factor on each feature that mirrors it."""
 
 
-class Work(NamedTuple):
+class FitScratch(NamedTuple):
     """Scratch for a batch of B."""
 
     x: Any
@@ -49,9 +56,15 @@ class Work(NamedTuple):
     grad: Net
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FAST)
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def descend(
-    data: Dataset, draw: Draw, rates: Any, net: Net, moments: Moments, bound: float, work: Work
+    data: Dataset,
+    draw: SampleDraw,
+    rates: Any,
+    net: Net,
+    moments: Moments,
+    bound: float,
+    work: FitScratch,
 ) -> float:
     """One update of ``net`` for each of ``rates`` (updates,); returns the mean loss.
 
@@ -96,10 +109,10 @@ class Regression:
             bound = self.net[weights].shape[1] ** -0.5
             for part in (self.net[weights], self.net[bias]):
                 part[...] = rng.uniform(-bound, bound, part.shape)
-        self.moments = updates.make_moments(self.net.flat.size)
+        self.moments = networks.make_moments(self.net.flat.size)
         batch = config.batch
         h1, h2 = (np.zeros((batch, n), np.float32) for n in config.hidden)
-        self._work = Work(
+        self._work = FitScratch(
             x=np.zeros((batch, len(mirror)), np.float32),
             h1=h1,
             h2=h2,
@@ -124,7 +137,7 @@ class Regression:
 
     def act(self, features: Any) -> Any:
         """The network's actions (n,) for features (n, k)."""
-        return updates.act(self.net, features)
+        return networks.act(self.net, features)
 
     def fit(
         self,
@@ -148,7 +161,7 @@ class Regression:
             if config.mirror:
                 sides[rng.integers(2, size=shape) == 0] = -1.0
             rates = np.array([self._rate(self.updates + k) for k in range(count)])
-            draw = Draw(rows, sides, self._mirror)
+            draw = SampleDraw(rows, sides, self._mirror)
             total += count * descend(data, draw, rates, self.net, self.moments, bound, self._work)
             tick((self.updates - first) / (until - first))
         return total / max(until - first, 1)
@@ -165,4 +178,4 @@ class Regression:
 
 def _zeros(sizes: tuple[int, int, int, int]) -> Net:
     count = sum((a + 1) * b for a, b in pairwise(sizes))
-    return updates.view_net(np.zeros(count, np.float32), sizes)
+    return networks.view_net(np.zeros(count, np.float32), sizes)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from steersman.learning.config import TrainConfig
-from steersman.learning.updates import forward, view_net
+from steersman.learning.networks import forward, view_net
 
 
 def compiled(data: bytes) -> Callable[[Any], float]:
@@ -40,13 +40,12 @@ def sb3_predict(config: TrainConfig) -> Callable[[Any], Any]:
     """``predict`` of Stable-Baselines3 for a network of the same sizes, one observation."""
     import torch
 
-    from steersman.learning.agent import make_agent
     from steersman.learning.vec_env import PathFollowingVecEnv
 
     torch.set_num_threads(1)
     small = config.agent.model_copy(update={"buffer": 100, "vehicles": 1})
     config = config.model_copy(update={"agent": small})
-    agent = make_agent(config, PathFollowingVecEnv(config.problem, 1))
+    agent = small.make(config, PathFollowingVecEnv(config.problem, 1))
 
     def predict(x: Any) -> Any:
         return agent.predict(x, deterministic=True)[0]

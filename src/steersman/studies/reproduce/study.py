@@ -9,7 +9,7 @@ from pathlib import Path as FilePath
 from typing import Any, NamedTuple, cast
 
 from steersman.files import alone, write_text
-from steersman.learning.algorithms import Ddpg
+from steersman.learning.algorithms.ddpg import Ddpg
 from steersman.provenance import provenance
 from steersman.studies.reproduce.away import WRONG, away
 from steersman.studies.reproduce.circle import circle

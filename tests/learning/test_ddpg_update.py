@@ -1,4 +1,4 @@
-"""The compiled update against stock Stable-Baselines3, update by update."""
+"""DDPG's compiled update against stock Stable-Baselines3, update by update."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from gymnasium import Env, spaces
 from stable_baselines3 import DDPG
 from stable_baselines3.common.logger import Logger
 
-from steersman.learning import updates
-from steersman.learning.agent import DemonstratedDDPG
+from steersman.learning import ddpg_update, networks
+from steersman.learning.ddpg_update import CompiledDDPG
 
 NETS = ("actor", "critic", "actor_target", "critic_target")
 FEATURES = 7
@@ -68,7 +68,7 @@ def train(made: Any, gradient_steps: int) -> None:
 @pytest.mark.parametrize("steps", [1, 10, 50])
 @pytest.mark.parametrize("count", [200, 500])  # the buffer of 300 half full, and overwritten
 def test_is_stock_sb3(steps: int, count: int) -> None:
-    stock, ours = agent(DDPG), agent(DemonstratedDDPG)
+    stock, ours = agent(DDPG), agent(CompiledDDPG)
     for made in (stock, ours):
         fill(made, count)
     before = weights(ours)
@@ -89,7 +89,7 @@ def test_is_stock_sb3(steps: int, count: int) -> None:
 
 
 def test_one_call_of_many_updates_is_many_calls() -> None:
-    one, many = agent(DemonstratedDDPG), agent(DemonstratedDDPG)
+    one, many = agent(CompiledDDPG), agent(CompiledDDPG)
     for made in (one, many):
         fill(made)
     train(one, 6)
@@ -101,7 +101,7 @@ def test_one_call_of_many_updates_is_many_calls() -> None:
 
 def test_torch_sees_the_trained_weights() -> None:
     """The networks' parameters are the very memory that the compiled update changes."""
-    made = agent(DemonstratedDDPG)
+    made = agent(CompiledDDPG)
     fill(made)
     train(made, 5)
     features = np.random.default_rng(0).normal(size=(9, FEATURES)).astype(np.float32)
@@ -115,7 +115,7 @@ def test_adam_is_torchs() -> None:
     rng = np.random.default_rng(0)
     ours = rng.normal(size=50).astype(np.float32)
     theirs = torch.nn.Parameter(torch.tensor(ours.copy()))
-    moments = updates.make_moments(50)
+    moments = networks.make_moments(50)
     optimiser = torch.optim.Adam([theirs], lr=1.0)
     for k in range(60):
         gradient = (rng.normal(size=50) * 10.0 ** rng.integers(-6, 3, 50)).astype(np.float32)
@@ -124,14 +124,14 @@ def test_adam_is_torchs() -> None:
             group["lr"] = rate
         theirs.grad = torch.tensor(gradient)
         optimiser.step()
-        updates.adam(ours, gradient, moments, rate)
+        networks.adam(ours, gradient, moments, rate)
         assert ours == pytest.approx(theirs.detach().numpy(), abs=2e-6), k
     assert moments.count[0] == 60
 
 
 def test_nan_stays_nan() -> None:
     """Sums may be reordered, but a loss that is not finite must show."""
-    made = agent(DemonstratedDDPG)
+    made = agent(CompiledDDPG)
     fill(made)
     made.replay_buffer.rewards[:] = np.nan
     train(made, 1)
@@ -139,7 +139,7 @@ def test_nan_stays_nan() -> None:
 
 
 def test_learning_rate_is_set_at_every_update() -> None:
-    made = agent(DemonstratedDDPG)
+    made = agent(CompiledDDPG)
     asked: list[float] = []
 
     def rate(step: float) -> float:
@@ -156,12 +156,12 @@ def test_learning_rate_is_set_at_every_update() -> None:
 
 def test_sizes_that_do_not_fit_are_refused() -> None:
     with pytest.raises(ValueError, match="do not fill"):
-        updates.view_net(np.zeros(30, np.float32), (2, 3, 3, 1))
+        networks.view_net(np.zeros(30, np.float32), (2, 3, 3, 1))
 
 
 def test_learning_from_mirror_images_is_learning_from_a_mirrored_buffer() -> None:
     factors = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0, -1.0], np.float32)
-    plain, mirrored = agent(DemonstratedDDPG), agent(DemonstratedDDPG)
+    plain, mirrored = agent(CompiledDDPG), agent(CompiledDDPG)
     for made in (plain, mirrored):
         fill(made)
     buffer = plain.replay_buffer
@@ -171,10 +171,34 @@ def test_learning_from_mirror_images_is_learning_from_a_mirrored_buffer() -> Non
     rng = np.random.default_rng(4)
     rows, envs = rng.integers(0, 200, (3, 32)), np.zeros((3, 32), np.int64)
     for made, side in ((plain, 1.0), (mirrored, -1.0)):
-        made._compile()
-        draw = updates.Draw(rows, envs, np.full((3, 32), side, np.float32), factors)
+        nets = made._flat()
+        draw = ddpg_update.Draw(rows, envs, np.full((3, 32), side, np.float32), factors)
         rates = np.full(3, 1e-3)
-        updates.update(
-            made._arrays, draw, rates, made._nets, made.moments, made.gamma, made.tau, made._work
+        ddpg_update.update(
+            made._arrays, draw, rates, nets, made.moments, made.gamma, made.tau, made._scratch
         )
     assert all(np.array_equal(weights(plain)[name], weights(mirrored)[name]) for name in NETS)
+
+
+COMPILED = (
+    *(networks._bias_relu, networks.forward, networks.back_hidden, networks.weight_gradients),
+    *(networks.adam, networks.follow, ddpg_update.gather, ddpg_update._targets),
+    *(ddpg_update._improve_critic, ddpg_update.improve_actor),
+)
+
+
+def test_as_python_it_computes_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The source itself, which a compiler may not run as it is written."""
+    ours, plain = agent(CompiledDDPG), agent(CompiledDDPG)
+    for made in (ours, plain):
+        fill(made)
+    train(ours, 3)
+    for function in COMPILED:
+        for module in (networks, ddpg_update):
+            if hasattr(module, function.__name__):
+                monkeypatch.setattr(module, function.__name__, function.py_func)
+    monkeypatch.setattr(ddpg_update, "update", ddpg_update.update.py_func)
+    train(plain, 3)
+    for name in NETS:
+        assert weights(plain)[name] == pytest.approx(weights(ours)[name], rel=1e-4, abs=1e-6)
+    assert plain.last_losses == pytest.approx(ours.last_losses, rel=1e-5)

@@ -1,0 +1,104 @@
+"""What every learning algorithm declares. Defaults are Stable-Baselines3's unless noted."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import model_validator
+
+from steersman.config import Component, Of, components, param
+from steersman.errors import ConfigError
+from steersman.learning.schedules import Constant, HoldThenDecay, Schedule
+
+if TYPE_CHECKING:
+    from steersman.learning.config import TrainConfig
+    from steersman.learning.demonstration import Demonstration
+    from steersman.learning.sb3 import SteeringAgent
+    from steersman.learning.vec_env import PathFollowingVecEnv
+
+
+class AgentComponent(Component):
+    """A learning algorithm: networks, updates and exploration."""
+
+    hidden: tuple[int, int] = param((128, 128), "-", "Units of the two hidden layers.")
+    gamma: float = param(0.95, "-", "Discount per control step.", gt=0, lt=1)
+    batch: int = param(256, "-", "Transitions in a batch.", ge=1)
+    learning_rate: Annotated[Schedule, Of("schedule")] = param(
+        HoldThenDecay(start=1e-3, end=2e-5, hold=0.5), "-", "Learning rate of all networks."
+    )
+    vehicles: int = param(16, "-", "Vehicles that collect at the same time.", ge=1, le=1024)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _options_of_others(cls, given: object) -> object:
+        for name in set(given) - set(cls.model_fields) if isinstance(given, Mapping) else ():
+            kinds = [k for k, other in components("agent").items() if name in other.model_fields]
+            if kinds:
+                raise ConfigError(f"is an option of {', '.join(kinds)}, not of {cls.kind}", (name,))
+        return given
+
+    @abstractmethod
+    def make(self, config: TrainConfig, env: PathFollowingVecEnv) -> SteeringAgent:
+        """The agent of a training configuration, which holds this component.
+
+        Args:
+            config: the training; its seed decides the agent's first weights.
+            env: the vehicles that the agent drives.
+        """
+
+    def check(self, demonstration: Demonstration, steps: int) -> None:
+        """Refuse a demonstration from which this algorithm cannot learn.
+
+        Args:
+            demonstration: when the demonstrator acts.
+            steps: environment steps of the training.
+
+        Raises:
+            ConfigError: it cannot learn from it.
+        """
+
+    @property
+    def operators(self) -> tuple[str, str]:
+        """ONNX operators after the policy's hidden layers and after its output."""
+        return "Relu", "Tanh"
+
+    @property
+    def first_actor_update(self) -> int:
+        """The number of updates after which the actor has a loss."""
+        return 1
+
+
+class OffPolicyComponent(AgentComponent):
+    """An algorithm that learns from a replay buffer."""
+
+    tau: float = param(0.005, "-", "Share by which targets follow at each update.", gt=0, le=1)
+    buffer: int = param(300_000, "-", "Transitions in the replay buffer.", ge=1)
+    updates: int = param(4, "-", "Updates after each step of all vehicles.", ge=0)
+    mirror: bool = param(
+        False, "-", "Learn from mirror images, left for right, in half of each batch."
+    )
+    learning_starts: int = param(2000, "steps", "Random actions before learning.", ge=0)
+
+    @property
+    def exploration(self) -> tuple[Schedule, float, float] | None:
+        """sigma, theta and time step of the noise on the action; None: the policy is stochastic."""
+        return None
+
+
+class DeterministicComponent(OffPolicyComponent):
+    """An algorithm with a deterministic policy, which explores by noise on its action."""
+
+    noise: Annotated[Schedule, Of("schedule")] = param(
+        Constant(at=0.2), "-", "sigma of the Ornstein-Uhlenbeck noise, of the action range."
+    )
+    noise_theta: float = param(0.15, "-", "Return of the noise to zero per step.", gt=0, le=1)
+    noise_dt: float = param(
+        1.0, "-", "Time step of the noise; 0.01 is Stable-Baselines3's, slow and persistent.", gt=0
+    )
+
+    @property
+    def exploration(self) -> tuple[Schedule, float, float]:
+        """sigma, theta and time step of the noise on the action."""
+        return self.noise, self.noise_theta, self.noise_dt

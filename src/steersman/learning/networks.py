@@ -1,0 +1,201 @@
+"""Networks of two hidden layers as arrays: forward, backward, Adam, and the mean of their weights.
+
+All weights of a network are views of one flat array. For a network of torch that array is torch's
+own memory, so what compiled code changes, torch sees at once.
+
+Sources: Kingma and Ba, Adam, 2015, alg. 1 (arranged as ``torch.optim.Adam`` does; a test compares
+both). Polyak and Juditsky, Acceleration of stochastic approximation by averaging, SIAM J. Control
+and Optimization 30, 1992; Izmailov et al., Averaging weights leads to wider optima and better
+generalization, UAI 2018.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from steersman.learning.snapshot import Tree, fill
+
+_BETA1, _BETA2, _EPS = np.float32(0.9), np.float32(0.999), np.float32(1e-8)
+_ONE = np.float32(1.0)
+# Sums may be reordered (so that they vectorise); NaN and infinity keep their meaning.
+FAST = {"reassoc", "contract", "nsz", "arcp"}
+
+
+class Net(NamedTuple):
+    """Weights (out, in) and biases of one network, views of ``flat``."""
+
+    w1: Any
+    b1: Any
+    w2: Any
+    b2: Any
+    w3: Any
+    b3: Any
+    flat: Any
+
+
+class Moments(NamedTuple):
+    """Adam's first and second moments, flat, and the number of updates as ``count[0]``."""
+
+    first: Any
+    second: Any
+    count: Any
+
+
+def view_net(flat: Any, sizes: tuple[int, int, int, int]) -> Net:
+    """Views of a flat array as (input, hidden, hidden, output) layers in torch's order."""
+    parts, at = [], 0
+    for rows, columns in zip(sizes[1:], sizes[:-1], strict=True):
+        parts.append(flat[at : at + rows * columns].reshape(rows, columns))
+        at += rows * columns
+        parts.append(flat[at : at + rows])
+        at += rows
+    if at != flat.size:
+        raise ValueError(f"{flat.size} parameters do not fill layers of {sizes}, which have {at}")
+    w1, b1, w2, b2, w3, b3 = parts
+    return Net(w1, b1, w2, b2, w3, b3, flat)
+
+
+# What may stand after hidden layers and after the output, by the names of ONNX operators.
+_OPERATORS: dict[str, Callable[[Any], Any]] = {
+    "Relu": lambda x: np.maximum(x, np.float32(0.0)),
+    "Tanh": np.tanh,
+    "Clip": lambda x: np.clip(x, -1.0, 1.0),
+}
+
+
+def act(net: Net, features: Any, operators: tuple[str, str] = ("Relu", "Tanh")) -> Any:
+    """A policy's actions (n,) in [-1, 1] for features (n, k).
+
+    ``operators`` stand after the hidden layers and after the output: Relu, Tanh or Clip (to +-1).
+    """
+    hidden, output = (_OPERATORS[name] for name in operators)
+    h1 = hidden(features.astype(np.float32) @ net.w1.T + net.b1)
+    h2 = hidden(h1 @ net.w2.T + net.b2)
+    return output((h2 @ net.w3.T + net.b3)[:, 0]).astype(np.float64)
+
+
+def make_moments(size: int) -> Moments:
+    """Adam's state before the first update."""
+    return Moments(np.zeros(size, np.float32), np.zeros(size, np.float32), np.zeros(1, np.int64))
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def _bias_relu(h: Any, b: Any) -> None:
+    for i in range(h.shape[0]):
+        for j in range(h.shape[1]):
+            value = h[i, j] + b[j]
+            h[i, j] = value if value > 0.0 else np.float32(0.0)
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def forward(net: Net, x: Any, h1: Any, h2: Any, y: Any) -> None:
+    """Fill y (B, 1) with network(x), keeping the hidden layers for the way back."""
+    np.dot(x, net.w1.T, h1)
+    _bias_relu(h1, net.b1)
+    np.dot(h1, net.w2.T, h2)
+    _bias_relu(h2, net.b2)
+    for i in range(x.shape[0]):
+        total = net.b3[0]
+        for j in range(h2.shape[1]):
+            total += h2[i, j] * net.w3[0, j]
+        y[i, 0] = total
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def back_hidden(net: Net, dy: Any, h1: Any, h2: Any, d1: Any, d2: Any) -> None:
+    """Gradients at the hidden layers' inputs from the gradient at the output."""
+    for i in range(dy.shape[0]):
+        for j in range(h2.shape[1]):
+            d2[i, j] = dy[i, 0] * net.w3[0, j] if h2[i, j] > 0.0 else np.float32(0.0)
+    np.dot(d2, net.w2, d1)
+    for i in range(dy.shape[0]):
+        for j in range(h1.shape[1]):
+            if h1[i, j] <= 0.0:
+                d1[i, j] = np.float32(0.0)
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def weight_gradients(x: Any, h1: Any, h2: Any, dy: Any, d1: Any, d2: Any, grad: Net) -> None:
+    """Gradients of all weights from those at the layers' inputs; sums over the batch."""
+    np.dot(d1.T, x, grad.w1)
+    np.dot(d2.T, h1, grad.w2)
+    grad.b1[:] = np.float32(0.0)
+    grad.b2[:] = np.float32(0.0)
+    grad.w3[:] = np.float32(0.0)
+    total = np.float32(0.0)
+    for i in range(dy.shape[0]):
+        total += dy[i, 0]
+        for j in range(d1.shape[1]):
+            grad.b1[j] += d1[i, j]
+        for j in range(d2.shape[1]):
+            grad.b2[j] += d2[i, j]
+            grad.w3[0, j] += dy[i, 0] * h2[i, j]
+    grad.b3[0] = total
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def adam(weights: Any, gradient: Any, moments: Moments, rate: float) -> None:
+    """One step of Adam in torch's arrangement (bias corrections in double precision)."""
+    moments.count[0] += 1
+    count = moments.count[0]
+    step = np.float32(rate / (1.0 - 0.9**count))
+    root = np.float32(1.0 / math.sqrt(1.0 - 0.999**count))
+    first, second = moments.first, moments.second
+    for i in range(weights.shape[0]):
+        g = gradient[i]
+        first[i] += (_ONE - _BETA1) * (g - first[i])
+        second[i] = _BETA2 * second[i] + (_ONE - _BETA2) * g * g
+        weights[i] -= step * first[i] / (np.sqrt(second[i]) * root + _EPS)
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def follow(slow: Any, own: Any, tau: float) -> None:
+    """Move a target's weights by the share ``tau`` towards a network's own."""
+    share = np.float32(tau)
+    for i in range(slow.shape[0]):
+        slow[i] += share * (own[i] - slow[i])
+
+
+class WeightAverage:
+    """Running mean of one flat array of weights.
+
+    Weights that keep moving around a good place are, on average, nearer to it than any of them.
+    The mean weaves less than single policies of one training do.
+    """
+
+    def __init__(self, size: int) -> None:
+        """Begin without any weights."""
+        self._mean = np.zeros(size)
+        self._count = np.zeros(1, np.int64)
+
+    def add(self, weights: Any) -> None:
+        """Take the present ``weights`` (size,) into the mean."""
+        self._count[0] += 1
+        self._mean += (weights - self._mean) / self._count[0]
+
+    @contextmanager
+    def within(self, weights: Any) -> Iterator[None]:
+        """Put the mean in the place of ``weights`` inside the block, if anything was added."""
+        if not self._count[0]:
+            yield
+            return
+        own = weights.copy()
+        weights[:] = self._mean
+        try:
+            yield
+        finally:
+            weights[:] = own
+
+    def arrays(self) -> dict[str, Any]:
+        """All that changes."""
+        return {"mean": self._mean, "count": self._count}
+
+    def restore(self, saved: Tree) -> None:
+        """Go on from what ``arrays`` gave."""
+        fill(self.arrays(), saved)

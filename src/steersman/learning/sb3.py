@@ -1,0 +1,140 @@
+"""What every agent made of Stable-Baselines3 adds to it: flat weights, a rate for every update.
+
+``off_policy`` and ``on_policy`` build on it; an algorithm's file in ``algorithms`` only names the
+class of Stable-Baselines3 and its options.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Iterator
+from operator import attrgetter
+from typing import Any
+
+import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+from torch import nn
+
+from steersman.learning import networks
+from steersman.learning.networks import Net
+from steersman.learning.snapshot import Tree
+
+# A policy's action beyond this counts as saturated.
+AT_LIMIT = 0.99
+_NAN = float("nan")
+
+
+class SteeringAgent(BaseAlgorithm):
+    """An algorithm of Stable-Baselines3 as the training loop uses it.
+
+    Attributes:
+        rate: learning rate as a function of the environment steps at an update; None:
+            Stable-Baselines3's own.
+        operators: ONNX operators after the policy's hidden layers and after its output.
+        demonstrable: whether the demonstrator may act.
+        sampled_steps: actions that the policy gave while it drove.
+        demonstrated_steps: actions of the demonstrator that were executed.
+        saturated_steps: actions of the policy at a limit, before exploration noise.
+        last_losses: actor's loss, critic's loss and mean value at the last training; NaN before.
+    """
+
+    rate: Callable[[float], float] | None = None
+    operators = ("Relu", "Tanh")
+    demonstrable = False
+    demonstrated_steps = 0
+    saturated_steps = 0
+    sampled_steps = 0
+    last_losses: tuple[float, float, float] = (_NAN, _NAN, _NAN)
+    _n_updates: int
+    _actor: Net | None = None
+
+    def current_rate(self) -> float:
+        """Learning rate of the next update."""
+        return self._rate(self.num_timesteps)
+
+    def _rate(self, step: float) -> float:
+        if self.rate is None:
+            return float(self.lr_schedule(self._current_progress_remaining))
+        return self.rate(step)
+
+    def act(self, features: Any) -> Any:
+        """The policy's actions (n,) in [-1, 1] for features (n, k), without noise."""
+        return networks.act(self.actor_net(), features, self.operators)
+
+    def actor_net(self) -> Net:
+        """The weights from the features to the mean action, laid flat at the first call."""
+        if self._actor is None:
+            self._actor = lay_flat(mean_layers(getattr(self.policy, "actor", self.policy)))
+        return self._actor
+
+    def weights(self) -> dict[str, Any]:
+        """All weights and the optimisers' moments, as arrays that are torch's memory.
+
+        Adam makes its moments at its first step; here they are made before, as Adam would.
+        """
+        self.actor_net()
+        states, variables = self._get_torch_save_params()
+        named = dict(self.policy.named_parameters())
+        named |= {name: attrgetter(name)(self) for name in variables}
+        optimisers = [attrgetter(name)(self) for name in states if name.endswith("optimizer")]
+        owners = {p: o for o in optimisers for group in o.param_groups for p in group["params"]}
+        out = {}
+        for name, parameter in named.items():
+            out[name] = parameter.data.numpy()
+            if parameter in owners:
+                state = owners[parameter].state[parameter]
+                if not state:
+                    state["step"] = torch.tensor(0.0, dtype=torch.float32)
+                    state["exp_avg"] = torch.zeros_like(parameter)
+                    state["exp_avg_sq"] = torch.zeros_like(parameter)
+                out |= {f"{name}.{part}": value.numpy() for part, value in state.items()}
+        return out
+
+    @abstractmethod
+    def snapshot(self) -> dict[str, Any]:
+        """All that changes from step to step, the environment apart; taken between two steps."""
+
+    @abstractmethod
+    def restore(self, saved: Tree) -> None:
+        """Go on from a snapshot."""
+
+
+def lay_flat(modules: Iterable[Any]) -> Net:
+    """Make the parameters of three linear layers views of one flat array."""
+    parameters = [p for module in modules for p in module.parameters()]
+    flat = torch.cat([p.data.reshape(-1) for p in parameters])
+    at = 0
+    for p in parameters:
+        p.data = flat[at : at + p.numel()].view(p.shape)
+        at += p.numel()
+    sizes = [tuple(p.shape) for p in parameters[::2]]
+    return networks.view_net(flat.numpy(), (sizes[0][1], *(rows for rows, _ in sizes)))
+
+
+def mean_layers(policy: Any) -> list[Any]:
+    """The parts of an SB3 actor (or of PPO's policy) from the features to the mean action."""
+    if hasattr(policy, "action_net"):
+        return [policy.mlp_extractor.policy_net, policy.action_net]
+    return [policy.latent_pi, policy.mu] if hasattr(policy, "latent_pi") else [policy.mu]
+
+
+def start_at_zero(policy: Any) -> None:
+    """Make the mean action of an SB3 policy (and of its target) zero for every observation.
+
+    A residual agent begins as its base: a random network would spoil the base from the first step
+    on, and the data collected with it (Silver, Allen, Tenenbaum and Kaelbling, Residual policy
+    learning, arXiv:1812.06298, 2018). Zero weights of the last layer alone leave it a gradient, as
+    the hidden units differ.
+    """
+    with torch.no_grad():
+        for layer in _outputs(policy):
+            for parameter in layer.parameters():
+                parameter.zero_()
+
+
+def _outputs(policy: Any) -> Iterator[nn.Module]:
+    """Layers whose output is the mean action before it is squashed."""
+    actors = [getattr(policy, name) for name in ("actor", "actor_target") if hasattr(policy, name)]
+    for actor in actors or [policy]:
+        last = mean_layers(actor)[-1]
+        yield [layer for layer in last.modules() if isinstance(layer, nn.Linear)][-1]
