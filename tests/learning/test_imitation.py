@@ -17,7 +17,7 @@ from steersman.errors import ConfigError, DataError, TrainingDiverged
 from steersman.learning.fleet import FleetDriver
 from steersman.learning.imitation.collect import Dataset, Drives, Driving, collect
 from steersman.learning.imitation.config import FitConfig, ImitationConfig
-from steersman.learning.imitation.fit import Draw, Regression, descend
+from steersman.learning.imitation.fit import Regression, SampleDraw, descend
 from steersman.learning.imitation.imitate import COLUMNS, imitate, imitation_config
 from steersman.learning.validate import Validator
 
@@ -228,7 +228,7 @@ def test_updates_are_those_of_torch(huber: float | None) -> None:
         loss.backward()
         optimiser.step()
         expected += loss.item() / 40
-    draw = Draw(rows_, sides.astype(np.float32), mirror.astype(np.float32))
+    draw = SampleDraw(rows_, sides.astype(np.float32), mirror.astype(np.float32))
     bound = np.inf if huber is None else huber
     loss = descend(
         data, draw, np.full(40, 1e-3), regression.net, regression.moments, bound, regression._work
