@@ -2,20 +2,20 @@
 
 Values are interpolated to even steps of arc length over the stretch that both drove, so that a
 faster drive counts no less than a slower one. Neighbouring places are alike: the bootstrap draws
-blocks (:mod:`steersman.bench.blocks`).
+blocks (:class:`steersman.bench.statistics.Blocks`).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import numpy as np
 
-from steersman.bench.blocks import Blocks, block_length
-from steersman.bench.pairs import Figure, contrast
+from steersman.bench.pairs import Contrast, Quantity, contrast
+from steersman.bench.statistics import Blocks, block_length
 from steersman.episode import Episode
+from steersman.stored import Stored
 from steersman.types import FloatArray
 
 # Distance between places that are compared [m].
@@ -45,18 +45,18 @@ def _speed(episode: Episode) -> FloatArray:
 
 
 _DEG = 180.0 / math.pi
-ALONG: dict[str, Figure] = {
-    "mean_abs_lateral_error_m": Figure("mean |d|", "mm", 1e3, _absolute("lateral_error")),
-    "rms_lateral_error_m": Figure("RMS error", "mm", 1e3, _absolute("lateral_error"), True),
-    "mean_abs_heading_error_deg": Figure(
+ALONG: dict[str, Quantity] = {
+    "mean_abs_lateral_error_m": Quantity("mean |d|", "mm", 1e3, _absolute("lateral_error")),
+    "rms_lateral_error_m": Quantity("RMS error", "mm", 1e3, _absolute("lateral_error"), True),
+    "mean_abs_heading_error_deg": Quantity(
         "|heading error|", "deg", 1.0, _absolute("heading_error", _DEG)
     ),
-    "mean_abs_course_error_deg": Figure(
+    "mean_abs_course_error_deg": Quantity(
         "|course error|", "deg", 1.0, _absolute("course_error", _DEG)
     ),
-    "steer_rate_rms_per_s": Figure("RMS steering rate", "1/s", 1.0, _rate("steer_command"), True),
-    "lateral_jerk_rms_m_s3": Figure("RMS lateral jerk", "m/s³", 1.0, _rate("a_y"), True),
-    "mean_speed_m_s": Figure("mean speed", "m/s", 1.0, _speed),
+    "steer_rate_rms_per_s": Quantity("RMS steering rate", "1/s", 1.0, _rate("steer_command"), True),
+    "lateral_jerk_rms_m_s3": Quantity("RMS lateral jerk", "m/s³", 1.0, _rate("a_y"), True),
+    "mean_speed_m_s": Quantity("mean speed", "m/s", 1.0, _speed),
 }
 
 
@@ -86,18 +86,28 @@ def same_path(a: Episode, b: Episode) -> bool:
     return float(np.median(np.hypot(*gaps))) < SAME_PATH
 
 
-def along_path(base: Episode, own: Episode) -> dict[str, Any] | None:
-    """A drive against another on the same path; None if they have too little of it in common.
+class AlongComparison(Stored):
+    """A drive against another at the same places of their path."""
 
-    Returns:
-        ``from_m`` and ``to_m``: the stretch; ``places`` that are compared; ``block_m``: length of
-        the bootstrap's blocks; ``blocks``: how many of them the stretch holds; ``figures`` by name
-        of ``ALONG``, of :func:`steersman.bench.pairs.contrast`.
-    """
+    from_m: float
+    to_m: float
+    """The stretch that both drove, as arc length."""
+    places: int
+    """Places that are compared, ``STEP`` apart."""
+    block_m: float
+    """Length of the bootstrap's blocks."""
+    blocks: int
+    """Blocks that the stretch holds."""
+    figures: dict[str, Contrast]
+    """By name of ``ALONG``."""
+
+
+def along_path(base: Episode, own: Episode) -> AlongComparison | None:
+    """A drive against another on the same path; None if they have too little of it in common."""
     if not len(base) or not len(own):
         return None
     places = [np.maximum.accumulate(distance(episode)) for episode in (base, own)]
-    if base.closed:  # the same place may be told as 0 or as a whole lap
+    if base.closed:  # the same place may stand as 0 or as a whole lap
         lap = base.path_length
         places[1] = places[1] + lap * round((places[0][0] - places[1][0]) / lap)
     first, last = max(p[0] for p in places), min(p[-1] for p in places)
@@ -113,20 +123,20 @@ def along_path(base: Episode, own: Episode) -> dict[str, Any] | None:
     }
     length = _block(values)
     draws = Blocks(count, length)
-    return {
-        "from_m": first,
-        "to_m": last,
-        "places": count,
-        "block_m": length * STEP,
-        "blocks": count // length,
-        "figures": {
+    return AlongComparison(
+        from_m=first,
+        to_m=last,
+        places=count,
+        block_m=length * STEP,
+        blocks=count // length,
+        figures={
             name: contrast(draws, ALONG[name].squared, *pair) for name, pair in values.items()
         },
-    }
+    )
 
 
 def _block(values: Mapping[str, list[FloatArray]]) -> int:
-    """The longest block that any of the figures asks for, in places."""
+    """The longest block that any of the figures needs, in places."""
     lengths = []
     for name, (one, other) in values.items():
         a, b = (np.square(v) if ALONG[name].squared else v for v in (one, other))

@@ -1,14 +1,20 @@
-"""One scenario driven by one entrant: a row of plain data."""
+"""One scenario driven by one controller: the row of its figures.
+
+A drive that ends early is charged the corridor's half width for everything that it did not drive.
+Otherwise a controller that leaves the road early would be judged by the little that it drove.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import math
 import time
-from typing import Any, TypeAlias
 
-from steersman.bench.charge import charged_mean, charged_quantile, charged_rms, driven_share
+import numpy as np
+
 from steersman.bench.entrants import Entrant
+from steersman.bench.results import Row, row_version
 from steersman.bench.suite import Scenario
 from steersman.config import dump
 from steersman.episode import Episode
@@ -16,12 +22,10 @@ from steersman.errors import ConfigError
 from steersman.metrics.base import evaluate, metrics
 from steersman.provenance import provenance
 from steersman.rollout import RunConfig, attempt
+from steersman.types import FloatArray
 
-Row: TypeAlias = dict[str, Any]
 # For estimates only [m/s].
 _USUAL_SPEED = 12.0
-# Of a row's columns: with others, what was driven before is driven again.
-VERSION = 5
 FACTORS = ("path", "speed", "disturbance", "vehicle", "seed")
 
 
@@ -52,7 +56,7 @@ def key(plan: str, config: RunConfig, entrant: Entrant) -> str:
         entrant: who drives.
     """
     sensor = f"{config.sensor.count} {config.sensor.spacing!r}"
-    return _hashed(f"{VERSION} {plan} {entrant.digest} {sensor}")
+    return _hashed(f"{row_version()} {plan} {entrant.digest} {sensor}")
 
 
 def digest(scenario: Scenario) -> str:
@@ -77,38 +81,83 @@ def drive(scenario: Scenario, entrant: Entrant) -> Episode:
     return attempt(fitted(scenario, entrant)).of_controller()
 
 
-def measure(scenario: Scenario, entrant: Entrant) -> Row:
+def measure(scenario: Scenario, entrant: Entrant, key: str = "") -> Row:
     """Everything that is kept of a drive; numbers are finite or None."""
     begun = time.process_time()
     episode = drive(scenario, entrant)
-    row = {
-        "controller": entrant.name,
-        "kind": entrant.controller.kind,
-        "learned": entrant.learned,
-        "scenario": scenario.name,
+    config, errors = scenario.run, episode["lateral_error"]
+    share, corridor = driven_share(config, episode), config.corridor
+    largest = corridor if share < 1.0 else charged_quantile(errors, 1.0, corridor, 1.0)
+    row = Row(
+        key=key,
+        controller=entrant.name,
+        kind=entrant.controller.kind,
+        learned=entrant.learned,
+        scenario=scenario.name,
         **{name: getattr(scenario, name) for name in FACTORS},
-        **{f"disturbance_{name}": v for name, v in scenario.applied.figures().items()},
-        "dt_s": episode.dt,
-        "end": episode.end,
-        **charged(scenario.run, episode),
-        **evaluate(episode, metrics(benchmark=True)),
-        **({} if scenario.run.plant.embedded else {"plant": episode.meta["plant"]}),
-        "commit": provenance()["commit"],
-    }
-    return {**row, "computing_time_s": time.process_time() - begun}
+        applied=scenario.applied.figures(),
+        dt_s=episode.dt,
+        end=episode.end,
+        driven_share=share,
+        charged_rms_m=charged_rms(errors, share, corridor),
+        charged_mean_m=charged_mean(errors, share, corridor),
+        charged_p95_m=charged_quantile(errors, share, corridor, 0.95),
+        charged_max_m=largest,
+        metrics=evaluate(episode, metrics(benchmark=True)),
+        plant=None if config.plant.embedded else episode.meta["plant"],
+        commit=provenance()["commit"],
+        computing_time_s=0.0,
+    )
+    return row.model_copy(update={"computing_time_s": time.process_time() - begun})
 
 
-def charged(config: RunConfig, episode: Episode) -> dict[str, float]:
-    """The share that was driven and the errors over the whole plan [m]."""
-    share, errors = driven_share(config, episode), episode["lateral_error"]
-    corridor = config.corridor
-    return {
-        "driven_share": share,
-        "charged_rms_m": charged_rms(errors, share, corridor),
-        "charged_mean_m": charged_mean(errors, share, corridor),
-        "charged_p95_m": charged_quantile(errors, share, corridor, 0.95),
-        "charged_max_m": corridor if share < 1.0 else charged_quantile(errors, 1.0, corridor, 1.0),
-    }
+def driven_share(run: RunConfig, episode: Episode) -> float:
+    """Share in [0, 1] of the planned time or distance that was driven; 1 if it was completed."""
+    if episode.completed:
+        return 1.0
+    if run.duration is not None or (run.laps is None and run.path.closed):
+        share = len(episode) * episode.dt / (60.0 if run.duration is None else run.duration)
+    else:
+        share = episode.distance / ((run.laps or 1.0) * run.path.length - _start(run))
+    # Whoever failed has something left to be charged for.
+    return min(max(share, 0.0), 1.0 - 1e-9)
+
+
+def _start(run: RunConfig) -> float:
+    return 0.0 if run.path.closed else run.start
+
+
+def charged_rms(errors: FloatArray, share: float, corridor: float) -> float:
+    """Root mean square of |d| over the plan [m]: driven for ``share``, else ``corridor``.
+
+    >>> charged_rms(np.array([0.3, 0.4]), 1.0, 1.5) == math.sqrt(0.125)
+    True
+    >>> charged_rms(np.zeros(9), 0.75, 1.0)
+    0.5
+    """
+    driven = float(np.mean(np.square(_bounded(errors, corridor)))) if errors.size else 0.0
+    share = share if errors.size else 0.0
+    return math.sqrt(share * driven + (1.0 - share) * corridor * corridor)
+
+
+def charged_mean(errors: FloatArray, share: float, corridor: float) -> float:
+    """Mean of |d| over the plan [m], charged in the same way."""
+    driven = float(np.mean(_bounded(errors, corridor))) if errors.size else 0.0
+    share = share if errors.size else 0.0
+    return share * driven + (1.0 - share) * corridor
+
+
+def charged_quantile(errors: FloatArray, share: float, corridor: float, q: float) -> float:
+    """Quantile ``q`` in [0, 1] of |d| over the plan [m], charged in the same way."""
+    if not errors.size or q > share:
+        return corridor
+    return float(np.quantile(_bounded(errors, corridor), min(q / share, 1.0)))
+
+
+def _bounded(errors: FloatArray, corridor: float) -> FloatArray:
+    """|d|, at most the corridor's half width; what is not finite counts as that."""
+    size = np.abs(np.nan_to_num(errors, nan=corridor, posinf=corridor, neginf=corridor))
+    return np.minimum(size, corridor)
 
 
 def check(scenario: Scenario, entrant: Entrant) -> None:

@@ -7,7 +7,9 @@ import os
 from collections.abc import Iterable
 from pathlib import Path as FilePath
 
-from steersman.bench.drive import Row
+from pydantic import ValidationError
+
+from steersman.bench.results import Row
 from steersman.errors import DataError
 from steersman.files import make_folder
 
@@ -33,10 +35,10 @@ def _read(file: FilePath) -> tuple[dict[str, Row], int, int]:
     rows: dict[str, Row] = {}
     for number, line in enumerate(whole.splitlines(), start=1):
         try:
-            row = json.loads(line)
-            rows[row["key"]] = row
-        except (ValueError, TypeError, KeyError):
+            row = Row.model_validate_json(line)
+        except ValidationError:
             raise DataError(f"{file}, line {number}: not a row of a benchmark") from None
+        rows[row.key] = row
     return rows, len(whole), len(text)
 
 
@@ -65,7 +67,7 @@ class Journal:
             DataError: the file cannot be written.
         """
         new = list(rows)
-        text = "".join(json.dumps(row, allow_nan=False) + "\n" for row in new)
+        text = "".join(json.dumps(row.plain(), allow_nan=False) + "\n" for row in new)
         try:
             with self.file.open("ab") as stream:
                 stream.write(text.encode())
@@ -73,4 +75,4 @@ class Journal:
                 os.fsync(stream.fileno())
         except OSError as error:
             raise DataError(f"{self.file}: cannot be written ({error.strerror})") from None
-        self.rows |= {row["key"]: row for row in new}
+        self.rows |= {row.key: row for row in new}

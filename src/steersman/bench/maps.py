@@ -9,10 +9,11 @@ import itertools
 import math
 from collections.abc import Iterator
 from pathlib import Path as FilePath
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from steersman.bench.results import MapRecord
 from steersman.bench.suite import Course, Suite
 from steersman.bench.suites import Speeds, changing, constant, core
 from steersman.errors import ConfigError, DataError
@@ -61,19 +62,17 @@ class Map(NamedTuple):
             )
         return f"{text}; {self.why_not}" if self.why_not else text
 
-    def plain(self) -> dict[str, Any]:
+    def record(self) -> MapRecord:
         """For ``results.json``."""
-        return {
-            "sha256": self.sha256 or None,
-            "courses": list(self.courses),
-            "distance_m": sorted(
-                {round(course.path.length, 3) for course in self.courses.values()}
-            ),
-            "min_radius_m": MIN_RADIUS,
-            "lanes_km": round(self.lanes_km, 3),
-            "lanes_too_sharp_km": round(self.sharp_km, 3),
-            "why_not_more": self.why_not,
-        }
+        return MapRecord(
+            sha256=self.sha256 or None,
+            courses=list(self.courses),
+            distance_m=sorted({round(course.path.length, 3) for course in self.courses.values()}),
+            min_radius_m=MIN_RADIUS,
+            lanes_km=round(self.lanes_km, 3),
+            lanes_too_sharp_km=round(self.sharp_km, 3),
+            why_not_more=self.why_not,
+        )
 
 
 def read_maps(folder: FilePath, count: int = ROUTES) -> list[Map]:

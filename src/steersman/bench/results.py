@@ -1,57 +1,280 @@
-"""What a benchmark leaves in its folder: ``results.json`` and ``suite.yaml`` beside its rows."""
+"""What a benchmark leaves in its folder: rows, their table, ``results.json``, ``suite.yaml``."""
 
 from __future__ import annotations
 
+import hashlib
+import io
 import json
+import math
 from collections.abc import Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
-from steersman.bench.drive import Row
-from steersman.bench.entrants import Entrant
-from steersman.bench.maps import Map
-from steersman.bench.suite import Suite
-from steersman.bench.summary import summarise_rows
-from steersman.config import to_yaml
-from steersman.files import write_text
-from steersman.provenance import provenance
+from pydantic import Field, model_validator
+
+from steersman.bench.disturbance import Disturbance
+from steersman.bench.statistics import Interval
+from steersman.files import replacing
+from steersman.metrics.base import Values, metrics
+from steersman.stored import Sourced, Stored, optional
 
 FORMAT = 1
+RESULTS, PARQUET = "results.json", "results.parquet"
+_APPLIED = "disturbance_"
 
 
-def results(
-    name: str,
-    seeds: Sequence[int],
-    rows: Sequence[Row],
-    entrants: Sequence[Entrant],
-    maps: Sequence[Map] = (),
-) -> dict[str, Any]:
-    """The result as plain data: where it came from, who drove, and the summary."""
-    return {
-        "format": FORMAT,
-        "suite": name,
-        "seeds": list(seeds),
-        **(_of(maps) if maps else {}),
-        **provenance(),
-        "made_by": sorted({str(row["commit"]) for row in rows}),
-        "controllers": {e.name: e.shown for e in entrants},
-        "summary": summarise_rows(rows, entrants),
-    }
+class Row(Stored):
+    """One scenario driven by one controller.
+
+    Files hold it as one flat object: ``applied`` under names with ``disturbance_`` before them,
+    metrics under their own names.
+    """
+
+    key: str = ""
+    """Changes with the scenario, the controller and the columns of a row."""
+    controller: str
+    kind: str
+    learned: bool = False
+    """Whether a policy is part of the controller."""
+    scenario: str
+    path: str
+    speed: str
+    disturbance: str
+    vehicle: str
+    seed: int
+    applied: dict[str, float | str | None]
+    """Every number of the disturbance by its name."""
+    dt_s: float
+    end: str
+    """How the drive ended."""
+    driven_share: float
+    """Share in [0, 1] of the planned time or distance that was driven."""
+    charged_rms_m: float
+    charged_mean_m: float
+    charged_p95_m: float
+    charged_max_m: float
+    metrics: Values
+    plant: str | None = None
+    """The plant, if it was not the embedded simulator."""
+    commit: str | None = None
+    computing_time_s: float
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_flat(cls, data: Any) -> Any:
+        if not isinstance(data, dict) or "metrics" in data:
+            return data
+        out: dict[str, Any] = {"applied": {}, "metrics": {}}
+        for name, value in data.items():
+            if name in cls.model_fields:
+                out[name] = value
+            elif name.startswith(_APPLIED):
+                out["applied"][name.removeprefix(_APPLIED)] = value
+            else:
+                out["metrics"][name] = value
+        return out
+
+    def plain(self) -> dict[str, Any]:
+        """The flat object, as it is kept in files."""
+        out: dict[str, Any] = {}
+        for name in type(self).model_fields:
+            value = getattr(self, name)
+            if name == "applied":
+                out |= {f"{_APPLIED}{key}": v for key, v in value.items()}
+            elif name == "metrics":
+                out |= value
+            elif name != "plant" or value is not None:
+                out[name] = value
+        return out
+
+    @property
+    def completed(self) -> bool:
+        """Whether the drive reached its planned end."""
+        return bool(self.metrics["completed"])
+
+    def number(self, metric: str) -> float:
+        """A metric that is always defined, such as a count."""
+        return float(self.metrics.get(metric) or 0.0)
 
 
-def _of(maps: Sequence[Map]) -> dict[str, Any]:
-    """What was made of each map, and which of them gave nothing to drive on."""
-    return {
-        "maps": {found.name: found.plain() for found in maps},
-        "maps_left_out": [found.name for found in maps if not found.courses],
-    }
+def row_version() -> str:
+    """Digest of the names, types and units of a row's columns, those of plug-ins included.
+
+    A row of another version does not have the same columns: its scenario is driven again.
+    """
+    fields = {name: str(field.annotation) for name, field in Row.model_fields.items()}
+    measured = {name: [m.unit, m.dtype.__name__] for name, m in metrics(benchmark=True).items()}
+    columns = [fields, list(Disturbance().figures()), measured]
+    return hashlib.sha256(json.dumps(columns).encode()).hexdigest()[:12]
 
 
-def write(out: FilePath, found: dict[str, Any], suite: Suite) -> None:
-    """Write ``results.json`` and ``suite.yaml``.
+class IntervalEstimate(Stored):
+    """A figure with its 95 % interval; None where it is undefined."""
+
+    value: float | None
+    low: float | None = None
+    high: float | None = None
+
+    @classmethod
+    def of(cls, interval: Interval) -> IntervalEstimate:
+        """From statistics, in which NaN and infinity are undefined."""
+        return cls(**{k: v if math.isfinite(v) else None for k, v in interval._asdict().items()})
+
+    def scaled(self, factor: float) -> IntervalEstimate:
+        """In another unit."""
+        numbers = self.model_dump().items()
+        return IntervalEstimate(**{k: None if v is None else factor * v for k, v in numbers})
+
+
+class PooledErrors(Stored):
+    """Lateral errors of a group of rows, each row of the same weight."""
+
+    runs: int
+    failures: int
+    """Drives that ended early."""
+    interventions: int = 0
+    paths: int | None = None
+    """Paths that the interval rests on; None in files of before they were counted."""
+    rms_m: IntervalEstimate
+    """Root of the mean of the squared charged RMS errors."""
+    mean_m: float | None
+    p95_m: float | None
+
+
+class ErrorRatio(Stored):
+    """RMS errors over those of another controller in the same scenarios."""
+
+    rms: IntervalEstimate
+    """Ratio of the pooled RMS errors."""
+    typical: IntervalEstimate
+    """Geometric mean of the scenarios' ratios."""
+
+
+class ControllerSummary(Stored):
+    """The figures of a controller over all its rows."""
+
+    learned: bool
+    all: PooledErrors
+    clean: PooledErrors
+    disturbed: PooledErrors
+    runs: int
+    failures: int
+    ends: dict[str, int]
+    """How often drives ended early, by how."""
+    steer_change_rms: float | None
+    steer_reversals_per_min: float | None
+    control_time_us_p50: float | None
+    control_time_us_p99: float | None
+    interventions: int = 0
+    intervened_s: float = 0.0
+    fallbacks: int
+    saturated_share: float | None
+    weighted_acceleration_m_s2: float | None
+    deadline_misses_50ms: int
+    deadline_misses_10ms: int
+    control_steps: int
+    computing_us_per_step: float
+    gentle_runs: int
+    """Drives whose road asks for no more than the standards of comfort allow."""
+    iso_11270_share: float | None
+    r79_share: float | None
+    ratio: dict[str, ErrorRatio] | None = optional()
+    """By group, over the best classical controller; None without one."""
+
+    def errors(self, group: str) -> PooledErrors:
+        """The errors of ``all``, ``clean`` or ``disturbed`` rows."""
+        found: PooledErrors = getattr(self, group)
+        return found
+
+
+class Profiles(Stored):
+    """Shares of the scenarios within a factor of the best controller's error."""
+
+    factors: list[float]
+    shares: dict[str, list[float]]
+    """By controller, one for each factor."""
+
+
+class SweepStep(Stored):
+    """A disturbance that differs from a clean run in one number alone."""
+
+    disturbance: str
+    value: float
+
+
+class Summary(Stored):
+    """The figures of all controllers."""
+
+    controllers: dict[str, ControllerSummary]
+    """In the order of their error over all scenarios."""
+    best_classical: str | None
+    """The controller that ratios refer to."""
+    profiles: Profiles
+    by: dict[str, dict[str, dict[str, PooledErrors]]]
+    """Errors by factor (``disturbance``, ``path``, ``speed``), its value, and controller."""
+    sweeps: dict[str, list[SweepStep]]
+    """By the number that differs: ``delay``, ``waypoint_noise``, ``friction``."""
+    paths: int
+    scenarios: int
+
+
+class MapRecord(Stored):
+    """What a benchmark made of an OpenDRIVE map."""
+
+    sha256: str | None
+    courses: list[str]
+    distance_m: list[float]
+    """Lengths of the courses."""
+    min_radius_m: float
+    lanes_km: float
+    """Length of all lanes that can be driven."""
+    lanes_too_sharp_km: float
+    """Length of those that are left out because they bend below ``min_radius_m``."""
+    why_not_more: str = ""
+
+
+class BenchResult(Sourced):
+    """The content of ``results.json``."""
+
+    format: int = FORMAT
+    suite: str
+    seeds: list[int]
+    maps: dict[str, MapRecord] = Field({})
+    maps_left_out: list[str] = Field([])
+    """Maps without anything to drive on."""
+    made_by: list[str]
+    """Commits at which the rows were driven."""
+    controllers: dict[str, dict[str, Any]]
+    """Configurations by name."""
+    summary: Summary
+    plant: str = "simulator"
+    left_out: dict[str, int] = Field({})
+    """Scenarios that the plant cannot do, by the name of their disturbance."""
+
+
+def write_table(rows: Sequence[Row], out: FilePath) -> FilePath | None:
+    """Write ``results.parquet``: one row for each drive, with every column.
+
+    A column without a single defined value holds numbers.
+
+    Returns:
+        The file; None if the extra ``bench`` (pyarrow) is not installed.
 
     Raises:
-        DataError: they cannot be written.
+        DataError: the file cannot be written.
     """
-    write_text(out / "results.json", json.dumps(found, indent=1, allow_nan=False) + "\n")
-    write_text(out / "suite.yaml", to_yaml(suite))
+    try:
+        import pyarrow as pa
+        from pyarrow import parquet
+    except ModuleNotFoundError:
+        return None
+    table = [row.plain() for row in rows]
+    columns = {}
+    for name in dict.fromkeys(name for row in table for name in row):
+        column = pa.array([row.get(name) for row in table])
+        columns[name] = column.cast(pa.float64()) if pa.types.is_null(column.type) else column
+    stream = io.BytesIO()
+    parquet.write_table(pa.table(columns), stream)
+    with replacing(out / PARQUET) as file:
+        file.write(stream.getvalue())
+    return out / PARQUET

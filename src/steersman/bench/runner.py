@@ -8,10 +8,10 @@ from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
 from steersman.bench import drive
-from steersman.bench.drive import Row
 from steersman.bench.engines import ENGINES
 from steersman.bench.entrants import Entrant
 from steersman.bench.journal import Journal
+from steersman.bench.results import Row
 from steersman.bench.suite import Scenario
 from steersman.errors import ConfigError, suggestion
 from steersman.files import alone
@@ -85,15 +85,18 @@ def bench(
     seconds = {task.key: drive.planned_seconds(task.scenario) for task in todo}
     for rows in ENGINES[engine](_row, chunks(todo), jobs or os.cpu_count() or 1):
         journal.add(rows)
-        done += sum(seconds[row["key"]] for row in rows)
+        done += sum(seconds[row.key] for row in rows)
         if progress is not None:
             progress(done, total)
     # A journal may hold the row of the same controller under another name.
-    return [{**journal.rows[task.key], "controller": task.entrant.name} for task in tasks]
+    return [
+        journal.rows[task.key].model_copy(update={"controller": task.entrant.name})
+        for task in tasks
+    ]
 
 
 def _row(task: Any) -> Row:
-    return {"key": task.key, **drive.measure(task.scenario, task.entrant)}
+    return drive.measure(task.scenario, task.entrant, task.key)
 
 
 def chunks(tasks: Sequence[Task]) -> list[list[Task]]:

@@ -1,18 +1,35 @@
-"""From rows to a table: errors with intervals, failures, effort, ratios to the best classical."""
+"""From rows to the result: errors with intervals, failures, effort, ratios to the best classical.
+
+Intervals are those of a bootstrap over paths: scenarios on one path are alike, so a path is drawn
+as a whole, the same for every controller.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
 
 from steersman.bench.disturbance import Disturbance
-from steersman.bench.drive import Row
-from steersman.bench.statistics import Clusters, Interval
-from steersman.bench.suite import CLEAN
+from steersman.bench.entrants import Entrant
+from steersman.bench.maps import Map
+from steersman.bench.results import (
+    BenchResult,
+    ControllerSummary,
+    ErrorRatio,
+    IntervalEstimate,
+    PooledErrors,
+    Profiles,
+    Row,
+    Summary,
+    SweepStep,
+)
+from steersman.bench.statistics import Clusters
+from steersman.bench.suite import CLEAN, Suite
 from steersman.metrics.comfort import MOST_ACCELERATION
+from steersman.provenance import provenance
 from steersman.types import FloatArray
 
 # Rows of a group, by whether their disturbance belongs to it.
@@ -30,83 +47,98 @@ _FINEST = 1e-5
 
 
 class Named(Protocol):
-    """Whoever has rows: an entrant."""
+    """A controller that has rows, such as an entrant."""
 
     @property
     def name(self) -> str:
-        """What its rows call it."""
+        """The controller's name in its rows."""
 
     @property
     def learned(self) -> bool:
         """Whether a policy is part of it."""
 
 
-def summarise_rows(rows: Sequence[Row], entrants: Sequence[Named]) -> dict[str, Any]:
-    """Figures of every controller, in the order of their error over all scenarios.
+def results(
+    name: str,
+    suite: Suite,
+    seeds: Sequence[int],
+    rows: Sequence[Row],
+    entrants: Sequence[Entrant],
+    maps: Sequence[Map] = (),
+) -> BenchResult:
+    """The content of ``results.json``: what was driven, what made it, and the summary."""
+    return BenchResult(
+        suite=name,
+        seeds=list(seeds),
+        maps={found.name: found.record() for found in maps},
+        maps_left_out=[found.name for found in maps if not found.courses],
+        **provenance(),
+        made_by=sorted({str(row.commit) for row in rows}),
+        controllers={e.name: e.shown for e in entrants},
+        summary=summarise_rows(rows, entrants),
+        plant=rows[0].plant or suite.plant.kind,
+        left_out=suite.left_out(seeds),
+    )
 
-    Intervals are those of a bootstrap over paths: scenarios on one path are alike, so a path is
-    drawn as a whole, the same for every controller.
 
-    Returns:
-        ``controllers``: by name, the figures; ``best_classical``: the name that the ratios refer
-        to, None without one; ``profiles``: of :func:`profiles`; ``by``: errors by disturbance,
-        path and speed; ``sweeps``: which disturbances differ in delay, noise or friction alone;
-        ``paths``: how many paths the intervals rest on.
-    """
-    table = {e.name: [row for row in rows if row["controller"] == e.name] for e in entrants}
-    gentle = _gentle(rows)
-    figures = {
-        name: {**_figures(own), **_standards([row for row in own if row["scenario"] in gentle])}
-        for name, own in table.items()
-    }
-    order = sorted(figures, key=lambda name: figures[name]["all"]["rms_m"]["value"])
+def summarise_rows(rows: Sequence[Row], entrants: Sequence[Named]) -> Summary:
+    """Figures of every controller, in the order of their error over all scenarios."""
+    table = {e.name: [row for row in rows if row.controller == e.name] for e in entrants}
     learned = {e.name: e.learned for e in entrants}
+    figures = {name: _figures(own) for name, own in table.items()}
+    order = sorted(table, key=lambda name: figures[name]["all"].rms_m.value)
     best = next((name for name in order if not learned[name]), None)
-    for name in order if best is not None else ():
-        figures[name]["ratio"] = _ratios(table[name], table[str(best)])
-    return {
-        "controllers": {name: {"learned": learned[name], **figures[name]} for name in order},
-        "best_classical": best,
-        "profiles": profiles(table),
-        "by": {factor: _by(table, factor) for factor in ("disturbance", "path", "speed")},
-        "sweeps": {name: _sweep(rows, name) for name in SWEPT},
-        "paths": len({row["path"] for row in rows}),
-        "scenarios": len({row["scenario"] for row in rows}),
-    }
+    gentle = _gentle(rows)
+    return Summary(
+        controllers={
+            name: ControllerSummary(
+                learned=learned[name],
+                **figures[name],
+                **_standards([row for row in table[name] if row.scenario in gentle]),
+                ratio=None if best is None else _ratios(table[name], table[best]),
+            )
+            for name in order
+        },
+        best_classical=best,
+        profiles=profiles(table),
+        by={factor: _by(table, factor) for factor in ("disturbance", "path", "speed")},
+        sweeps={name: _sweep(rows, name) for name in SWEPT},
+        paths=len({row.path for row in rows}),
+        scenarios=len({row.scenario for row in rows}),
+    )
 
 
 def _figures(rows: Sequence[Row]) -> dict[str, Any]:
-    failed = [row for row in rows if not row["completed"]]
+    failed = [row.end for row in rows if not row.completed]
+    steps = sum(round(row.number("duration_s") / row.dt_s) for row in rows)
+    counted = ("interventions", "fallbacks", "deadline_misses_50ms", "deadline_misses_10ms")
+    meant = ("steer_reversals_per_min", "saturated_share", "weighted_acceleration_m_s2")
+    timed = ("control_time_us_p50", "control_time_us_p99")
     return {
         **{name: _errors(_in_group(rows, name)) for name in GROUPS},
         "runs": len(rows),
         "failures": len(failed),
-        "ends": {end: sum(r["end"] == end for r in failed) for end in {r["end"] for r in failed}},
-        "steer_change_rms": _root_mean_square(_column(rows, "steer_change_rms")),
-        "steer_reversals_per_min": _mean(_column(rows, "steer_reversals_per_min")),
-        "control_time_us_p50": _median(_column(rows, "control_time_us_p50")),
-        "control_time_us_p99": _median(_column(rows, "control_time_us_p99")),
-        "interventions": sum(row["interventions"] for row in rows),
-        "intervened_s": sum(row["intervened_s"] for row in rows),
-        "fallbacks": sum(row["fallbacks"] for row in rows),
-        "saturated_share": _mean(_column(rows, "saturated_share")),
-        "weighted_acceleration_m_s2": _mean(_column(rows, "weighted_acceleration_m_s2")),
-        "deadline_misses_50ms": sum(row["deadline_misses_50ms"] for row in rows),
-        "deadline_misses_10ms": sum(row["deadline_misses_10ms"] for row in rows),
-        "control_steps": (steps := sum(round(row["duration_s"] / row["dt_s"]) for row in rows)),
-        "computing_us_per_step": 1e6 * sum(r["computing_time_s"] for r in rows) / max(steps, 1),
+        "ends": {end: failed.count(end) for end in set(failed)},
+        "steer_change_rms": _root_mean_square(_measured(rows, "steer_change_rms")),
+        **{name: _mean(_measured(rows, name)) for name in meant},
+        **{name: _median(_measured(rows, name)) for name in timed},
+        **{name: round(sum(row.number(name) for row in rows)) for name in counted},
+        "intervened_s": sum(row.number("intervened_s") for row in rows),
+        "control_steps": steps,
+        "computing_us_per_step": 1e6 * sum(r.computing_time_s for r in rows) / max(steps, 1),
     }
 
 
 def _gentle(rows: Sequence[Row]) -> set[str]:
     """Scenarios whose road asks for no more than the standards of comfort allow.
 
-    What a road asks for is the most that any controller saw of it: who leaves early sees less.
+    What a road asks for is the most over all controllers: a drive that ends early sees less of it.
     """
     asked: dict[str, float] = {}
     for row in rows:
-        name, value = row["scenario"], row["path_acceleration_m_s2"]
-        asked[name] = max(asked.get(name, 0.0), 0.0 if value is None else value)
+        asked[row.scenario] = max(
+            asked.get(row.scenario, 0.0), row.number("path_acceleration_m_s2")
+        )
     return {name for name, most in asked.items() if most <= MOST_ACCELERATION}
 
 
@@ -114,91 +146,84 @@ def _standards(rows: Sequence[Row]) -> dict[str, Any]:
     """Shares of these runs that kept to the limits."""
     return {
         "gentle_runs": len(rows),
-        "iso_11270_share": _mean(_column(rows, "iso_11270")),
-        "r79_share": _mean(_column(rows, "r79")),
+        "iso_11270_share": _mean(_measured(rows, "iso_11270")),
+        "r79_share": _mean(_measured(rows, "r79")),
     }
 
 
-def profiles(table: Mapping[str, Sequence[Row]]) -> dict[str, Any]:
+def profiles(table: Mapping[str, Sequence[Row]]) -> Profiles:
     """Performance profiles: the share of scenarios within a factor of the best controller's error.
 
     Source: E. Dolan and J. More, "Benchmarking optimization software with performance profiles",
     *Mathematical Programming* 91, 2002. The measure is the RMS error; a run that failed is within
     no factor.
-
-    Returns:
-        ``factors``, and under ``shares`` a list of shares for each controller.
     """
     best: dict[str, float] = {}
-    for row in (row for rows in table.values() for row in rows if row["completed"]):
-        name = row["scenario"]
-        best[name] = min(best.get(name, math.inf), max(row["charged_rms_m"], _FINEST))
+    for row in (row for rows in table.values() for row in rows if row.completed):
+        best[row.scenario] = min(best.get(row.scenario, math.inf), _fine(row))
     shares = {}
     for name, rows in table.items():
-        ratios = np.array(
-            [
-                max(r["charged_rms_m"], _FINEST) / best[r["scenario"]]
-                if r["completed"]
-                else math.inf
-                for r in rows
-            ]
-        )
+        ratios = np.array([_fine(r) / best[r.scenario] if r.completed else math.inf for r in rows])
         shares[name] = [float(np.mean(ratios <= f * (1.0 + 1e-12))) for f in FACTORS_OF_BEST]
-    return {"factors": list(FACTORS_OF_BEST), "shares": shares}
+    return Profiles(factors=list(FACTORS_OF_BEST), shares=shares)
 
 
-def _by(table: Mapping[str, Sequence[Row]], factor: str) -> dict[str, Any]:
+def _fine(row: Row) -> float:
+    return max(row.charged_rms_m, _FINEST)
+
+
+def _by(table: Mapping[str, Sequence[Row]], factor: str) -> dict[str, dict[str, PooledErrors]]:
     """Errors of each controller for each value of a factor, values in the order of the suite."""
-    values = dict.fromkeys(row[factor] for rows in table.values() for row in rows)
+    values = dict.fromkeys(getattr(row, factor) for rows in table.values() for row in rows)
     return {
         value: {
-            name: _errors([row for row in rows if row[factor] == value])
+            name: _errors([row for row in rows if getattr(row, factor) == value])
             for name, rows in table.items()
         }
         for value in values
     }
 
 
-def _sweep(rows: Sequence[Row], name: str) -> list[dict[str, Any]]:
+def _sweep(rows: Sequence[Row], name: str) -> list[SweepStep]:
     """Disturbances that differ from a clean run in one figure alone, by its size."""
-    neutral = {f"disturbance_{k}": v for k, v in Disturbance().figures().items()}
-    own = f"disturbance_{name}"
+    neutral = Disturbance().figures()
     found = {}
     for row in rows:
-        alone = all(row[k] == v for k, v in neutral.items() if k != own)
-        if alone and row[own] is not None:
-            found[row["disturbance"]] = float(row[own])
+        alone = all(row.applied.get(k, v) == v for k, v in neutral.items() if k != name)
+        value = row.applied.get(name)
+        if alone and isinstance(value, (int, float)):
+            found[row.disturbance] = float(value)
     order = sorted(found, key=lambda word: found[word])
-    return [{"disturbance": word, "value": found[word]} for word in order]
+    return [SweepStep(disturbance=word, value=found[word]) for word in order]
 
 
-def _errors(rows: Sequence[Row]) -> dict[str, Any]:
-    squares = _column(rows, "charged_rms_m") ** 2
-    clusters = Clusters([row["path"] for row in rows])
-    return {
-        "runs": len(rows),
-        "failures": sum(not row["completed"] for row in rows),
-        "interventions": sum(row["interventions"] for row in rows),
-        "paths": len({row["path"] for row in rows}),
-        "rms_m": _plain(clusters.interval(lambda mean: np.sqrt(mean(squares)))),
-        "mean_m": _mean(_column(rows, "charged_mean_m")),
-        "p95_m": _mean(_column(rows, "charged_p95_m")),
-    }
+def _errors(rows: Sequence[Row]) -> PooledErrors:
+    squares = _column(row.charged_rms_m for row in rows) ** 2
+    clusters = Clusters([row.path for row in rows])
+    return PooledErrors(
+        runs=len(rows),
+        failures=sum(not row.completed for row in rows),
+        interventions=round(sum(row.number("interventions") for row in rows)),
+        paths=len({row.path for row in rows}),
+        rms_m=IntervalEstimate.of(clusters.interval(lambda mean: np.sqrt(mean(squares)))),
+        mean_m=_mean(_column(row.charged_mean_m for row in rows)),
+        p95_m=_mean(_column(row.charged_p95_m for row in rows)),
+    )
 
 
-def _ratios(rows: Sequence[Row], base: Sequence[Row]) -> dict[str, Any]:
+def _ratios(rows: Sequence[Row], base: Sequence[Row]) -> dict[str, ErrorRatio]:
     """Ratios of the RMS error to another controller's, over the scenarios that both drove."""
-    out: dict[str, Any] = {}
+    out = {}
     for name in GROUPS:
-        mine = {row["scenario"]: row for row in _in_group(rows, name)}
-        pairs = [(mine[r["scenario"]], r) for r in _in_group(base, name) if r["scenario"] in mine]
-        own, other = (_column([pair[i] for pair in pairs], "charged_rms_m") for i in (0, 1))
-        clusters = Clusters([row["path"] for row, _ in pairs])
+        mine = {row.scenario: row for row in _in_group(rows, name)}
+        pairs = [(mine[r.scenario], r) for r in _in_group(base, name) if r.scenario in mine]
+        own, other = (_column(pair[i].charged_rms_m for pair in pairs) for i in (0, 1))
+        clusters = Clusters([row.path for row, _ in pairs])
         logs = np.log(np.maximum(own, _FINEST) / np.maximum(other, _FINEST))
-        out[name] = {
-            "rms": _plain(clusters.interval(_root_ratio(own**2, other**2))),
-            "typical": _plain(clusters.interval(_exp_mean(logs))),
-        }
+        out[name] = ErrorRatio(
+            rms=IntervalEstimate.of(clusters.interval(_root_ratio(own**2, other**2))),
+            typical=IntervalEstimate.of(clusters.interval(_exp_mean(logs))),
+        )
     return out
 
 
@@ -211,16 +236,16 @@ def _exp_mean(logs: FloatArray) -> Callable[[Any], FloatArray]:
 
 
 def _in_group(rows: Sequence[Row], name: str) -> list[Row]:
-    return [row for row in rows if GROUPS[name](row["disturbance"])]
+    return [row for row in rows if GROUPS[name](row.disturbance)]
 
 
-def _column(rows: Sequence[Mapping[str, Any]], name: str) -> FloatArray:
-    """A column's defined values."""
-    return np.array([row[name] for row in rows if row[name] is not None], dtype=np.float64)
+def _measured(rows: Sequence[Row], metric: str) -> FloatArray:
+    """A metric's defined values."""
+    return _column(v for row in rows if (v := row.metrics.get(metric)) is not None)
 
 
-def _plain(interval: Interval) -> dict[str, float | None]:
-    return {k: v if math.isfinite(v) else None for k, v in interval._asdict().items()}
+def _column(values: Iterable[float]) -> FloatArray:
+    return np.array(list(values), dtype=np.float64)
 
 
 def _mean(values: FloatArray) -> float | None:

@@ -7,6 +7,15 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from steersman.bench.pairs import FEW_PATHS
+from steersman.bench.replay import ShownCase
+from steersman.bench.results import (
+    BenchResult,
+    ControllerSummary,
+    IntervalEstimate,
+    PooledErrors,
+    Summary,
+    SweepStep,
+)
 from steersman.report.article import write_article
 from steersman.report.cases import places, replays, worst
 from steersman.report.tables import text
@@ -23,9 +32,7 @@ _PERCENT, _MM = 100.0, 1000.0
 _SEVERAL = 2
 
 
-def write_benchmark(
-    results: Mapping[str, Any], cases: Sequence[Mapping[str, Any]], out: FilePath
-) -> FilePath:
+def write_benchmark(results: BenchResult, cases: Sequence[ShownCase], out: FilePath) -> FilePath:
     """Write the page, self-contained, and its figures as files into ``plots/`` beside it.
 
     Args:
@@ -37,24 +44,21 @@ def write_benchmark(
         SteersmanError: the extra ``report`` is not installed.
         DataError: the files cannot be written.
     """
-    source = f"Suite {results['suite']}, seeds {results['seeds']}, commit "
+    source = f"Suite {results.suite}, seeds {results.seeds}, commit "
     return write_article(
-        sections(results, cases),
+        sections(results.summary, cases),
         out,
         TITLE,
-        f"{source}{', '.join(results['made_by'])}.",
-        replay=replays(results["summary"], cases),
+        f"{source}{', '.join(results.made_by)}.",
+        replay=replays(results.summary, cases),
     )
 
 
-def sections(
-    results: Mapping[str, Any], cases: Sequence[Mapping[str, Any]]
-) -> list[dict[str, Any]]:
+def sections(summary: Summary, cases: Sequence[ShownCase]) -> list[dict[str, Any]]:
     """The page as plain data, as :mod:`steersman.report.article` takes it."""
-    summary = results["summary"]
-    several = len(summary["controllers"]) >= _SEVERAL
+    several = len(summary.controllers) >= _SEVERAL
     return [
-        _ranking(results),
+        _ranking(summary),
         *([_profiles(summary)] if several else []),
         _disturbances(summary),
         _map(summary, "path", "Paths"),
@@ -63,19 +67,22 @@ def sections(
     ]
 
 
-def _ranking(results: Mapping[str, Any]) -> dict[str, Any]:
-    summary = results["summary"]
-    found, best = summary["controllers"], summary["best_classical"]
+def _ranking(summary: Summary) -> dict[str, Any]:
+    found, best = summary.controllers, summary.best_classical
     figures = [
-        _intervals(f"RMS lateral error, {words}", "mm", found, (group, "rms_m"), _MM)
+        _intervals(
+            f"RMS lateral error, {words}",
+            "mm",
+            found,
+            {name: one.errors(group).rms_m.scaled(_MM) for name, one in found.items()},
+        )
         | {"file": f"rms_{group}"}
         for group, words in _GROUPS.items()
     ]
     if best is not None:
         title = f"RMS error over that of {best}"
-        figures.append(
-            _intervals(title, "ratio", found, ("ratio", "all", "rms"), 1.0) | {"file": "ratio"}
-        )
+        ratios = {name: one.ratio["all"].rms for name, one in found.items() if one.ratio}
+        figures.append(_intervals(title, "ratio", found, ratios) | {"file": "ratio"})
     rows = [_row(name, figures_of) for name, figures_of in found.items()]
     columns = {
         "name": "controller",
@@ -90,13 +97,13 @@ def _ranking(results: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "title": "Ranking",
         "text": [
-            f"{summary['scenarios']} scenarios on {summary['paths']} paths, the same for every "
+            f"{summary.scenarios} scenarios on {summary.paths} paths, the same for every "
             "controller. Errors are pooled: the root of the mean square over all scenarios, each "
             "of the same weight. A run that ends early is charged the corridor's half width for "
             "all that it did not drive.",
             "In brackets: 95 % intervals of a bootstrap in which whole paths are drawn, the same "
             "for every controller."
-            " A diamond marks what was learned."
+            " A diamond marks a controller with a learned policy."
             + (
                 " The typical ratio is the geometric mean over the scenarios, which hard ones do "
                 "not dominate."
@@ -110,11 +117,11 @@ def _ranking(results: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _few_paths(found: Mapping[str, Any]) -> list[str]:
+def _few_paths(found: Mapping[str, ControllerSummary]) -> list[str]:
     """Which of the ranking's intervals rest on so few paths that they say little about others."""
     counts: dict[int, list[str]] = {}
     for group, words in _GROUPS.items():
-        known = [n for figures in found.values() if (n := figures[group].get("paths")) is not None]
+        known = [n for one in found.values() if (n := one.errors(group).paths) is not None]
         if known and min(known) < FEW_PATHS:
             counts.setdefault(min(known), []).append(words)
     return [_few_words(count, words) for count, words in counts.items()]
@@ -130,25 +137,26 @@ def _few_words(count: int, what: Sequence[str]) -> str:
     )
 
 
-def _row(name: str, found: Mapping[str, Any]) -> dict[str, Any]:
-    ratio = found.get("ratio", {}).get("all", {})
+def _row(name: str, found: ControllerSummary) -> dict[str, Any]:
+    ratio = None if found.ratio is None else found.ratio["all"]
+    times = (found.control_time_us_p50, found.control_time_us_p99)
     return {
-        "name": name + (" (learned)" if found["learned"] else ""),
-        **{group: _interval(found[group]["rms_m"], _MM) for group in _GROUPS},
-        "p95": _scaled(found["all"]["p95_m"]),
-        "failed": f"{found['failures']} of {found['runs']}",
-        "steer": found["steer_change_rms"],
-        "reversals": found["steer_reversals_per_min"],
-        "ratio": _interval(ratio.get("rms"), 1.0),
-        "typical": _interval(ratio.get("typical"), 1.0),
-        "step": " / ".join(text(found[f"control_time_us_{p}"], 3) for p in ("p50", "p99")),
+        "name": name + (" (learned)" if found.learned else ""),
+        **{group: _interval(found.errors(group).rms_m.scaled(_MM)) for group in _GROUPS},
+        "p95": _scaled(found.all.p95_m),
+        "failed": f"{found.failures} of {found.runs}",
+        "steer": found.steer_change_rms,
+        "reversals": found.steer_reversals_per_min,
+        "ratio": _interval(None if ratio is None else ratio.rms),
+        "typical": _interval(None if ratio is None else ratio.typical),
+        "step": " / ".join(text(time, 3) for time in times),
     }
 
 
-def _profiles(summary: Mapping[str, Any]) -> dict[str, Any]:
-    found = summary["profiles"]
+def _profiles(summary: Summary) -> dict[str, Any]:
+    found = summary.profiles
     lines = [
-        {"name": name, "look": k, "x": found["factors"], "y": found["shares"][name]}
+        {"name": name, "look": k, "x": found.factors, "y": found.shares[name]}
         for name, k in places(summary).items()
     ]
     return {
@@ -167,10 +175,10 @@ def _profiles(summary: Mapping[str, Any]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _disturbances(summary: Mapping[str, Any]) -> dict[str, Any]:
+def _disturbances(summary: Summary) -> dict[str, Any]:
     section = _map(summary, "disturbance", "Disturbances")
     for name, axis in _SWEEPS.items():
-        steps = summary["sweeps"].get(name, [])
+        steps = summary.sweeps.get(name, [])
         if len(steps) >= _SEVERAL:
             section["figures"].append(_sweep(summary, name, axis, steps))
     section["text"].append(
@@ -179,18 +187,16 @@ def _disturbances(summary: Mapping[str, Any]) -> dict[str, Any]:
     return section
 
 
-def _sweep(
-    summary: Mapping[str, Any], name: str, axis: str, steps: Sequence[Mapping[str, Any]]
-) -> dict[str, Any]:
-    table = summary["by"]["disturbance"]
+def _sweep(summary: Summary, name: str, axis: str, steps: Sequence[SweepStep]) -> dict[str, Any]:
+    table = summary.by["disturbance"]
     lines = []
     for controller, place in places(summary).items():
-        found = [table[step["disturbance"]][controller]["rms_m"] for step in steps]
-        values = {k: [_scaled(one[k]) for one in found] for k in ("value", "low", "high")}
+        found = [table[step.disturbance][controller].rms_m.scaled(_MM) for step in steps]
         lines.append(
             {
-                "name": controller, "look": place, "x": [step["value"] for step in steps],
-                "y": values["value"], "low": values["low"], "high": values["high"],
+                "name": controller, "look": place, "x": [step.value for step in steps],
+                "y": [one.value for one in found], "low": [one.low for one in found],
+                "high": [one.high for one in found],
             }
         )  # fmt: skip
     title = f"Error against {axis.partition(' [')[0]}"
@@ -198,10 +204,10 @@ def _sweep(
             "log": True, "lines": lines}  # fmt: skip
 
 
-def _map(summary: Mapping[str, Any], factor: str, title: str) -> dict[str, Any]:
-    table = summary["by"][factor]
-    names = list(summary["controllers"])
-    cells = [[_scaled(column[name]["rms_m"]["value"]) for column in table.values()]
+def _map(summary: Summary, factor: str, title: str) -> dict[str, Any]:
+    table = summary.by[factor]
+    names = list(summary.controllers)
+    cells = [[_scaled(column[name].rms_m.value) for column in table.values()]
              for name in names]  # fmt: skip
     marks = [
         [_mark(column[name], cell) for column, cell in zip(table.values(), row, strict=True)]
@@ -218,11 +224,11 @@ def _map(summary: Mapping[str, Any], factor: str, title: str) -> dict[str, Any]:
     return {"title": title, "text": [words], "figures": [figure]}
 
 
-def _mark(found: Mapping[str, Any], cell: float | None) -> str:
-    return text(cell, 3) + ("*" if found["failures"] else "")
+def _mark(found: PooledErrors, cell: float | None) -> str:
+    return text(cell, 3) + ("*" if found.failures else "")
 
 
-def _ride(summary: Mapping[str, Any]) -> dict[str, Any]:
+def _ride(summary: Summary) -> dict[str, Any]:
     columns = {
         "name": "controller",
         "iso": "ISO 11270 kept [%]",
@@ -239,18 +245,18 @@ def _ride(summary: Mapping[str, Any]) -> dict[str, Any]:
     rows = [
         {
             "name": name,
-            "iso": _scaled(found["iso_11270_share"], _PERCENT),
-            "r79": _scaled(found["r79_share"], _PERCENT),
-            "of": found["gentle_runs"],
-            "weighted": found["weighted_acceleration_m_s2"],
-            "saturated": _scaled(found["saturated_share"], _PERCENT),
-            "fallbacks": found["fallbacks"],
-            "whole": text(found["computing_us_per_step"], 3),
-            "late50": found["deadline_misses_50ms"],
-            "late10": found["deadline_misses_10ms"],
-            "steps": found["control_steps"],
+            "iso": _scaled(found.iso_11270_share, _PERCENT),
+            "r79": _scaled(found.r79_share, _PERCENT),
+            "of": found.gentle_runs,
+            "weighted": found.weighted_acceleration_m_s2,
+            "saturated": _scaled(found.saturated_share, _PERCENT),
+            "fallbacks": found.fallbacks,
+            "whole": text(found.computing_us_per_step, 3),
+            "late50": found.deadline_misses_50ms,
+            "late10": found.deadline_misses_10ms,
+            "steps": found.control_steps,
         }
-        for name, found in summary["controllers"].items()
+        for name, found in summary.controllers.items()
     ]
     return {
         "title": "Comfort and effort",
@@ -265,22 +271,22 @@ def _ride(summary: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _intervals(
-    title: str, axis: str, found: Mapping[str, Any], keys: Sequence[str], scale: float
+    title: str,
+    axis: str,
+    found: Mapping[str, ControllerSummary],
+    values: Mapping[str, IntervalEstimate],
 ) -> dict[str, Any]:
-    points = []
-    for k, (name, figures) in enumerate(found.items()):
-        one: Any = figures
-        for key in keys:
-            one = one[key]
-        values = {k: _scaled(one[k], scale) for k in ("value", "low", "high")}
-        points.append({"name": name, "group": k, "diamond": figures["learned"], **values})
+    points = [
+        {"name": name, "group": k, "diamond": one.learned, **values[name].model_dump()}
+        for k, (name, one) in enumerate(found.items())
+    ]
     return {"title": title, "x": axis, "points": points}
 
 
-def _interval(found: Mapping[str, Any] | None, scale: float) -> str:
-    if found is None or found["value"] is None:
+def _interval(found: IntervalEstimate | None) -> str:
+    if found is None or found.value is None:
         return text(None)
-    value, low, high = (text(_scaled(found[k], scale), 3) for k in ("value", "low", "high"))
+    value, low, high = (text(number, 3) for number in (found.value, found.low, found.high))
     return f"{value} [{low}, {high}]"
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from steersman.bench.replay import ShownCase
+from steersman.bench.results import Summary
 from steersman.report.html import CORRIDOR
 from steersman.report.scene import Group
 from steersman.report.seen import recorded
@@ -13,32 +15,32 @@ from steersman.report.signals import GREY_DOTS, Drive
 _MM = 1e3
 
 
-def places(summary: Mapping[str, Any]) -> dict[str, int]:
+def places(summary: Summary) -> dict[str, int]:
     """The rank of every controller, which is the number of its colour in every figure."""
-    return {name: k for k, name in enumerate(summary["controllers"])}
+    return {name: k for k, name in enumerate(summary.controllers)}
 
 
-def replays(summary: Mapping[str, Any], cases: Sequence[Mapping[str, Any]]) -> list[Group]:
+def replays(summary: Summary, cases: Sequence[ShownCase]) -> list[Group]:
     """The drives to replay: those of the best controller first, its worst before its median."""
     rank = places(summary)
-    order = sorted(cases, key=lambda case: rank[case["controller"]])
+    order = sorted(cases, key=lambda case: rank[case.controller])
     return [_group(case, rank) for case in order]
 
 
-def _group(case: Mapping[str, Any], rank: Mapping[str, int]) -> Group:
-    episodes = case["episodes"]
+def _group(case: ShownCase, rank: Mapping[str, int]) -> Group:
+    episodes = case.episodes
     drives = [
-        Drive(name if name == case["controller"] else f"best there: {name}", episode)
+        Drive(name if name == case.controller else f"best there: {name}", episode)
         for name, episode in episodes.items()
     ]
     width = recorded(drives[0].episode).get("corridor", CORRIDOR)
-    title = f"{case['controller']}, {case['which']}: {case['scenario']}"
+    title = f"{case.controller}, {case.which}: {case.scenario}"
     return Group(title, drives, float(width), [rank[name] for name in episodes])
 
 
-def worst(summary: Mapping[str, Any], cases: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def worst(summary: Summary, cases: Sequence[ShownCase]) -> list[dict[str, Any]]:
     """The section of the worst cases; none without them."""
-    shown = [case for case in cases if case["which"] == "worst"]
+    shown = [case for case in cases if case.which == "worst"]
     if not shown:
         return []
     columns = {
@@ -51,10 +53,12 @@ def worst(summary: Mapping[str, Any], cases: Sequence[Mapping[str, Any]]) -> lis
     }
     rows = [
         {
-            **case,
-            "end": case["end"].replace("_", " "),
-            "rms": _MM * case["rms_m"],
-            "best_rms": _MM * case["best_rms_m"],
+            "controller": case.controller,
+            "scenario": case.scenario,
+            "end": case.end.replace("_", " "),
+            "rms": _MM * case.rms_m,
+            "best": case.best,
+            "best_rms": _MM * case.best_rms_m,
         }
         for case in shown
     ]
@@ -74,21 +78,20 @@ def worst(summary: Mapping[str, Any], cases: Sequence[Mapping[str, Any]]) -> lis
     ]
 
 
-def _figures(case: Mapping[str, Any], k: int, rank: Mapping[str, int]) -> list[dict[str, Any]]:
+def _figures(case: ShownCase, k: int, rank: Mapping[str, int]) -> list[dict[str, Any]]:
     """The driven line on the road, and how far from it."""
     who = {
-        "driven": (case["controller"], rank[case["controller"]]),
-        "best": (f"best: {case['best']}", rank[case["best"]]),
+        "driven": (case.controller, rank[case.controller]),
+        "best": (f"best: {case.best}", rank[case.best]),
         "path": ("path", GREY_DOTS),
     }
-    lines = [
-        {"name": name, "look": style, **case["lines"][key]}
-        for key, (name, style) in who.items()
-        if key in case["lines"]
-    ]
-    offsets = [{**line, "x": line["along"], "y": line["offset"]}
-               for line in lines if "offset" in line]  # fmt: skip
-    title = f"{case['controller']}: {case['scenario'].rpartition('/')[0]}"
+    found = {who[key]: line for key, line in case.lines().items()}
+    looks = [{"name": name, "look": style} for name, style in found]
+    lines = [{**one, "x": line.x, "y": line.y}
+             for one, line in zip(looks, found.values(), strict=True)]  # fmt: skip
+    offsets = [{**one, "x": line.along, "y": line.offset}
+               for one, line in zip(looks, found.values(), strict=True) if line.offset]  # fmt: skip
+    title = f"{case.controller}: {case.scenario.rpartition('/')[0]}"
     line = {"file": f"worst_{k}", "title": title, "x": "x [m]", "y": "y [m]", "equal": True}
     offset = {"file": f"offset_{k}", "title": title, "x": "distance driven [m]",
               "y": "offset, left positive [m]"}  # fmt: skip

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, TypeAlias
 
-from steersman.bench.along import ALONG, STEP
-from steersman.bench.pairs import FIGURES, Figure
+from steersman.bench.along import ALONG, STEP, AlongComparison
+from steersman.bench.pairs import FIGURES, PairedComparison, PathPairs
+from steersman.bench.replay import ShownCase
+from steersman.bench.results import IntervalEstimate
 from steersman.episode import Episode
 from steersman.report import benchmark
 from steersman.report.article import write_article
@@ -15,6 +17,13 @@ from steersman.report.cases import replays
 from steersman.report.html import write_report
 from steersman.report.runs import Run, Table, read_progress
 from steersman.report.tables import text
+from steersman.studies.compare.results import (
+    CompareResult,
+    DriveCompareResult,
+    DriveComparison,
+    FieldDifference,
+    ScenarioCompareResult,
+)
 
 TITLE = "Side by side"
 _CURVES = {
@@ -22,78 +31,79 @@ _CURVES = {
     "off_track_resets": "off-track resets",
 }
 _SHOWN = 4
+AnyComparison: TypeAlias = ScenarioCompareResult | DriveCompareResult
 
 
-def legend(found: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """Letter, name and source of everybody."""
-    return [(one["letter"], one["name"], one["source"]) for one in found["contestants"]]
+def legend(found: CompareResult) -> list[tuple[str, str, str]]:
+    """Letter, name and source of every contestant."""
+    return [(one.letter, one.name, one.source) for one in found.contestants]
 
 
-def headers(found: Mapping[str, Any], k: int) -> dict[str, str]:
+def headers(found: CompareResult, k: int) -> dict[str, str]:
     """The columns of the k-th comparison with the first contestant."""
-    a, b = found["contestants"][0]["letter"], found["contestants"][k + 1]["letter"]
+    a, b = found.contestants[0].letter, found.contestants[k + 1].letter
     return {"figure": "figure", "base": a, "own": b, "difference": f"{b} - {a}",
             "ratio": f"{b} / {a}"}  # fmt: skip
 
 
-def rows(compared: Mapping[str, Any], gap: str = " ") -> list[dict[str, str]]:
+def rows(compared: PairedComparison | DriveComparison, gap: str = " ") -> list[dict[str, str]]:
     """A comparison as text: a row for each figure; ``gap`` stands between value and interval."""
-    along = compared.get("along")
-    figures, found = (ALONG, along) if along is not None else (FIGURES, compared)
+    found: PairedComparison | AlongComparison | None
+    found, figures = (
+        (compared, FIGURES) if isinstance(compared, PairedComparison) else (compared.along, ALONG)
+    )
     return [
         {
             "figure": f"{figure.label} [{figure.unit}]",
-            **{key: _number(found["figures"][name][key], figure.scale) for key in ("base", "own")},
-            "difference": _interval(found["figures"][name]["difference"], figure.scale, gap),
-            "ratio": _interval(found["figures"][name]["ratio"], 1.0, gap),
+            "base": _number(one.base, figure.scale),
+            "own": _number(one.own, figure.scale),
+            "difference": _interval(one.difference, figure.scale, gap),
+            "ratio": _interval(one.ratio, 1.0, gap),
         }
-        for name, figure in _known(figures, found.get("figures", {}))
+        for name, figure in figures.items()
+        if found is not None and (one := found.figures.get(name)) is not None
     ]
-
-
-def _known(figures: Mapping[str, Figure], found: Mapping[str, Any]) -> Iterator[tuple[str, Figure]]:
-    return ((name, figure) for name, figure in figures.items() if name in found)
 
 
 def _number(value: float | None, scale: float) -> str:
     return text(None if value is None else scale * value, 3)
 
 
-def _interval(found: Mapping[str, float | None], scale: float, gap: str) -> str:
-    value, low, high = (_number(found[key], scale) for key in ("value", "low", "high"))
-    known = found["low"] is not None and found["high"] is not None
+def _interval(found: IntervalEstimate, scale: float, gap: str) -> str:
+    value, low, high = (_number(v, scale) for v in (found.value, found.low, found.high))
+    known = found.low is not None and found.high is not None
     return f"{value}{gap}[{low}, {high}]" if known else value
 
 
-def sentences(found: Mapping[str, Any], k: int) -> list[str]:
+def sentences(found: AnyComparison, k: int) -> list[str]:
     """What the k-th comparison rests on."""
-    compared = found["comparisons"][k]
-    a, b = found["contestants"][0], found["contestants"][k + 1]
-    title = f"{b['letter']} ({b['name']}) against {a['letter']} ({a['name']})"
-    if found["sort"] == "scenarios":
+    compared = found.comparisons[k]
+    a, b = found.contestants[0], found.contestants[k + 1]
+    title = f"{b.letter} ({b.name}) against {a.letter} ({a.name})"
+    if isinstance(compared, PairedComparison):
         return [
-            f"{title}: {compared['scenarios']} scenarios on {compared['paths']} paths, pair by"
-            f" pair; {b['letter']} has the smaller RMS error in {compared['better']} of them."
+            f"{title}: {compared.scenarios} scenarios on {compared.paths} paths, pair by"
+            f" pair; {b.letter} has the smaller RMS error in {compared.better} of them."
         ]
-    return [f"{title}: {_stretch(compared['along'])}", *_differing(compared["differ"])]
+    return [f"{title}: {_stretch(compared.along)}", *_differing(compared.differ)]
 
 
-def _stretch(along: Mapping[str, Any] | None) -> str:
+def _stretch(along: AlongComparison | None) -> str:
     if along is None:
         return "nothing that could be compared place by place."
     return (
-        f"{along['places']} places {STEP:g} m apart, from {along['from_m']:.0f} m to"
-        f" {along['to_m']:.0f} m of the path; intervals from blocks of {along['block_m']:g} m."
+        f"{along.places} places {STEP:g} m apart, from {along.from_m:.0f} m to"
+        f" {along.to_m:.0f} m of the path; intervals from blocks of {along.block_m:g} m."
     )
 
 
-def _differing(differ: Sequence[Mapping[str, Any]]) -> list[str]:
+def _differing(differ: Sequence[FieldDifference]) -> list[str]:
     """One sentence on the conditions that were not the same."""
     if not differ:
         return ["Path, vehicle, speed and all other conditions are the same."]
-    told = [f"{d['field']} ({_plain(d['base'])}, {_plain(d['own'])})" for d in differ[:_SHOWN]]
+    shown = [f"{d.field} ({_plain(d.base)}, {_plain(d.own)})" for d in differ[:_SHOWN]]
     more = f" and {len(differ) - _SHOWN} more" if len(differ) > _SHOWN else ""
-    return [f"Not under the same conditions: {', '.join(told)}{more}."]
+    return [f"Not under the same conditions: {', '.join(shown)}{more}."]
 
 
 def _plain(value: Any) -> str:
@@ -101,49 +111,47 @@ def _plain(value: Any) -> str:
 
 
 def write_comparison(
-    found: Mapping[str, Any],
+    found: AnyComparison,
     out: FilePath,
-    *,
-    cases: Sequence[Mapping[str, Any]] = (),
+    cases: Sequence[ShownCase] = (),
     episodes: Mapping[str, Episode] | None = None,
 ) -> FilePath:
     """Write the page of a comparison.
 
     Args:
-        found: of :func:`steersman.studies.compare.compare.result`.
+        found: the result.
         out: file of the page; a comparison over scenarios puts figures into ``plots/`` beside it.
-        cases: drives to show, of :func:`steersman.bench.replay.worst_cases` and ``median_cases``.
-        episodes: of a comparison of drives: the drives by name.
+        cases: drives to show, of a comparison over scenarios.
+        episodes: the drives by name, of a comparison of drives.
 
     Raises:
         SteersmanError: the extra ``report`` is not installed.
         DataError: the files cannot be written.
     """
-    if found["sort"] == "drives":
+    if isinstance(found, DriveCompareResult):
         return write_report(_runs(found, episodes or {}), out, TITLE)
-    summary = benchmark.sections({"summary": found["summary"]}, cases)
+    summary = benchmark.sections(found.summary, cases)
     page = [*_against(found), *_trainings(found), *summary]
-    seeds = ", ".join(map(str, found["seeds"]))
-    source = f"{found['scenarios']}, seeds {seeds}."
-    return write_article(page, out, TITLE, source, replay=replays(found["summary"], cases))
+    source = f"{found.scenarios}, seeds {', '.join(map(str, found.seeds))}."
+    return write_article(page, out, TITLE, source, replay=replays(found.summary, cases))
 
 
-def _runs(found: Mapping[str, Any], episodes: Mapping[str, Episode]) -> list[Run]:
-    """Every drive, who is who, and every comparison as a table."""
+def _runs(found: DriveCompareResult, episodes: Mapping[str, Episode]) -> list[Run]:
+    """Every drive, the legend, and every comparison as a table."""
     drives = [
-        Run(name, episode=episode, metrics=found["metrics"][name], config=_driven(episode))
+        Run(name, episode=episode, metrics=found.metrics[name], config=_driven(episode))
         for name, episode in episodes.items()
     ]
     columns = {"letter": "", "name": "drive", "source": "from"}
     who = [dict(zip(columns, line, strict=True)) for line in legend(found)]
     tables = [
         Run(f"comparison {k}", table=Table(" ".join(sentences(found, k)), headers(found, k), lines))
-        for k, compared in enumerate(found["comparisons"])
+        for k, compared in enumerate(found.comparisons)
         if (lines := rows(compared))
     ]
-    notes = [{"note": line} for line in found["warnings"]]
-    told = Run("notes", table=Table("To keep in mind", {"note": ""}, notes))
-    return [*drives, Run("drives", table=Table("Drives", columns, who)), told, *tables]
+    notes = Table("To keep in mind", {"note": ""}, [{"note": line} for line in found.warnings])
+    legends = [Run("drives", table=Table("Drives", columns, who)), Run("notes", table=notes)]
+    return [*drives, *legends, *tables]
 
 
 def _driven(episode: Episode) -> dict[str, Any]:
@@ -152,20 +160,20 @@ def _driven(episode: Episode) -> dict[str, Any]:
     return dict(config if isinstance(config, Mapping) else episode.meta)
 
 
-def _against(found: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _against(found: ScenarioCompareResult) -> list[dict[str, Any]]:
     """A section for each comparison, the first with the legend and the warnings."""
     out: list[dict[str, Any]] = []
-    for k, compared in enumerate(found["comparisons"]):
+    for k, compared in enumerate(found.comparisons):
         columns = headers(found, k)
         a, b = columns["base"], columns["own"]
         points = [
             {"name": path, "group": 0, "low": None, "high": None, "value": _ratio(one)}
-            for path, one in compared["by_path"].items()
+            for path, one in compared.by_path.items()
         ]
         title = f"RMS error of {b} over that of {a}, by path"
         out.append(
             {
-                "title": f"{b} against {a}: {compared['name']}",
+                "title": f"{b} against {a}: {compared.name}",
                 "text": sentences(found, k),
                 "tables": [{"title": "Pair by pair, with 95 % intervals of a bootstrap over paths",
                             "columns": columns, "rows": rows(compared)}],
@@ -175,38 +183,38 @@ def _against(found: Mapping[str, Any]) -> list[dict[str, Any]]:
         )  # fmt: skip
     who = [f"{letter}: {name} ({source})." for letter, name, source in legend(found)]
     out[0]["text"] = [*who, *out[0]["text"]]
-    out[0]["warnings"] = [f"{line[:1].upper()}{line[1:]}." for line in found["warnings"]]
+    out[0]["warnings"] = [f"{line[:1].upper()}{line[1:]}." for line in found.warnings]
     return out
 
 
-def _ratio(one: Mapping[str, float]) -> float | None:
-    return one["own"] / one["base"] if one["base"] else None
+def _ratio(one: PathPairs) -> float | None:
+    return one.own / one.base if one.base else None
 
 
-def _trainings(found: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """How the trainings among them went; nothing if there are none."""
-    trained = [one for one in found["contestants"] if one["sort"] == "training"]
+def _trainings(found: ScenarioCompareResult) -> list[dict[str, Any]]:
+    """The trainings among the contestants; nothing if there are none."""
+    trained = {one.name: one for one in found.contestants if one.training is not None}
     if not trained:
         return []
     columns = {"name": "training", "steps": "steps", "simulated_seconds": "simulated [s]",
                "error": "validation error [mm]", "failures": "failures"}  # fmt: skip
     lines = [
         {
-            "name": one["name"],
-            "steps": one["training"]["steps"],
-            "simulated_seconds": one["training"]["simulated_seconds"],
-            "error": _number(one["training"]["validation_mean_error"], 1e3),
-            "failures": one["training"]["validation_failures"],
+            "name": one.name,
+            "steps": one.training.steps,
+            "simulated_seconds": one.training.simulated_seconds,
+            "error": _number(one.training.validation_mean_error, 1e3),
+            "failures": one.training.validation_failures,
         }
-        for one in trained
+        for one in trained.values()
+        if one.training is not None
     ]
-    records = {one["name"]: read_progress(FilePath(one["source"]) / "progress.csv")
-               for one in trained}  # fmt: skip
-    words = "The exported policy of each, and the records of the trainings."
+    records = {name: read_progress(FilePath(one.source) / "progress.csv")
+               for name, one in trained.items()}  # fmt: skip
     return [
         {
             "title": "Trainings",
-            "text": [words],
+            "text": ["The exported policy of each, and the records of the trainings."],
             "tables": [{"title": "Trainings", "columns": columns, "rows": lines}],
             "figures": [
                 _curve(records, column, title)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from steersman.bench.charge import charged_rms, driven_share
+from steersman.bench.drive import charged_rms, driven_share
 from steersman.episode import Episode
 from steersman.metrics.driving import rms_lateral_error, steer_change_rms
 from steersman.rollout import RunConfig, attempt

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path as FilePath
-from typing import Any, NamedTuple
+from typing import Literal, NamedTuple
 
-from steersman.bench.drive import Row
 from steersman.bench.entrants import Entrant, entrant
 from steersman.bench.journal import NAME as ROWS
 from steersman.bench.journal import read_rows
+from steersman.bench.results import RESULTS, BenchResult, Row
 from steersman.bench.suite import Suite
 from steersman.config import build, read_yaml
 from steersman.episode import Episode, is_episode, load_episode
@@ -38,13 +37,12 @@ class Contestant(NamedTuple):
     folder: FilePath | None = None
 
 
-class Benchmark(NamedTuple):
-    """What a benchmark's folder tells of its scenarios."""
+class SavedBenchmark(NamedTuple):
+    """The scenarios of a benchmark's folder, and what drove them."""
 
     folder: FilePath
     suite: Suite
-    seeds: tuple[int, ...]
-    commits: tuple[str, ...]
+    result: BenchResult
 
 
 def contestants(words: Sequence[str]) -> list[Contestant]:
@@ -136,7 +134,7 @@ def _from_rows(folder: FilePath, chosen: Sequence[str], name: str) -> list[Conte
     """A contestant for each controller of a benchmark, those that were given in their order."""
     by_name: dict[str, dict[str, Row]] = {}
     for row in _rows(folder):
-        by_name.setdefault(row["controller"], {})[row["scenario"]] = row  # the last counts
+        by_name.setdefault(row.controller, {})[row.scenario] = row  # the last counts
     for word in chosen:
         if word not in by_name:
             raise ConfigError(f"{folder}: no controller {word!r}{suggestion(word, by_name)}")
@@ -148,7 +146,7 @@ def _from_rows(folder: FilePath, chosen: Sequence[str], name: str) -> list[Conte
     out = []
     for each in names:
         rows = tuple(by_name[each].values())
-        learned = any(row.get("learned", False) for row in rows)
+        learned = any(row.learned for row in rows)
         source = f"{folder}:{each}"
         out.append(Contestant(name or each, "rows", source, learned, rows=rows, folder=folder))
     return out
@@ -159,39 +157,28 @@ def _rows(folder: FilePath) -> list[Row]:
     if not (folder / ROWS).is_file():
         raise DataError(f"{folder / ROWS}: no such file; expected the folder of a benchmark")
     rows = list(read_rows(folder).values())
-    last = _json(folder / "results.json").get("controllers")
-    kept = [row for row in rows if last is None or row["controller"] in last]
-    if not kept:
+    if (folder / RESULTS).is_file():
+        last = BenchResult.read(folder / RESULTS).controllers
+        rows = [row for row in rows if row.controller in last]
+    if not rows:
         raise DataError(f"{folder / ROWS}: holds no runs")
-    return kept
+    return rows
 
 
-def benchmark(folder: FilePath) -> Benchmark:
+def benchmark(folder: FilePath) -> SavedBenchmark:
     """The scenarios of a benchmark's folder.
 
     Raises:
         DataError: the folder lacks ``suite.yaml`` or ``results.json``, or they are malformed.
     """
-    told = _json(folder / "results.json")
-    if not told:
-        raise DataError(f"{folder / 'results.json'}: no such file; finish the benchmark first")
-    try:
-        suite = build(Suite, read_yaml(folder / "suite.yaml"))
-        seeds = tuple(int(seed) for seed in told["seeds"])
-    except (ConfigError, KeyError, TypeError, ValueError) as error:
-        raise DataError(f"{folder}: not a benchmark of this version ({error})") from None
-    return Benchmark(folder, suite, seeds, tuple(map(str, told.get("made_by", ()))))
-
-
-def _json(file: FilePath) -> dict[str, Any]:
-    """A JSON object; empty if the file is missing."""
+    file = folder / RESULTS
     if not file.is_file():
-        return {}
+        raise DataError(f"{file}: no such file; finish the benchmark first")
+    result = BenchResult.read(file)
     try:
-        found = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise DataError(f"{file}: cannot be read as JSON ({error})") from None
-    return found if isinstance(found, dict) else {}
+        return SavedBenchmark(folder, build(Suite, read_yaml(folder / "suite.yaml")), result)
+    except ConfigError as error:
+        raise DataError(f"{folder}: not a benchmark of this version ({error})") from None
 
 
 def _distinct(found: Sequence[Contestant]) -> list[Contestant]:
@@ -209,3 +196,20 @@ def _distinct(found: Sequence[Contestant]) -> list[Contestant]:
         seen[name] = seen.get(name, 0) + 1
         out.append(one._replace(name=name if seen[name] == 1 else f"{name} ({seen[name]})"))
     return out
+
+
+def sort_of(found: Sequence[Contestant]) -> Literal["drives", "scenarios"]:
+    """``drives`` if there is a saved drive among them, else ``scenarios``.
+
+    Raises:
+        ConfigError: drives and benchmarks, which have nothing in common that could be paired.
+    """
+    by_sort = {one.sort: one for one in reversed(found)}
+    if "drive" not in by_sort:
+        return "scenarios"
+    if "rows" in by_sort:
+        raise ConfigError(
+            f"{by_sort['drive'].source} is one drive and {by_sort['rows'].source} the rows of a"
+            " benchmark, which keeps no drives; compare drives with drives"
+        )
+    return "drives"

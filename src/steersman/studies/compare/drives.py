@@ -14,8 +14,15 @@ from steersman.config import build
 from steersman.episode import Episode
 from steersman.errors import ConfigError
 from steersman.metrics.base import summarise
+from steersman.provenance import provenance
 from steersman.rollout import RunConfig
 from steersman.studies.compare.contestants import Contestant
+from steersman.studies.compare.results import (
+    DriveCompareResult,
+    DriveComparison,
+    FieldDifference,
+    records,
+)
 
 # Parts of a run that decide what it was; who drove is what is compared.
 _CONDITIONS = (
@@ -25,46 +32,52 @@ _CONDITIONS = (
 
 # What is recorded beside a drive changes nothing in it.
 _RECORDED = "plant.record"
-ONE_PATH = "one path, one drive of each: intervals tell of its places, not of other paths"
+ONE_PATH = "one path, one drive of each: intervals are over its places, not over other paths"
 
 
-def compare_drives(found: Sequence[Contestant]) -> dict[str, Any]:
+def compare_drives(
+    found: Sequence[Contestant],
+) -> tuple[DriveCompareResult, dict[str, Episode]]:
     """Set every drive against the first; controllers drive what the first drive drove.
 
     Returns:
-        ``metrics`` of each drive by name; ``comparisons``: for each but the first ``name``,
-        ``differ`` (of :func:`differences`), ``same_path``, and ``along``, of
-        :func:`steersman.bench.along.along_path`, None where there is nothing to compare along;
-        ``warnings``.
+        The result, and the drives by name.
 
     Raises:
-        ConfigError: a controller is to drive what the first drive does not tell.
+        ConfigError: a controller is to drive what the first drive does not record.
     """
     episodes = _episodes(found)
     base, *others = found
     comparisons, warnings = [], [ONE_PATH]
     for other in others:
         one, two = episodes[base.name], episodes[other.name]
-        differ, alike = differences(one.meta, two.meta), same_path(one, two)
+        alike = same_path(one, two)
         along = along_path(one, two) if alike else None
         comparisons.append(
-            {"name": other.name, "differ": differ, "same_path": alike, "along": along}
+            DriveComparison(
+                name=other.name,
+                differ=differences(one.meta, two.meta),
+                same_path=alike,
+                along=along,
+            )
         )
         if not alike:
             warnings.append(f"{base.name} and {other.name} drove different paths")
         elif along is None:
             warnings.append(f"{base.name} and {other.name} have hardly any of the path in common")
-        elif along["blocks"] < FEW_PATHS:
+        elif along.blocks < FEW_PATHS:
             warnings.append(
-                f"{other.name}: only {along['blocks']} independent stretches: rough intervals"
+                f"{other.name}: only {along.blocks} independent stretches: rough intervals"
             )
     warnings += [_unfinished(n, e) for n, e in episodes.items() if not e.completed]
-    return {
-        "metrics": {name: summarise(episode) for name, episode in episodes.items()},
-        "comparisons": comparisons,
-        "warnings": warnings,
-        "episodes": episodes,
-    }
+    result = DriveCompareResult(
+        contestants=records(found),
+        metrics={name: summarise(episode) for name, episode in episodes.items()},
+        comparisons=comparisons,
+        warnings=warnings,
+        **provenance(),
+    )
+    return result, episodes
 
 
 def _unfinished(name: str, episode: Episode) -> str:
@@ -94,25 +107,16 @@ def _scenario(pattern: Contestant) -> Scenario:
     try:
         config = build(RunConfig, meta["config"])
     except (ConfigError, KeyError, TypeError) as error:
-        raise ConfigError(f"{pattern.source} does not tell what was driven ({error})") from None
+        raise ConfigError(f"{pattern.source} does not record what was driven ({error})") from None
     return Scenario("", "", CLEAN, "", config.seed, Disturbance(), config)
 
 
-def differences(one: Mapping[str, Any], two: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The fields of two drives' configurations in which what was driven differs.
-
-    Args:
-        one: ``meta`` of an episode.
-        two: of the other.
-
-    Returns:
-        For each field its name (``speed.speed``) and both values, None where one has no such
-        field.
-    """
+def differences(one: Mapping[str, Any], two: Mapping[str, Any]) -> list[FieldDifference]:
+    """The settings in which what was driven differs, from the ``meta`` of two episodes."""
     pair = [_conditions(meta) for meta in (one, two)]
     names = dict.fromkeys(name for fields in pair for name in fields)
     return [
-        {"field": name, "base": pair[0].get(name), "own": pair[1].get(name)}
+        FieldDifference(field=name, base=pair[0].get(name), own=pair[1].get(name))
         for name in names
         if pair[0].get(name) != pair[1].get(name)
     ]

@@ -4,28 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path as FilePath
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from steersman.bench import drive
-from steersman.bench.drive import Row
-from steersman.bench.entrants import Entrant
 from steersman.bench.pairs import FEW_PATHS, against
-from steersman.bench.replay import median_cases, worst_cases
+from steersman.bench.replay import ShownCase, median_cases, worst_cases
+from steersman.bench.results import Row
 from steersman.bench.runner import bench
 from steersman.bench.suite import Scenario, Suite
 from steersman.bench.suites import suite as read_suite
 from steersman.bench.summary import summarise_rows
 from steersman.errors import ConfigError
-from steersman.studies.compare.contestants import Benchmark, Contestant, benchmark
+from steersman.provenance import provenance
+from steersman.studies.compare.contestants import Contestant, SavedBenchmark, benchmark
+from steersman.studies.compare.results import ScenarioCompareResult, records
 
 QUICK, LARGER = "quick", "core"
 _SHOWN = 3
 
-Progress = Callable[[float], None]
 
-
-class Plan(NamedTuple):
-    """What everybody drives, or drove."""
+class ComparedScenarios(NamedTuple):
+    """The scenarios that all contestants drive, or drove."""
 
     words: str
     """Where the scenarios come from."""
@@ -42,7 +41,7 @@ def plan(
     suite: str | None,
     assignments: Sequence[str],
     seeds: Sequence[int] | None,
-) -> Plan:
+) -> ComparedScenarios:
     """The scenarios: those of the benchmark among the contestants, else of a suite.
 
     Of several benchmarks those that they have in common, by name and by content.
@@ -57,7 +56,7 @@ def plan(
         name, numbers = suite or QUICK, tuple(seeds or (0,))
         chosen = read_suite(name, assignments)
         scenarios, more = tuple(chosen.scenarios(numbers)), f"; suite={LARGER} has more"
-        return Plan(f"suite {name}", chosen, numbers, scenarios, more=more)
+        return ComparedScenarios(f"suite {name}", chosen, numbers, scenarios, more=more)
     if suite is not None or assignments or seeds is not None:
         raise ConfigError(
             f"the scenarios are those of {folders[0]}; leave out suite, its settings and --seeds"
@@ -65,12 +64,12 @@ def plan(
     return _common([benchmark(folder) for folder in folders])
 
 
-def _common(folders: Sequence[Benchmark]) -> Plan:
+def _common(folders: Sequence[SavedBenchmark]) -> ComparedScenarios:
     first, *others = folders
-    scenarios = first.suite.scenarios(first.seeds)
+    scenarios = first.suite.scenarios(first.result.seeds)
     warnings = []
     for other in others:
-        theirs = {s.name: s for s in other.suite.scenarios(other.seeds)}
+        theirs = {s.name: s for s in other.suite.scenarios(other.result.seeds)}
         same = [s for s in scenarios if s.name in theirs]
         alike = [s for s in same if drive.digest(s) == drive.digest(theirs[s.name])]
         if not alike:
@@ -82,36 +81,35 @@ def _common(folders: Sequence[Benchmark]) -> Plan:
                 f" or differ ({len(same) - len(alike)}); left out"
             )
         scenarios = alike
-    if len({folder.commits for folder in folders}) > 1:
+    if len({tuple(folder.result.made_by) for folder in folders}) > 1:
         warnings.append("the benchmarks were driven by different commits")
     words = " and ".join(str(folder.folder) for folder in folders)
-    return Plan(words, first.suite, first.seeds, tuple(scenarios), tuple(warnings))
+    return ComparedScenarios(
+        words, first.suite, tuple(first.result.seeds), tuple(scenarios), tuple(warnings)
+    )
 
 
 def compare_scenarios(
     found: Sequence[Contestant],
-    over: Plan,
+    over: ComparedScenarios,
     folder: FilePath,
     jobs: int | None = None,
     progress: Callable[[float, float], None] | None = None,
-) -> dict[str, Any]:
-    """Drive what is to be driven, and set everybody against the first.
+) -> tuple[ScenarioCompareResult, list[ShownCase]]:
+    """Drive what is not yet driven, and set every contestant against the first.
 
     Args:
-        found: who is compared.
+        found: the contestants.
         over: the scenarios.
         folder: keeps the rows that are driven now.
         jobs: processes at a time; None: one for each core.
-        progress: told (simulated seconds done, simulated seconds in all).
+        progress: called with (simulated seconds done, simulated seconds in all).
 
     Returns:
-        ``scenarios`` and ``seeds``: what was driven; ``summary`` of all
-        (:func:`steersman.bench.summary.summarise_rows`); ``comparisons``: for each but the first,
-        of :func:`steersman.bench.pairs.against`; ``cases``: worst and median drives, if everybody
-        was driven now; ``warnings``.
+        The result; worst and median drives, if all contestants were driven now.
 
     Raises:
-        ConfigError: a controller does not fit the suite, or nobody drove the same scenario.
+        ConfigError: a controller does not fit the suite, or two have no scenario in common.
         DataError: the folder cannot be read or written.
     """
     rows = _saved(found, over)
@@ -119,36 +117,32 @@ def compare_scenarios(
     if drivers:
         driven = bench(over.scenarios, drivers, folder, jobs=jobs, progress=progress)
         for row in driven:
-            rows[row["controller"]].append(row)
+            rows[row.controller].append(row)
     warnings = [*over.warnings, *_missing(rows, over)]
     base, *others = found
     comparisons = []
     for other in others:
-        pairs = against(rows[base.name], rows[other.name])
-        if not pairs["scenarios"]:
+        pairs = against(rows[base.name], rows[other.name], other.name)
+        if not pairs.scenarios:
             raise ConfigError(f"{base.source} and {other.source} drove no scenario in common")
-        comparisons.append({"name": other.name, **pairs})
-    fewest = min(pairs["paths"] for pairs in comparisons)
+        comparisons.append(pairs)
+    fewest = min(pairs.paths for pairs in comparisons)
     if fewest < FEW_PATHS:
         warnings.append(few_paths(fewest) + over.more)
-    everybody = len(drivers) == len(found)
     every = [row for one in found for row in rows[one.name]]
-    return {
-        "scenarios": over.words,
-        "seeds": list(over.seeds),
-        "summary": summarise_rows(every, found),
-        "comparisons": comparisons,
-        "cases": _cases(every, over.scenarios, drivers) if everybody else [],
-        "warnings": warnings,
-    }
-
-
-def _cases(
-    rows: Sequence[Row], scenarios: Sequence[Scenario], drivers: Sequence[Entrant]
-) -> list[dict[str, Any]]:
-    """Drives to show, driven once more: each one's worst and one for its measure."""
-    cases = (worst_cases, median_cases)
-    return [case for find in cases for case in find(rows, scenarios, drivers)]
+    result = ScenarioCompareResult(
+        contestants=records(found),
+        scenarios=over.words,
+        seeds=list(over.seeds),
+        summary=summarise_rows(every, found),
+        comparisons=comparisons,
+        warnings=warnings,
+        **provenance(),
+    )
+    if len(drivers) < len(found):
+        return result, []
+    finders = (worst_cases, median_cases)
+    return result, [case for find in finders for case in find(every, over.scenarios, drivers)]
 
 
 def few_paths(count: int) -> str:
@@ -158,18 +152,20 @@ def few_paths(count: int) -> str:
     return f"only {count} independent paths: the intervals are rough"
 
 
-def _saved(found: Sequence[Contestant], over: Plan) -> dict[str, list[Row]]:
+def _saved(found: Sequence[Contestant], over: ComparedScenarios) -> dict[str, list[Row]]:
     """Each contestant's rows of the planned scenarios, under its own name, in their order."""
     out: dict[str, list[Row]] = {}
     for one in found:
-        mine = {row["scenario"]: row for row in one.rows}
+        mine = {row.scenario: row for row in one.rows}
         out[one.name] = [
-            {**mine[s.name], "controller": one.name} for s in over.scenarios if s.name in mine
+            mine[s.name].model_copy(update={"controller": one.name})
+            for s in over.scenarios
+            if s.name in mine
         ]
     return out
 
 
-def _missing(rows: Mapping[str, Sequence[Row]], over: Plan) -> list[str]:
+def _missing(rows: Mapping[str, Sequence[Row]], over: ComparedScenarios) -> list[str]:
     short = [f"{name} {len(own)}" for name, own in rows.items() if len(own) < len(over.scenarios)]
     if not short:
         return []

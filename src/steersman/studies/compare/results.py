@@ -1,0 +1,125 @@
+"""What a comparison finds: the content of ``compare.json``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path as FilePath
+from typing import Any, Literal
+
+from pydantic import Field
+
+from steersman.bench.along import AlongComparison
+from steersman.bench.pairs import PairedComparison
+from steersman.bench.results import Summary
+from steersman.policy_file import locate, read_policy
+from steersman.stored import Sourced, Stored, optional
+from steersman.studies.compare.contestants import Contestant
+
+FORMAT = 1
+_LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
+
+
+class TrainingRecord(Stored):
+    """What the card of a policy says of its training."""
+
+    steps: float | None
+    simulated_seconds: float | None
+    validation_mean_error: float | None
+    validation_rms_error: float | None
+    validation_failures: float | None
+    validation_steer_activity: float | None
+
+
+class ContestantRecord(Stored):
+    """One side of a comparison."""
+
+    letter: str
+    name: str
+    sort: str
+    source: str
+    learned: bool
+    controller: dict[str, Any] | None = optional()
+    """Its configuration, if it was driven now."""
+    training: TrainingRecord | None = optional()
+
+
+class CompareResult(Sourced):
+    """What every comparison has; the first contestant is what the others are compared with."""
+
+    format: int = FORMAT
+    sort: str
+    contestants: list[ContestantRecord]
+    warnings: list[str] = Field([])
+
+
+class ScenarioCompareResult(CompareResult):
+    """Controllers compared over the same scenarios."""
+
+    sort: Literal["scenarios"] = "scenarios"
+    scenarios: str
+    """Where the scenarios come from."""
+    seeds: list[int]
+    summary: Summary
+    comparisons: list[PairedComparison]
+
+
+class FieldDifference(Stored):
+    """A setting in which two drives differ; None where one has no such setting."""
+
+    field: str
+    base: Any
+    own: Any
+
+
+class DriveComparison(Stored):
+    """A drive against the first."""
+
+    name: str
+    differ: list[FieldDifference]
+    same_path: bool
+    along: AlongComparison | None
+    """None where there is nothing to compare along the path."""
+
+
+class DriveCompareResult(CompareResult):
+    """Drives compared place by place along their path."""
+
+    sort: Literal["drives"] = "drives"
+    metrics: dict[str, dict[str, Any]]
+    """Of each drive by name, of :func:`steersman.metrics.base.summarise`."""
+    comparisons: list[DriveComparison]
+
+
+def records(found: Sequence[Contestant]) -> list[ContestantRecord]:
+    """The contestants with their letters.
+
+    Raises:
+        DataError: a policy or its card is missing or malformed.
+    """
+    return [_record(one, letter) for one, letter in zip(found, _LETTERS, strict=False)]
+
+
+def _record(one: Contestant, letter: str) -> ContestantRecord:
+    training = None
+    if one.sort == "training" and one.folder is not None:
+        training = training_record(one.folder / "policy.onnx")
+    return ContestantRecord(
+        letter=letter,
+        name=one.name,
+        sort=one.sort,
+        source=one.source,
+        learned=one.learned,
+        controller=None if one.entrant is None else one.entrant.shown,
+        training=training,
+    )
+
+
+def training_record(policy: FilePath) -> TrainingRecord:
+    """What the card of a policy says of its training: steps, simulated seconds, validation.
+
+    Raises:
+        DataError: the file or its card is missing or malformed.
+    """
+    card = read_policy(locate(str(policy)))[1].training
+    flat = {**card, **{f"validation_{k}": v for k, v in card.get("validation", {}).items()}}
+    return TrainingRecord(**{name: flat.get(name) for name in TrainingRecord.model_fields})
