@@ -24,6 +24,7 @@ import numpy as np
 
 from steersman.bench.drive import measure
 from steersman.bench.entrants import entrant
+from steersman.bench.results import Row
 from steersman.bench.suite import CLEAN, Scenario
 from steersman.bench.suites import core
 from steersman.config import dump
@@ -112,9 +113,9 @@ def curve(folder: Path) -> dict[str, list[float]]:
     return {name: [float(row[name]) for row in rows] for name in names}
 
 
-def rms(rows: Sequence[Mapping[str, Any]]) -> float:
+def rms(rows: Sequence[Row]) -> float:
     """Root mean square over the scenarios' charged errors [mm]."""
-    return 1e3 * float(np.sqrt(np.mean([row["charged_rms_m"] ** 2 for row in rows])))
+    return 1e3 * float(np.sqrt(np.mean([row.charged_rms_m**2 for row in rows])))
 
 
 def judged(job: Job, plan: Sequence[Scenario]) -> dict[str, Any]:
@@ -132,9 +133,9 @@ def judged(job: Job, plan: Sequence[Scenario]) -> dict[str, Any]:
         "best_failures": best["validation"]["failures"],
         "best_at_steps": best["steps"],
         "steps_to_100_mm": reached[0] if reached else None,
-        "clean_rms_mm": rms([r for r in rows if r["disturbance"] == CLEAN]),
-        "disturbed_rms_mm": rms([r for r in rows if r["disturbance"] != CLEAN]),
-        "unfinished_drives": sum(r["driven_share"] < 1.0 for r in rows),
+        "clean_rms_mm": rms([r for r in rows if r.disturbance == CLEAN]),
+        "disturbed_rms_mm": rms([r for r in rows if r.disturbance != CLEAN]),
+        "unfinished_drives": sum(r.driven_share < 1.0 for r in rows),
         "drives": len(rows),
         "off_track_resets": own["off_track_resets"][-1],
         "cpu_seconds": own["seconds"][-1],

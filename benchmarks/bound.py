@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from steersman.bench.drive import charged
+from steersman.bench.drive import charged_rms, driven_share
 from steersman.bench.entrants import entrant
 from steersman.bench.suite import CLEAN, Scenario
 from steersman.bench.suites import suite
@@ -54,7 +54,9 @@ VARIANTS: dict[str, Callable[[RunConfig, MpcDelay], RunConfig]] = {
 
 def error(config: RunConfig) -> float:
     """RMS lateral error [m], charged if it ends early."""
-    return charged(config, attempt(config).of_controller())["charged_rms_m"]
+    episode = attempt(config).of_controller()
+    share = driven_share(config, episode)
+    return charged_rms(episode["lateral_error"], share, config.corridor)
 
 
 def root_mean_square(values: list[float]) -> float:

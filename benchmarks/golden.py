@@ -120,7 +120,7 @@ def scenario(words: Sequence[str]) -> Columns:
     found = [one for one in suite(name).scenarios([seed]) if one.name.startswith(f"{which}/")]
     if len(found) != 1:
         raise ValueError(f"{len(found)} scenarios begin with {which}")
-    return flat(measure(found[0], entrant(who)))
+    return flat(measure(found[0], entrant(who)).plain())
 
 
 def environment(words: Sequence[str]) -> Columns:

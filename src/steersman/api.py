@@ -19,9 +19,11 @@ from steersman.config import Component, build, dump, read_yaml, resolve
 from steersman.errors import ConfigError, DataError
 
 if TYPE_CHECKING:
+    from steersman.bench.results import BenchResult
     from steersman.controllers.base import ControllerComponent
     from steersman.episode import Episode
     from steersman.rollout import Attempt
+    from steersman.studies.compare.results import DriveCompareResult, ScenarioCompareResult
     from steersman.studies.identify.identify import Identified
     from steersman.vehicles import Vehicle
 
@@ -328,7 +330,7 @@ def bench(
     jobs: int | None = None,
     progress: Callable[[float, float], None] | None = None,
     **settings: Any,
-) -> dict[str, Any]:
+) -> BenchResult:
     """Drive controllers through the scenarios of a suite; rows and summary.
 
     ``sm.bench("tuned/lqr", "mine=runs/pid/tuned.yaml", suite="quick")``
@@ -351,9 +353,11 @@ def bench(
         DataError: a file is missing or malformed.
     """
     from steersman.bench.entrants import entrants
-    from steersman.bench.results import results, write
+    from steersman.bench.results import RESULTS
     from steersman.bench.runner import bench as run
     from steersman.bench.suites import suite as read_suite
+    from steersman.bench.suites import write_suite
+    from steersman.bench.summary import results
 
     chosen = read_suite(suite)
     if settings:
@@ -366,10 +370,9 @@ def bench(
         rows = run(
             chosen.scenarios(seeds), found, folder, engine=engine, jobs=jobs, progress=progress
         )
-        outcome = results(suite, seeds, rows, found)
-        outcome |= {"plant": rows[0].get("plant", chosen.plant.kind)}
-        outcome |= {"left_out": chosen.left_out(seeds)}
-        write(folder, outcome, chosen)
+        outcome = results(suite, chosen, seeds, rows, found)
+        outcome.write(folder / RESULTS)
+        write_suite(chosen, folder)
     return outcome
 
 
@@ -380,7 +383,7 @@ def compare(
     out: _Folder | None = None,
     jobs: int | None = None,
     progress: Callable[[float, float], None] | None = None,
-) -> dict[str, Any]:
+) -> DriveCompareResult | ScenarioCompareResult:
     """Set drives, trainings, benchmarks or controllers side by side.
 
     ``sm.compare("tuned/lqr", "policy", "runs/agent", suite="quick")``
@@ -399,8 +402,8 @@ def compare(
         ConfigError: a word is unknown, or the contestants have nothing in common.
         DataError: a file is missing or malformed.
     """
-    from steersman.studies.compare.compare import result, sort_of
     from steersman.studies.compare.contestants import contestants as found_by
+    from steersman.studies.compare.contestants import sort_of
     from steersman.studies.compare.drives import compare_drives
     from steersman.studies.compare.scenarios import compare_scenarios, plan
 
@@ -409,10 +412,10 @@ def compare(
     if sort == "drives":
         if suite is not None or seeds is not None:
             raise ConfigError("drives are compared on what they drove; leave out suite and seeds")
-        return result(sort, found, compare_drives(found))
+        return compare_drives(found)[0]
     over = plan(found, suite, [], seeds)
     with kept(out) as folder:
-        return result(sort, found, compare_scenarios(found, over, folder, jobs, progress))
+        return compare_scenarios(found, over, folder, jobs, progress)[0]
 
 
 @contextmanager

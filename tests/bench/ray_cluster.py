@@ -30,7 +30,7 @@ def main(out: str) -> None:
         scenarios = suites.quick().scenarios((3,))[:3]
         rows = runner.bench(scenarios, entrants(["pid"]), Path(out), engine="ray")
         alive = sum(node["Alive"] for node in ray.nodes())
-        print(json.dumps({"nodes": alive, "rows": rows}))  # noqa: T201 - it is a script
+        print(json.dumps({"nodes": alive, "rows": [row.plain() for row in rows]}))  # noqa: T201 - it is a script
     finally:
         ray.shutdown()
         cluster.shutdown()

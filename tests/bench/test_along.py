@@ -25,29 +25,29 @@ def drive(speed: float = 10.0, factor: float = 1.0, start: float = 0.0, n: int =
 def test_places_are_compared_not_times() -> None:
     found = along_path(drive(10.0), drive(17.0, n=300))
     assert found is not None
-    assert found["to_m"] == pytest.approx(254.15)
-    error = found["figures"]["mean_abs_lateral_error_m"]
-    assert error["ratio"]["value"] == pytest.approx(1.0, abs=1e-3)
-    assert error["ratio"]["high"] - error["ratio"]["low"] < 1e-3
-    speed = found["figures"]["mean_speed_m_s"]
-    assert speed["difference"] == pytest.approx({"value": 7.0, "low": 7.0, "high": 7.0})
+    assert found.to_m == pytest.approx(254.15)
+    error = found.figures["mean_abs_lateral_error_m"]
+    assert error.ratio.value == pytest.approx(1.0, abs=1e-3)
+    assert error.ratio.high - error.ratio.low < 1e-3
+    speed = found.figures["mean_speed_m_s"]
+    assert speed.difference.model_dump() == pytest.approx({"value": 7.0, "low": 7.0, "high": 7.0})
 
 
 def test_a_factor_is_found_although_the_error_varies_along_the_path() -> None:
     found = along_path(drive(), drive(factor=0.5))
     assert found is not None
-    ratio = found["figures"]["rms_lateral_error_m"]["ratio"]
-    assert ratio == pytest.approx({"value": 0.5, "low": 0.5, "high": 0.5})
-    difference = found["figures"]["rms_lateral_error_m"]["difference"]
-    assert difference["low"] < difference["value"] < difference["high"] < 0.0
-    assert 1 <= found["blocks"] <= found["places"]
+    ratio = found.figures["rms_lateral_error_m"].ratio
+    assert ratio.model_dump() == pytest.approx({"value": 0.5, "low": 0.5, "high": 0.5})
+    difference = found.figures["rms_lateral_error_m"].difference
+    assert difference.low < difference.value < difference.high < 0.0
+    assert 1 <= found.blocks <= found.places
 
 
 def test_the_end_of_a_lap_is_its_beginning() -> None:
     """A drive that is told to begin just before the seam has the whole stretch in common."""
     found = along_path(drive(), drive(start=LAP - 1e-9))
     assert found is not None
-    assert found["to_m"] - found["from_m"] == pytest.approx(299.5, abs=0.1)
+    assert found.to_m - found.from_m == pytest.approx(299.5, abs=0.1)
 
 
 def test_too_little_in_common_is_not_compared() -> None:

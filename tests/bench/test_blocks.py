@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from steersman.bench.blocks import Blocks, block_length
+from steersman.bench.statistics import Blocks, block_length
 
 
 def autoregressive(n: int, rho: float, seed: int) -> np.ndarray:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steersman.bench.charge import charged_mean, charged_quantile, charged_rms, driven_share
+from steersman.bench.drive import charged_mean, charged_quantile, charged_rms, driven_share
 from steersman.controllers.pid import Pid, PidGains
 from steersman.paths.basic import Circle, Straight
 from steersman.rollout import RunConfig, run

@@ -11,12 +11,11 @@ from xml.etree import ElementTree
 import pytest
 
 from steersman.bench import suites
-from steersman.bench.drive import Row
 from steersman.bench.entrants import Entrant, entrants
 from steersman.bench.replay import median_cases, worst_cases
-from steersman.bench.results import results
+from steersman.bench.results import BenchResult, Row, write_table
 from steersman.bench.runner import bench
-from steersman.bench.table import write_table
+from steersman.bench.summary import results
 from steersman.config import resolve
 from steersman.report.benchmark import sections, write_benchmark
 from steersman.report.cases import replays
@@ -26,6 +25,10 @@ from steersman.report.signals import PALETTE
 SVG = "{http://www.w3.org/2000/svg}"
 SCENARIOS = suites.quick().scenarios((1,))
 WHO = entrants(["pid", "stanley", "mpc_pid"])
+
+
+def result(rows: list[Row], who: list[Entrant]) -> BenchResult:
+    return results("quick", suites.quick(), [1], rows, who)
 
 
 @pytest.fixture(scope="module")
@@ -38,39 +41,39 @@ def test_the_table_is_the_rows(rows: list[Row], tmp_path: FilePath) -> None:
     file = write_table(rows, tmp_path)
     assert file is not None
     table = parquet.read_table(file)
-    assert table.to_pylist() == rows
+    assert table.to_pylist() == [row.plain() for row in rows]
     assert str(table.schema.field("disturbance_friction").type) == "double"  # all undefined
     assert str(table.schema.field("completed").type) == "bool"
 
 
 def test_the_worst_case_is_the_worst_and_drives_again(rows: list[Row]) -> None:
-    cases = {case["controller"]: case for case in worst_cases(rows, SCENARIOS, WHO)}
+    cases = {case.controller: case for case in worst_cases(rows, SCENARIOS, WHO)}
     assert list(cases) == [e.name for e in WHO]
     for name, case in cases.items():
-        own = [row for row in rows if row["controller"] == name]
-        assert case["rms_m"] == max(row["charged_rms_m"] for row in own)
-        assert case["best_rms_m"] <= case["rms_m"]
-        driven, path = case["lines"]["driven"], case["lines"]["path"]
-        assert len(driven["x"]) == len(driven["offset"]) == len(driven["along"]) > 10
+        own = [row for row in rows if row.controller == name]
+        assert case.rms_m == max(row.charged_rms_m for row in own)
+        assert case.best_rms_m <= case.rms_m
+        driven, path = (case.lines()[name] for name in ("driven", "path"))
+        assert len(driven.x) == len(driven.offset) == len(driven.along) > 10
         # The driven line lies beside the path by the offset.
-        x, y, offset = driven["x"][0], driven["y"][0], abs(driven["offset"][0])
-        near = min(math.hypot(x - a, y - b) for a, b in zip(path["x"], path["y"], strict=True))
+        x, y, offset = driven.x[0], driven.y[0], abs(driven.offset[0])
+        near = min(math.hypot(x - a, y - b) for a, b in zip(path.x, path.y, strict=True))
         assert offset - 0.02 <= near <= offset + 0.7
 
 
 def test_the_median_case_is_in_the_middle(rows: list[Row]) -> None:
     for case in median_cases(rows, SCENARIOS, WHO):
-        own = sorted(r["charged_rms_m"] for r in rows if r["controller"] == case["controller"])
-        assert own.index(case["rms_m"]) == (len(own) - 1) // 2
+        own = sorted(r.charged_rms_m for r in rows if r.controller == case.controller)
+        assert own.index(case.rms_m) == (len(own) - 1) // 2
         # What is replayed is the drive that was measured.
         (row,) = (
             r for r in rows
-            if (r["scenario"], r["controller"]) == (case["scenario"], case["controller"])
+            if (r.scenario, r.controller) == (case.scenario, case.controller)
         )  # fmt: skip
-        episode = case["episodes"][case["controller"]]
+        episode = case.episodes[case.controller]
         errors = episode["lateral_error"]
-        assert abs(errors).max() == row["max_abs_lateral_error_m"]
-        assert list(case["episodes"]) in ([case["controller"]], [case["controller"], case["best"]])
+        assert abs(errors).max() == row.metrics["max_abs_lateral_error_m"]
+        assert list(case.episodes) in ([case.controller], [case.controller, case.best])
 
 
 def test_no_server_is_asked_for_median_cases(rows: list[Row]) -> None:
@@ -88,9 +91,9 @@ def colours(figure: str, mark: str) -> list[str]:
 
 def test_a_controller_has_one_colour_in_all_figures(rows: list[Row], tmp_path: FilePath) -> None:
     who = [WHO[0], WHO[1]._replace(learned=True), WHO[2]]
-    found = results("quick", [1], rows, who)
+    found = result(rows, who)
     cases = worst_cases(rows, SCENARIOS, who)
-    order = list(found["summary"]["controllers"])
+    order = list(found.summary.controllers)
     write_benchmark(found, cases, tmp_path / "report.html")
     read = {f.stem: f.read_text(encoding="utf-8") for f in (tmp_path / "plots").iterdir()}
     expected = list(PALETTE[: len(order)])
@@ -98,26 +101,26 @@ def test_a_controller_has_one_colour_in_all_figures(rows: list[Row], tmp_path: F
     assert colours(read["profiles"], "stroke")[::2] == expected  # line and legend
     assert read["rms_all"].count("<circle") == 2  # what was learned is a diamond
     for k, case in enumerate(cases):
-        assert colours(read[f"worst_{k}"], "stroke")[0] == expected[order.index(case["controller"])]
-    groups = replays(found["summary"], cases)
+        assert colours(read[f"worst_{k}"], "stroke")[0] == expected[order.index(case.controller)]
+    groups = replays(found.summary, cases)
     assert [group.looks[0] for group in groups if group.looks] == [0, 1, 2]
     assert groups[0].title.startswith(f"{order[0]}, worst: ")
 
 
 def test_intervals_over_few_paths_come_with_a_warning(rows: list[Row]) -> None:
-    found = results("quick", [1], rows, WHO)
-    (warning,) = sections(found, [])[0]["warnings"]
+    found = result(rows, WHO)
+    (warning,) = sections(found.summary, [])[0]["warnings"]
     assert warning.startswith("all scenarios, clean, disturbed: the intervals rest on only 2 paths")
-    spread = [{**row, "path": f"{row['path']}{k % 4}"} for k, row in enumerate(rows)]
-    many = sections(results("quick", [1], spread, WHO), [])[0]["warnings"]
+    spread = [row.model_copy(update={"path": f"{row.path}{k % 4}"}) for k, row in enumerate(rows)]
+    many = sections(result(spread, WHO).summary, [])[0]["warnings"]
     assert all("all scenarios" not in words for words in many)
-    one = [{**row, "path": "one"} for row in rows]
-    (warning,) = sections(results("quick", [1], one, WHO), [])[0]["warnings"]
+    one = [row.model_copy(update={"path": "one"}) for row in rows]
+    (warning,) = sections(result(one, WHO).summary, [])[0]["warnings"]
     assert "no intervals" in warning
 
 
 def test_the_page_stands_alone(rows: list[Row], tmp_path: FilePath) -> None:
-    found = results("quick", [1], rows, WHO)
+    found = result(rows, WHO)
     page = write_benchmark(found, worst_cases(rows, SCENARIOS, WHO), tmp_path / "report.html")
     text = page.read_text(encoding="utf-8")
     assert not re.search(r"(src|href)=.(?!data:)", re.sub(r"<script.*?</script>", "", text))
@@ -130,8 +133,8 @@ def test_the_page_stands_alone(rows: list[Row], tmp_path: FilePath) -> None:
 
 def test_one_controller_has_a_page_too(rows: list[Row], tmp_path: FilePath) -> None:
     one: list[Entrant] = WHO[:1]
-    own = [row for row in rows if row["controller"] == "pid"]
-    page = write_benchmark(results("quick", [1], own, one), [], tmp_path / "report.html")
+    own = [row for row in rows if row.controller == "pid"]
+    page = write_benchmark(result(own, one), [], tmp_path / "report.html")
     assert "Performance profiles" not in page.read_text(encoding="utf-8")
 
 

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import pytest
 
 from steersman.bench.pairs import against, contrast, joined
+from steersman.bench.results import Row
 from steersman.bench.statistics import Clusters
 
 PATHS = [f"road_{k}" for k in range(8)]
 
 
-def rows(factor: float = 1.0, paths: Sequence[str] = PATHS, seed: int = 0) -> list[dict[str, Any]]:
+def rows(factor: float = 1.0, paths: Sequence[str] = PATHS, seed: int = 0) -> list[Row]:
     """Three scenarios on each path; roads differ by far more than controllers do."""
     rng = np.random.default_rng(seed)
     out = []
@@ -22,32 +22,28 @@ def rows(factor: float = 1.0, paths: Sequence[str] = PATHS, seed: int = 0) -> li
         hard = 10.0 ** rng.uniform(-2.0, 0.0)
         for disturbance in ("clean", "heavy", "light"):
             error = factor * hard * rng.uniform(0.9, 1.1)
-            out.append(
-                {
-                    "scenario": f"{path}/{disturbance}",
-                    "path": path,
-                    "disturbance": disturbance,
-                    "completed": True,
-                    "charged_rms_m": error,
-                    "charged_p95_m": 2.0 * error,
-                    "steer_change_rms": 0.01,
-                    "steer_reversals_per_min": 5.0,
-                    "weighted_acceleration_m_s2": 0.3,
-                    "control_time_us_p50": 4.0,
-                }
-            )
+            row = {
+                "scenario": f"{path}/{disturbance}", "path": path, "disturbance": disturbance,
+                "controller": "c", "kind": "c", "vehicle": "v", "seed": 0, "speed": "s",
+                "dt_s": 0.05, "end": "laps", "completed": True, "driven_share": 1.0,
+                "charged_rms_m": error, "charged_mean_m": error, "charged_max_m": error,
+                "charged_p95_m": 2.0 * error, "computing_time_s": 0.0,
+                "steer_change_rms": 0.01, "steer_reversals_per_min": 5.0,
+                "weighted_acceleration_m_s2": 0.3, "control_time_us_p50": 4.0,
+            }  # fmt: skip
+            out.append(Row.model_validate(row))
     return out
 
 
 def test_a_factor_is_found_however_much_the_roads_differ() -> None:
     found = against(rows(), rows(0.5))
-    figure = found["figures"]["rms_m"]
-    assert figure["ratio"] == pytest.approx({"value": 0.5, "low": 0.5, "high": 0.5})
-    assert figure["own"] == pytest.approx(0.5 * figure["base"])
-    assert figure["difference"]["high"] < 0.0
-    assert (found["scenarios"], found["paths"], found["better"]) == (24, 8, 24)
-    assert found["figures"]["rms_clean_m"]["pairs"] == 8
-    assert found["figures"]["rms_disturbed_m"]["pairs"] == 16
+    figure = found.figures["rms_m"]
+    assert figure.ratio.model_dump() == pytest.approx({"value": 0.5, "low": 0.5, "high": 0.5})
+    assert figure.own == pytest.approx(0.5 * (figure.base or 0.0))
+    assert (figure.difference.high or 0.0) < 0.0
+    assert (found.scenarios, found.paths, found.better) == (24, 8, 24)
+    assert found.figures["rms_clean_m"].pairs == 8
+    assert found.figures["rms_disturbed_m"].pairs == 16
 
 
 def test_intervals_cover_the_truth_as_often_as_they_say() -> None:
@@ -63,41 +59,41 @@ def test_intervals_cover_the_truth_as_often_as_they_say() -> None:
         rows_alone = [f"{name}_{k}" for k, name in enumerate(names)]
         for key, clusters in (("roads", names), ("rows", rows_alone)):
             draws = Clusters(clusters, repetitions=200, seed=trial)
-            found = contrast(draws, False, base, own)["difference"]
-            hits[key] += found["low"] <= 0.5 <= found["high"]
+            found = contrast(draws, False, base, own).difference
+            hits[key] += (found.low or 0.0) <= 0.5 <= (found.high or 0.0)
     assert 0.86 < hits["roads"] / 100 <= 0.99
     assert hits["rows"] / 100 < 0.8  # as if scenarios on one road were independent
 
 
 def test_exchanging_the_two_negates_differences_and_inverts_ratios() -> None:
     a, b = rows(seed=1), rows(0.8, seed=2)
-    one, two = (against(*pair)["figures"]["rms_m"] for pair in ((a, b), (b, a)))
-    assert one["difference"]["value"] == pytest.approx(-two["difference"]["value"])
-    assert one["difference"]["low"] == pytest.approx(-two["difference"]["high"])
-    assert one["ratio"]["value"] == pytest.approx(1.0 / two["ratio"]["value"])
-    assert one["ratio"]["low"] == pytest.approx(1.0 / two["ratio"]["high"], rel=1e-3)
+    one, two = (against(*pair).figures["rms_m"] for pair in ((a, b), (b, a)))
+    assert one.difference.value == pytest.approx(-two.difference.value)
+    assert one.difference.low == pytest.approx(-two.difference.high)
+    assert one.ratio.value == pytest.approx(1.0 / two.ratio.value)
+    assert one.ratio.low == pytest.approx(1.0 / two.ratio.high, rel=1e-3)
 
 
 def test_only_what_both_drove_is_paired() -> None:
     base, own = rows(), rows()[3:]
-    assert [a["scenario"] for a, b in joined(base, own)] == [r["scenario"] for r in own]
-    assert against(base, own)["paths"] == 7
-    assert against(base, [])["figures"] == {}
+    assert [a.scenario for a, b in joined(base, own)] == [r.scenario for r in own]
+    assert against(base, own).paths == 7
+    assert against(base, []).figures == {}
 
 
 def test_one_path_has_no_interval() -> None:
-    found = against(rows(paths=["road_0"]), rows(0.5, paths=["road_0"]))["figures"]["rms_m"]
-    assert found["ratio"] == {"value": pytest.approx(0.5), "low": None, "high": None}
-    assert found["pairs"] == 3
+    found = against(rows(paths=["road_0"]), rows(0.5, paths=["road_0"])).figures["rms_m"]
+    assert found.ratio.model_dump() == {"value": pytest.approx(0.5), "low": None, "high": None}
+    assert found.pairs == 3
 
 
 def test_a_ratio_to_nothing_is_undefined() -> None:
-    figure = against(rows(), rows())["figures"]["ended_early"]
-    assert figure["difference"] == {"value": 0.0, "low": 0.0, "high": 0.0}
-    assert figure["ratio"] == {"value": None, "low": None, "high": None}
+    figure = against(rows(), rows()).figures["ended_early"]
+    assert figure.difference.model_dump() == {"value": 0.0, "low": 0.0, "high": 0.0}
+    assert figure.ratio.model_dump() == {"value": None, "low": None, "high": None}
 
 
 def test_undefined_values_leave_their_pair_out() -> None:
     own = rows()
-    own[0]["steer_reversals_per_min"] = None
-    assert against(rows(), own)["figures"]["steer_reversals_per_min"]["pairs"] == 23
+    own[0].metrics["steer_reversals_per_min"] = None
+    assert against(rows(), own).figures["steer_reversals_per_min"].pairs == 23

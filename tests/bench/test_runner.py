@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
-from steersman.bench import suites
-from steersman.bench.drive import Row
+from steersman.bench import runner, suites
 from steersman.bench.entrants import Entrant, entrants
 from steersman.bench.journal import NAME, Journal
+from steersman.bench.results import Row
 from steersman.bench.runner import bench, plan
 from steersman.bench.suite import Scenario, Suite
 from steersman.bench.summary import summarise_rows
@@ -29,10 +29,10 @@ SCENARIOS = suites.quick().scenarios((3,))
 PAIR = entrants(["pid", "mpc_pid"])
 
 
-def untimed(rows: list[Row]) -> list[Row]:
+def untimed(rows: list[Row]) -> list[dict[str, Any]]:
     """Without what tells of the machine: computing times, and the commit of a busy work tree."""
     other = ("control_time", "computing_time", "deadline_misses", "commit")
-    return [{k: v for k, v in r.items() if not k.startswith(other)} for r in rows]
+    return [{k: v for k, v in r.plain().items() if not k.startswith(other)} for r in rows]
 
 
 @pytest.fixture(scope="module")
@@ -42,23 +42,24 @@ def rows(tmp_path_factory: pytest.TempPathFactory) -> list[Row]:
 
 
 def test_every_entrant_drives_every_scenario_in_order(rows: list[Row]) -> None:
-    assert [(r["scenario"], r["controller"]) for r in rows] == [
+    assert [(r.scenario, r.controller) for r in rows] == [
         (s.name, e.name) for s in SCENARIOS for e in PAIR
     ]
-    assert json.loads(json.dumps(rows, allow_nan=False)) == rows
+    plain = [json.loads(json.dumps(row.plain(), allow_nan=False)) for row in rows]
+    assert [Row.model_validate(row) for row in plain] == rows
 
 
 def test_processes_change_nothing_but_the_time(
     rows: list[Row], tmp_path: FilePath, monkeypatch: Any
 ) -> None:
-    monkeypatch.setattr("steersman.bench.runner._CHUNK_RUNS", 5)
+    monkeypatch.setattr(runner, "_CHUNK_RUNS", 5)
     assert untimed(bench(SCENARIOS, PAIR, tmp_path, jobs=2)) == untimed(rows)
 
 
 def test_an_interrupted_bench_goes_on(
     rows: list[Row], tmp_path: FilePath, monkeypatch: Any
 ) -> None:
-    monkeypatch.setattr("steersman.bench.runner._CHUNK_RUNS", 3)
+    monkeypatch.setattr(runner, "_CHUNK_RUNS", 3)
 
     def stop(done: float, total: float) -> None:
         if done > 0.3 * total:
@@ -96,7 +97,7 @@ class Deadly(ControllerComponent):
 
 
 def test_a_killed_process_is_told_in_a_line(tmp_path: FilePath, monkeypatch: Any) -> None:
-    monkeypatch.setattr("steersman.bench.runner._CHUNK_RUNS", 5)
+    monkeypatch.setattr(runner, "_CHUNK_RUNS", 5)
     deadly = Entrant("deadly", Deadly(parent=os.getpid()), False, "deadly", 0, 0.0, {})
     with pytest.raises(SteersmanError, match="was killed; the same command goes on"):
         bench(SCENARIOS, [deadly], tmp_path, jobs=2)
@@ -108,11 +109,11 @@ def test_what_is_finished_is_not_driven_again(rows: list[Row], tmp_path: FilePat
     told: list[float] = []
     both = bench(SCENARIOS, PAIR, tmp_path, jobs=1, progress=lambda done, _: told.append(done))
     assert (tmp_path / NAME).read_bytes().startswith(before)
-    assert [r for r in both if r["controller"] == "pid"] == first  # times included
+    assert [r for r in both if r.controller == "pid"] == first  # times included
     assert bench(SCENARIOS, PAIR, tmp_path, jobs=1) == both
     renamed = bench(SCENARIOS, entrants(["other=pid"]), tmp_path, jobs=1)
-    assert [r["controller"] for r in renamed] == ["other"] * len(SCENARIOS)
-    assert [r["charged_rms_m"] for r in renamed] == [r["charged_rms_m"] for r in first]
+    assert [r.controller for r in renamed] == ["other"] * len(SCENARIOS)
+    assert [r.charged_rms_m for r in renamed] == [r.charged_rms_m for r in first]
 
 
 def test_a_key_changes_with_the_scenario_and_the_controller() -> None:
@@ -120,8 +121,9 @@ def test_a_key_changes_with_the_scenario_and_the_controller() -> None:
     assert len({task.key for task in tasks}) == len(tasks)
 
 
-def test_a_journal_of_something_else_is_refused(tmp_path: FilePath) -> None:
-    (tmp_path / NAME).write_text('{"key": "a"}\nnonsense\n', encoding="utf-8")
+def test_a_journal_of_something_else_is_refused(rows: list[Row], tmp_path: FilePath) -> None:
+    kept = json.dumps(rows[0].plain()) + "\n"
+    (tmp_path / NAME).write_text(kept + "nonsense\n", encoding="utf-8")
     with pytest.raises(DataError, match="line 2: not a row"):
         Journal(tmp_path)
 
@@ -159,15 +161,15 @@ def test_who_fails_is_charged_and_not_dropped(tmp_path: FilePath, raises: bool, 
         {"courses": {"a": {"path": "straight", "speeds": {"s": "constant_speed"}, "duration": 10}}},
     )
     (row,) = bench(suite.scenarios(), [failing(raises=raises)], tmp_path, jobs=1)
-    assert row["end"] == end
-    assert row["completed"] is False
-    assert 0.0 < row["driven_share"] < 0.5
-    assert row["charged_rms_m"] > 1.5 * 0.5**0.5
-    assert row["charged_p95_m"] == row["charged_max_m"] == 1.5
-    found = summarise_rows([row], [failing(raises=raises)])["controllers"]["failing"]
-    assert found["failures"] == 1
-    assert found["ends"] == {end: 1}
-    assert found["all"]["rms_m"]["value"] == pytest.approx(row["charged_rms_m"])
+    assert row.end == end
+    assert row.completed is False
+    assert 0.0 < row.driven_share < 0.5
+    assert row.charged_rms_m > 1.5 * 0.5**0.5
+    assert row.charged_p95_m == row.charged_max_m == 1.5
+    found = summarise_rows([row], [failing(raises=raises)]).controllers["failing"]
+    assert found.failures == 1
+    assert found.ends == {end: 1}
+    assert found.all.rms_m.value == pytest.approx(row.charged_rms_m)
 
 
 # --------------------------------------------------------------------------------- policies
@@ -177,7 +179,7 @@ def test_a_policy_gets_the_waypoints_it_reads(tmp_path: FilePath) -> None:
     (one,) = entrants([str(random_policy(tmp_path / "trained"))])
     far = one._replace(waypoints=25, digest="far")
     rows = bench(SCENARIOS[:1], [one, far], tmp_path, jobs=1)
-    assert [r["controller"] for r in rows] == ["trained", "trained"]
+    assert [r.controller for r in rows] == ["trained", "trained"]
     tasks = plan(SCENARIOS[:1], [one, far])
     assert tasks[0].key != tasks[1].key
 

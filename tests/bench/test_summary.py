@@ -9,36 +9,36 @@ import pytest
 
 from steersman.bench.disturbance import Disturbance
 from steersman.bench.entrants import entrants
+from steersman.bench.results import IntervalEstimate, Row
 from steersman.bench.statistics import Clusters
 from steersman.bench.summary import summarise_rows
 
 PID, MPC = entrants(["pid", "mpc_pid"])
 
 
-def row(
-    controller: str, path: str, rms: float, disturbance: str = "clean", **words: Any
-) -> dict[str, Any]:
+def row(controller: str, path: str, rms: float, disturbance: str = "clean", **words: Any) -> Row:
     figures = {f"disturbance_{name}": v for name, v in Disturbance().figures().items()}
-    return figures | {
-        "controller": controller, "path": path, "disturbance": disturbance,
+    return Row.model_validate(figures | {
+        "controller": controller, "path": path, "disturbance": disturbance, "kind": controller,
         "scenario": f"{path}/{disturbance}", "completed": True, "end": "duration", "fallbacks": 0,
-        "charged_rms_m": rms, "charged_mean_m": rms, "charged_p95_m": rms,
-        "steer_change_rms": 0.01, "steer_reversals_per_min": 3.0,
+        "charged_rms_m": rms, "charged_mean_m": rms, "charged_p95_m": rms, "charged_max_m": rms,
+        "steer_change_rms": 0.01, "steer_reversals_per_min": 3.0, "vehicle": "v", "seed": 0,
         "control_time_us_p50": 5.0, "control_time_us_p99": 9.0, "computing_time_s": 0.01,
-        "speed": "constant", "interventions": 0, "intervened_s": 0.0,
+        "speed": "constant", "interventions": 0, "intervened_s": 0.0, "driven_share": 1.0,
         "path_acceleration_m_s2": 2.0, "iso_11270": True, "r79": False, "saturated_share": 0.0,
         "weighted_acceleration_m_s2": 0.3, "deadline_misses_50ms": 0, "deadline_misses_10ms": 1,
         "duration_s": 10.0, "dt_s": 0.05,
-    } | words  # fmt: skip
+    } | words)  # fmt: skip
 
 
 def test_errors_are_pooled_as_root_mean_squares() -> None:
     rows = [row("pid", "a", 0.3), row("pid", "b", 0.4, "soft")]
-    found = summarise_rows(rows, [PID])["controllers"]["pid"]
-    assert found["all"]["rms_m"]["value"] == pytest.approx(np.sqrt(0.125))
-    assert found["clean"]["rms_m"]["value"] == pytest.approx(0.3)
-    assert found["disturbed"]["rms_m"]["value"] == pytest.approx(0.4)
-    assert found["ratio"]["all"]["rms"] == {"value": 1.0, "low": 1.0, "high": 1.0}
+    found = summarise_rows(rows, [PID]).controllers["pid"]
+    assert found.all.rms_m.value == pytest.approx(np.sqrt(0.125))
+    assert found.clean.rms_m.value == pytest.approx(0.3)
+    assert found.disturbed.rms_m.value == pytest.approx(0.4)
+    assert found.ratio is not None
+    assert found.ratio["all"].rms == IntervalEstimate(value=1.0, low=1.0, high=1.0)
 
 
 def test_ratios_are_paired() -> None:
@@ -47,19 +47,19 @@ def test_ratios_are_paired() -> None:
     rows = [row("pid", f"road{i}", e) for i, e in enumerate(errors)]
     rows += [row("mpc_pid", f"road{i}", 0.5 * e) for i, e in enumerate(errors)]
     found = summarise_rows(rows, [PID, MPC])
-    assert found["best_classical"] == "mpc_pid"
-    assert list(found["controllers"]) == ["mpc_pid", "pid"]
+    assert found.best_classical == "mpc_pid"
+    assert list(found.controllers) == ["mpc_pid", "pid"]
     for kind in ("rms", "typical"):
-        ratio = found["controllers"]["pid"]["ratio"]["all"][kind]
-        assert ratio["low"] == pytest.approx(ratio["high"]) == pytest.approx(2.0)
-    width = found["controllers"]["pid"]["all"]["rms_m"]
-    assert width["high"] > 1.3 * width["low"]
+        ratio = getattr((found.controllers["pid"].ratio or {})["all"], kind)
+        assert ratio.low == pytest.approx(ratio.high) == pytest.approx(2.0)
+    width = found.controllers["pid"].all.rms_m
+    assert (width.high or 0.0) > 1.3 * (width.low or 1.0)
 
 
 def test_only_learned_controllers_have_nothing_to_be_compared_with() -> None:
     found = summarise_rows([row("pid", "a", 0.1)], [PID._replace(learned=True)])
-    assert found["best_classical"] is None
-    assert "ratio" not in found["controllers"]["pid"]
+    assert found.best_classical is None
+    assert "ratio" not in found.plain()["controllers"]["pid"]
 
 
 def test_clusters_are_drawn_as_a_whole() -> None:
@@ -82,49 +82,49 @@ def test_no_items_have_no_interval() -> None:
 def test_profiles_are_shares_within_a_factor_of_the_best() -> None:
     rows = [row("pid", "a", 0.1), row("pid", "b", 0.4)]
     rows += [row("mpc_pid", "a", 0.2), row("mpc_pid", "b", 0.1, completed=False)]
-    found = summarise_rows(rows, [PID, MPC])["profiles"]
-    at = dict(zip(found["factors"], zip(*found["shares"].values(), strict=True), strict=True))
+    found = summarise_rows(rows, [PID, MPC]).profiles
+    at = dict(zip(found.factors, zip(*found.shares.values(), strict=True), strict=True))
     # On b nobody but pid arrived, so that it is the best there; the other never counts.
     assert at[1.0] == (1.0, 0.0)
     assert at[2.0] == (1.0, 0.5)
-    assert at[found["factors"][-1]] == (1.0, 0.5)
-    for shares in found["shares"].values():
+    assert at[found.factors[-1]] == (1.0, 0.5)
+    for shares in found.shares.values():
         assert shares == sorted(shares)
 
 
 def test_standards_are_judged_where_the_road_allows_them() -> None:
     rows = [row("pid", "a", 0.1, path_acceleration_m_s2=2.9), row("pid", "b", 0.1, r79=True)]
     rows += [row("mpc_pid", "a", 0.1, path_acceleration_m_s2=3.1), row("mpc_pid", "b", 0.1)]
-    found = summarise_rows(rows, [PID, MPC])["controllers"]
-    assert found["pid"]["gentle_runs"] == 1  # a asks for too much, as one of them found out
-    assert found["pid"]["r79_share"] == 1.0
-    assert found["mpc_pid"]["r79_share"] == 0.0
-    assert found["pid"]["control_steps"] == 400
+    found = summarise_rows(rows, [PID, MPC]).controllers
+    assert found["pid"].gentle_runs == 1  # a asks for too much, as one of them found out
+    assert found["pid"].r79_share == 1.0
+    assert found["mpc_pid"].r79_share == 0.0
+    assert found["pid"].control_steps == 400
 
 
 def test_sweeps_are_ordered_and_hold_nothing_else() -> None:
     names = {"slow": 0.2, "clean": 0.0, "quick": 0.05}
     rows = [row("pid", "a", 0.1, n, disturbance_delay=v) for n, v in names.items()]
     rows.append(row("pid", "a", 0.1, "both", disturbance_delay=0.1, disturbance_mass=1.2))
-    sweeps = summarise_rows(rows, [PID])["sweeps"]
-    assert [step["disturbance"] for step in sweeps["delay"]] == ["clean", "quick", "slow"]
-    assert [step["value"] for step in sweeps["delay"]] == [0.0, 0.05, 0.2]
+    sweeps = summarise_rows(rows, [PID]).sweeps
+    assert [step.disturbance for step in sweeps["delay"]] == ["clean", "quick", "slow"]
+    assert [step.value for step in sweeps["delay"]] == [0.0, 0.05, 0.2]
     assert sweeps["friction"] == []
 
 
 def test_errors_by_a_factor_add_up() -> None:
     rows = [row("pid", "a", 0.3), row("pid", "b", 0.4), row("pid", "b", 0.5, "soft")]
-    found = summarise_rows(rows, [PID])["by"]
+    found = summarise_rows(rows, [PID]).by
     assert list(found["path"]) == ["a", "b"]
-    assert found["path"]["b"]["pid"]["rms_m"]["value"] == pytest.approx(np.sqrt(0.205))
-    assert found["disturbance"]["soft"]["pid"]["runs"] == 1
+    assert found["path"]["b"]["pid"].rms_m.value == pytest.approx(np.sqrt(0.205))
+    assert found["disturbance"]["soft"]["pid"].runs == 1
 
 
 def test_interventions_are_counted_in_every_group() -> None:
     rows = [row("pid", "a", 0.3, interventions=2, intervened_s=4.0), row("pid", "b", 0.4)]
     rows += [row("pid", "a", 0.4, "soft", interventions=1, intervened_s=0.5)]
     found = summarise_rows(rows, [PID])
-    pid = found["controllers"]["pid"]
-    assert [pid[name]["interventions"] for name in ("all", "clean", "disturbed")] == [3, 2, 1]
-    assert (pid["interventions"], pid["intervened_s"]) == (3, 4.5)
-    assert found["by"]["disturbance"]["soft"]["pid"]["interventions"] == 1
+    pid = found.controllers["pid"]
+    assert [pid.errors(name).interventions for name in ("all", "clean", "disturbed")] == [3, 2, 1]
+    assert (pid.interventions, pid.intervened_s) == (3, 4.5)
+    assert found.by["disturbance"]["soft"]["pid"].interventions == 1

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from typer.testing import Result
 
+from steersman.bench.journal import Journal
 from steersman.files import only_one
 
 Steersman = Callable[..., Result]
@@ -47,7 +48,7 @@ def test_an_interruption_is_told(
     def stop(*_: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("steersman.bench.journal.Journal.add", stop)
+    monkeypatch.setattr(Journal, "add", stop)
     result = steersman(*QUICK, "--controllers", "pid", "--out", "b")
     assert result.exit_code == 130
     assert "the same command goes on from b" in result.stderr

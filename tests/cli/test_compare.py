@@ -12,6 +12,10 @@ import numpy as np
 import pytest
 from typer.testing import Result
 
+from steersman.bench.drive import measure
+from steersman.bench.entrants import entrants
+from steersman.bench.journal import Journal
+from steersman.bench.suites import quick
 from steersman.episode import COLUMNS, Episode
 from steersman.policy_file import locate
 
@@ -144,7 +148,7 @@ def test_an_interruption_is_told(
     def stop(*_: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("steersman.bench.journal.Journal.add", stop)
+    monkeypatch.setattr(Journal, "add", stop)
     result = steersman("compare", "pid", "lqr", *SMALL, "--out", "c")
     assert result.exit_code == 130
     assert "interrupted; the same command goes on from c" in result.stderr
@@ -204,8 +208,8 @@ def test_wrong_words_are_one_line(
     (tmp_path / "several" / "checkpoints").mkdir()
     np.savez(tmp_path / "several" / "checkpoints" / "weights.npz", a=np.zeros(2))  # no episode
     (tmp_path / "rows").mkdir()
-    row = {"key": "1", "controller": "pid", "scenario": "s", "path": "p"}
-    (tmp_path / "rows" / "rows.jsonl").write_text(json.dumps(row) + "\n")
+    row = measure(quick().scenarios((0,))[0], entrants(["pid"])[0], "1")
+    (tmp_path / "rows" / "rows.jsonl").write_text(json.dumps(row.plain()) + "\n")
     result = steersman("compare", *words)
     assert result.exit_code == 2
     assert message in result.stderr

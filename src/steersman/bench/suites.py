@@ -15,9 +15,10 @@ from typing import Any, TypeAlias
 from steersman.bench.disturbance import Disturbance, Mixed
 from steersman.bench.faults import Fault
 from steersman.bench.suite import CLEAN, Course, Suite
-from steersman.config import build, dump, override, read_yaml
+from steersman.config import build, dump, override, read_yaml, to_yaml
 from steersman.controllers.mpc_pid import ModelError
 from steersman.errors import ConfigError, suggestion
+from steersman.files import write_text
 from steersman.paths.base import PathComponent
 from steersman.paths.basic import Circle
 from steersman.paths.eights import FigureEight, Lemniscate
@@ -228,6 +229,15 @@ def suite(name: str, assignments: Sequence[str] = ()) -> Suite:
     else:
         found = SUITES[name]()
     return laid_over(found, assignments)
+
+
+def write_suite(found: Suite, folder: FilePath) -> None:
+    """Write ``suite.yaml``, from which the same suite is read.
+
+    Raises:
+        DataError: it cannot be written.
+    """
+    write_text(folder / "suite.yaml", to_yaml(found))
 
 
 def laid_over(found: Suite, assignments: Sequence[str]) -> Suite:

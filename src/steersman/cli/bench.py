@@ -26,6 +26,7 @@ from steersman.errors import ConfigError, suggestion
 
 if TYPE_CHECKING:
     from steersman.bench.maps import Map
+    from steersman.bench.results import BenchResult, IntervalEstimate
     from steersman.bench.suite import Suite
 
 EXAMPLES = (
@@ -94,7 +95,9 @@ def bench(
     """
     from steersman.bench.engines import ENGINES
     from steersman.bench.entrants import entrants
-    from steersman.bench.results import results, write
+    from steersman.bench.results import RESULTS
+    from steersman.bench.suites import write_suite
+    from steersman.bench.summary import results
     from steersman.cli.seeds import parse
     from steersman.commands import split
 
@@ -110,15 +113,15 @@ def bench(
     settings.tell_plant(plan.plant)
     folder = settings.out_folder(out)
     tell_compiling()
-    scenarios, left_out = plan.scenarios(numbers), plan.left_out(numbers)
-    _tell(plan, scenarios, left_out)
+    scenarios = plan.scenarios(numbers)
+    _tell(plan, scenarios, plan.left_out(numbers))
     rows = _drive(scenarios, found, folder, jobs, engine)
-    outcome = results(suite, numbers, rows, found, read)
-    outcome |= {"plant": rows[0].get("plant", plan.plant.kind), "left_out": left_out}
-    write(folder, outcome, plan)
+    outcome = results(suite, plan, numbers, rows, found, read)
+    outcome.write(folder / RESULTS)
+    write_suite(plan, folder)
     _extras(folder, outcome, rows, scenarios, found)
     if as_json:
-        show_json(outcome)
+        show_json(outcome.plain())
     else:
         _show(outcome, folder)
 
@@ -165,12 +168,10 @@ def _tell(plan: Any, scenarios: Any, left_out: dict[str, int]) -> None:
         note(f"plant={kind} cannot do {sum(left_out.values())} scenarios, left out: {names}")
 
 
-def _extras(
-    folder: FilePath, outcome: dict[str, Any], rows: Any, scenarios: Any, found: Any
-) -> None:
+def _extras(folder: FilePath, outcome: BenchResult, rows: Any, scenarios: Any, found: Any) -> None:
     """The table and the page, each if its extra is installed."""
     from steersman.bench.replay import median_cases, worst_cases
-    from steersman.bench.table import write_table
+    from steersman.bench.results import write_table
 
     if write_table(rows, folder) is None:
         note("no results.parquet: it needs the extra 'bench': pip install 'steersman[bench]'")
@@ -216,24 +217,24 @@ def suite_progress(title: str) -> Iterator[Callable[[float, float], None]]:
     yield line
 
 
-def _show(outcome: dict[str, Any], folder: FilePath) -> None:
-    summary = outcome["summary"]
-    best = summary["best_classical"]
+def _show(outcome: BenchResult, folder: FilePath) -> None:
+    summary = outcome.summary
+    best = summary.best_classical
     columns = ("clean", "disturbed", "failed", "steering", "step", "ratio")
     out = table("controller", *columns, right=columns)
-    for name, found in summary["controllers"].items():
-        ratio = found["ratio"]["all"]["rms"] if "ratio" in found else None
+    for name, found in summary.controllers.items():
+        ratio = None if found.ratio is None else found.ratio["all"].rms
         out.add_row(
             name,
-            _interval(found["clean"]["rms_m"], 1e3),
-            _interval(found["disturbed"]["rms_m"], 1e3),
-            str(found["failures"]),
-            _number(found["steer_change_rms"], 1e3),
-            _number(found["control_time_us_p50"]),
+            _interval(found.clean.rms_m, 1e3),
+            _interval(found.disturbed.rms_m, 1e3),
+            str(found.failures),
+            _number(found.steer_change_rms, 1e3),
+            _number(found.control_time_us_p50),
             "" if ratio is None else _interval(ratio),
         )
     notes = (
-        f"{summary['scenarios']} scenarios on {summary['paths']} paths; 95 % intervals of a"
+        f"{summary.scenarios} scenarios on {summary.paths} paths; 95 % intervals of a"
         " bootstrap over paths. clean, disturbed: RMS lateral error [mm]; failed: runs"
         " that ended early, charged in all errors; steering: RMS change in a step [1/1000];"
         " step: median computing time [us]"
@@ -251,6 +252,6 @@ def _number(value: float | None, factor: float = 1.0) -> str:
     return f"{factor * value:.0f}" if "e+" in text else text
 
 
-def _interval(found: dict[str, float | None], factor: float = 1.0) -> str:
-    value, low, high = (_number(found[k], factor) for k in ("value", "low", "high"))
-    return value if found["low"] is None else f"{value}\n{low}..{high}"
+def _interval(found: IntervalEstimate, factor: float = 1.0) -> str:
+    value, low, high = (_number(v, factor) for v in (found.value, found.low, found.high))
+    return value if found.low is None else f"{value}\n{low}..{high}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -20,6 +19,11 @@ from steersman.errors import ConfigError
 
 if TYPE_CHECKING:
     from steersman.studies.compare.contestants import Contestant
+    from steersman.studies.compare.results import (
+        AnyComparison,
+        DriveCompareResult,
+        ScenarioCompareResult,
+    )
 
 EXAMPLES = (
     "\b\n"
@@ -66,8 +70,7 @@ def compare(
     first one drove. Differences and ratios are paired and have 95 % bootstrap intervals.
     """
     from steersman.cli.seeds import parse
-    from steersman.studies.compare.compare import result, sort_of
-    from steersman.studies.compare.contestants import contestants
+    from steersman.studies.compare.contestants import contestants, sort_of
 
     named, chosen = split(words)
     numbers = None if seeds is None else parse(seeds)
@@ -76,20 +79,21 @@ def compare(
     folder = None if out is None else _folder(out, found)
     tell_compiling()
     try:
+        outcome: AnyComparison
         if sort == "drives":
-            compared = _drives(found, [*chosen.values(), *([] if seeds is None else ["--seeds"])])
+            given = [*chosen.values(), *([] if seeds is None else ["--seeds"])]
+            outcome, extra = _drives(found, given)
         else:
-            compared = _scenarios(found, chosen, numbers, jobs, folder)
+            outcome, extra = _scenarios(found, chosen, numbers, jobs, folder)
     except KeyboardInterrupt:
         note("interrupted" + (f"; the same command goes on from {folder}" if folder else ""))
         raise typer.Exit(INTERRUPTED) from None
-    outcome = result(sort, found, compared)
-    for line in outcome["warnings"]:
+    for line in outcome.warnings:
         note(f"note: {line}")
     if folder is not None:
-        _write(folder, outcome, compared)
+        _write(folder, outcome, extra)
     if as_json:
-        show_json(outcome)
+        show_json(outcome.plain())
     else:
         _show(outcome, folder)
 
@@ -118,14 +122,17 @@ def _folder(out: str, found: Sequence[Contestant]) -> FilePath:
     return folder
 
 
-def _drives(found: Sequence[Contestant], chosen: Sequence[str]) -> dict[str, Any]:
+def _drives(
+    found: Sequence[Contestant], chosen: Sequence[str]
+) -> tuple[DriveCompareResult, dict[str, Any]]:
     from steersman.studies.compare.drives import compare_drives
 
     if chosen:
         raise ConfigError(
             f"{chosen[0]}: drives are compared on what they drove; it goes with controllers"
         )
-    return compare_drives(found)
+    result, episodes = compare_drives(found)
+    return result, {"episodes": episodes}
 
 
 def _scenarios(
@@ -134,7 +141,7 @@ def _scenarios(
     seeds: list[int] | None,
     jobs: int | None,
     folder: FilePath | None,
-) -> dict[str, Any]:
+) -> tuple[ScenarioCompareResult, dict[str, Any]]:
     from steersman.studies.compare.scenarios import compare_scenarios, plan
 
     suite = chosen.get("suite", "").partition("=")[2].strip() or None
@@ -143,10 +150,12 @@ def _scenarios(
     drivers = sum(one.entrant is not None for one in found)
     title = f"{len(over.scenarios)} scenarios x {drivers} controllers"
     with _place(folder) as place:
-        if not drivers:
-            return compare_scenarios(found, over, place)
-        with suite_progress(title) as progress:
-            return compare_scenarios(found, over, place, jobs, progress)
+        if drivers:
+            with suite_progress(title) as progress:
+                result, cases = compare_scenarios(found, over, place, jobs, progress)
+        else:
+            result, cases = compare_scenarios(found, over, place)
+    return result, {"cases": cases}
 
 
 @contextmanager
@@ -159,54 +168,51 @@ def _place(folder: FilePath | None) -> Iterator[FilePath]:
         yield FilePath(name)
 
 
-def _write(folder: FilePath, outcome: dict[str, Any], compared: dict[str, Any]) -> None:
-    from steersman.files import write_text
-
-    write_text(folder / _OUT, json.dumps(outcome, indent=1, allow_nan=False) + "\n")
+def _write(folder: FilePath, outcome: AnyComparison, extra: dict[str, Any]) -> None:
+    outcome.write(folder / _OUT)
     if find_spec("jinja2") is None:
         note("no report.html: it needs the extra 'report': pip install 'steersman[report]'")
         return
     from steersman.report.comparison import write_comparison
 
-    extra = {key: compared[key] for key in ("cases", "episodes") if key in compared}
     write_comparison(outcome, folder / "report.html", **extra)
 
 
-def _show(outcome: dict[str, Any], folder: FilePath | None) -> None:
+def _show(outcome: AnyComparison, folder: FilePath | None) -> None:
     from steersman.report.comparison import headers, legend, rows, sentences
 
     who = table("", "name", "from")
     for line in legend(outcome):
         who.add_row(*line)
     show(who)
-    if outcome["sort"] == "drives":
+    if outcome.sort == "drives":
         _show_metrics(outcome)
-    for k, compared in enumerate(outcome["comparisons"]):
+    for k in range(len(outcome.comparisons)):
         show("", *sentences(outcome, k))
         columns = headers(outcome, k)
         out = table(*columns.values(), right=tuple(columns.values())[1:])
-        for row in rows(compared, "\n"):
+        for row in rows(outcome, k, "\n"):
             out.add_row(*(row[key] for key in columns))
         if out.rows:
             show("", out)
-    drawn = "paths" if outcome["sort"] == "scenarios" else "stretches of the path"
+    drawn = "paths" if outcome.sort == "scenarios" else "stretches of the path"
     show("", f"In brackets: 95 % intervals of a bootstrap over {drawn}.")
     if folder is not None:
         show(f"written to {folder}")
 
 
-def _show_metrics(outcome: dict[str, Any]) -> None:
+def _show_metrics(outcome: DriveCompareResult) -> None:
     """All metrics of all drives, so many to a table as fit."""
     from steersman.metrics.base import metrics
     from steersman.report.tables import text
 
-    everybody = outcome["contestants"]
+    everybody = outcome.contestants
     for first in range(0, len(everybody), _COLUMNS):
         some = everybody[first : first + _COLUMNS]
-        letters = [one["letter"] for one in some]
+        letters = [one.letter for one in some]
         out = table("measured", "unit", *letters, right=tuple(letters))
-        found = [outcome["metrics"][one["name"]] for one in some]
+        found = [outcome.metrics[one.name] for one in some]
         out.add_row("ended by", "-", *(str(m["end"]).replace("_", " ") for m in found))
         for name, metric in metrics().items():
-            out.add_row(metric.meaning, metric.unit, *(text(m[name]) for m in found))
+            out.add_row(metric.meaning, metric.unit, *(text(m.get(name)) for m in found))
         show("", out)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
-from typing import Any, TypeAlias
+from typing import Any
 
 from steersman.bench.along import ALONG, STEP, AlongComparison
 from steersman.bench.pairs import FIGURES, PairedComparison, PathPairs
@@ -18,9 +18,9 @@ from steersman.report.html import write_report
 from steersman.report.runs import Run, Table, read_progress
 from steersman.report.tables import text
 from steersman.studies.compare.results import (
+    AnyComparison,
     CompareResult,
     DriveCompareResult,
-    DriveComparison,
     FieldDifference,
     ScenarioCompareResult,
 )
@@ -31,7 +31,6 @@ _CURVES = {
     "off_track_resets": "off-track resets",
 }
 _SHOWN = 4
-AnyComparison: TypeAlias = ScenarioCompareResult | DriveCompareResult
 
 
 def legend(found: CompareResult) -> list[tuple[str, str, str]]:
@@ -46,8 +45,9 @@ def headers(found: CompareResult, k: int) -> dict[str, str]:
             "ratio": f"{b} / {a}"}  # fmt: skip
 
 
-def rows(compared: PairedComparison | DriveComparison, gap: str = " ") -> list[dict[str, str]]:
-    """A comparison as text: a row for each figure; ``gap`` stands between value and interval."""
+def rows(result: AnyComparison, k: int, gap: str = " ") -> list[dict[str, str]]:
+    """The k-th comparison as text, a row for each figure; ``gap`` is before an interval."""
+    compared = result.comparisons[k]
     found: PairedComparison | AlongComparison | None
     found, figures = (
         (compared, FIGURES) if isinstance(compared, PairedComparison) else (compared.along, ALONG)
@@ -146,8 +146,8 @@ def _runs(found: DriveCompareResult, episodes: Mapping[str, Episode]) -> list[Ru
     who = [dict(zip(columns, line, strict=True)) for line in legend(found)]
     tables = [
         Run(f"comparison {k}", table=Table(" ".join(sentences(found, k)), headers(found, k), lines))
-        for k, compared in enumerate(found.comparisons)
-        if (lines := rows(compared))
+        for k in range(len(found.comparisons))
+        if (lines := rows(found, k))
     ]
     notes = Table("To keep in mind", {"note": ""}, [{"note": line} for line in found.warnings])
     legends = [Run("drives", table=Table("Drives", columns, who)), Run("notes", table=notes)]
@@ -176,7 +176,7 @@ def _against(found: ScenarioCompareResult) -> list[dict[str, Any]]:
                 "title": f"{b} against {a}: {compared.name}",
                 "text": sentences(found, k),
                 "tables": [{"title": "Pair by pair, with 95 % intervals of a bootstrap over paths",
-                            "columns": columns, "rows": rows(compared)}],
+                            "columns": columns, "rows": rows(found, k)}],
                 "figures": [{"file": f"ratio_{b}", "title": title, "x": "ratio",
                              "points": points}],
             }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path as FilePath
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 from pydantic import Field
 
@@ -88,6 +88,9 @@ class DriveCompareResult(CompareResult):
     metrics: dict[str, dict[str, Any]]
     """Of each drive by name, of :func:`steersman.metrics.base.summarise`."""
     comparisons: list[DriveComparison]
+
+
+AnyComparison: TypeAlias = ScenarioCompareResult | DriveCompareResult
 
 
 def records(found: Sequence[Contestant]) -> list[ContestantRecord]:
