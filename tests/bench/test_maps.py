@@ -154,7 +154,7 @@ def test_a_broken_map_is_left_out_with_its_reason(tmp_path: FilePath) -> None:
     assert found["broken.xodr"].told() == f"broken.xodr: left out, no course; {WHY}"
     assert [name for name, each in found.items() if each.courses] == ["wavy.xodr"]
     assert all("\n" not in each.told() and each.why_not for each in found.values())
-    assert found["broken.xodr"].plain()["sha256"] is None
+    assert found["broken.xodr"].record().sha256 is None
     assert set(with_maps(None, list(found.values())).courses) == set(found["wavy.xodr"].courses)
 
 
