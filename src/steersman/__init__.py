@@ -43,9 +43,13 @@ if TYPE_CHECKING:
     from steersman.errors import PlantError as PlantError
     from steersman.errors import SteersmanError as SteersmanError
     from steersman.errors import TrainingDiverged as TrainingDiverged
+    from steersman.errors import suggestion as suggestion
     from steersman.learning.config import TrainConfig as TrainConfig
     from steersman.paths.base import PathComponent
+    from steersman.paths.xodr.ways import lane_starts as lane_starts
     from steersman.plants.base import PlantComponent
+    from steersman.plants.carla_frame import CarlaFrame as CarlaFrame
+    from steersman.plants.motion import VehicleMotion as VehicleMotion
     from steersman.rollout import Attempt as Attempt
     from steersman.rollout import RunConfig as RunConfig
     from steersman.speed import SpeedComponent
@@ -81,11 +85,15 @@ _FRONT_DOOR = {
     "plants.base": ("Plant",),
     "speed": ("Speed",),
     "vehicles": ("Vehicle",),
+    "plants.motion": ("VehicleMotion",),  # a car in a world of one's own (carla_standin)
+    "plants.carla_frame": ("CarlaFrame",),  # CARLA's axes, for a client or server of one's own
+    "paths.xodr.ways": ("lane_starts",),  # where cars may be put on a map (carla_standin)
     "types": ("Observation", "Decision", "Status", "Command", "VehicleState", "Pose"),
     "episode": ("Episode",),
     "errors": (
         *("SteersmanError", "ConfigError", "DataError"),
         *("ControllerError", "PlantError", "TrainingDiverged"),
+        "suggestion",  # a plug-in's error names the nearest match in the same words
     ),
 }
 # Names that are shorter here than in their module.

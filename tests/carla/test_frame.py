@@ -9,53 +9,53 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steersman.plants import carla_frame as frame
-from steersman.plants.carla_frame import Offset, Placement
+from steersman.plants.carla_frame import CarlaFrame, Placement
 from steersman.types import Pose
 
 METRES = st.floats(-1e4, 1e4)
 ANGLES = st.floats(-3.1, 3.1)
-OFFSETS = st.builds(Offset, st.floats(-2.0, 2.0), st.floats(-0.5, 0.5))
+OFFSETS = st.builds(CarlaFrame, st.floats(-2.0, 2.0), st.floats(-0.5, 0.5))
 
 
 @given(METRES, METRES, ANGLES, OFFSETS)
-def test_pose_there_and_back(x: float, y: float, psi: float, offset: Offset) -> None:
-    back = frame.pose_of(frame.placement(Pose(x, y, psi), offset), offset)
+def test_pose_there_and_back(x: float, y: float, psi: float, offset: CarlaFrame) -> None:
+    back = offset.pose(*offset.placement(Pose(x, y, psi)))
     assert back == pytest.approx(Pose(x, y, psi), abs=1e-9)
 
 
 @given(METRES, METRES, st.floats(-179.0, 179.0), OFFSETS)
-def test_placement_there_and_back(x: float, y: float, yaw: float, offset: Offset) -> None:
-    back = frame.placement(frame.pose_of(Placement(x, y, yaw), offset), offset)
+def test_placement_there_and_back(x: float, y: float, yaw: float, offset: CarlaFrame) -> None:
+    back = offset.placement(offset.pose(x, y, yaw))
     assert back == pytest.approx(Placement(x, y, yaw), abs=1e-9)
 
 
 @given(ANGLES, METRES, METRES)
 def test_vectors_there_and_back(psi: float, forward: float, left: float) -> None:
-    assert frame.body_vector(psi, *frame.world_vector(psi, forward, left)) == pytest.approx(
-        (forward, left), abs=1e-9
-    )
-    x, y = frame.world_vector(psi, forward, left)
+    assert CarlaFrame.body_vector(
+        psi, *CarlaFrame.world_vector(psi, forward, left)
+    ) == pytest.approx((forward, left), abs=1e-9)
+    x, y = CarlaFrame.world_vector(psi, forward, left)
     assert math.hypot(x, y) == pytest.approx(math.hypot(forward, left))
 
 
 def test_left_is_left() -> None:
     # At yaw 90 deg to the left, CARLA looks along its -y; left of that is its -x.
-    assert frame.placement(Pose(0.0, 0.0, math.pi / 2), Offset()).yaw == pytest.approx(-90.0)
-    assert frame.world_vector(math.pi / 2, 1.0, 0.0) == pytest.approx((0.0, -1.0), abs=1e-12)
-    assert frame.world_vector(math.pi / 2, 0.0, 1.0) == pytest.approx((-1.0, 0.0), abs=1e-12)
+    assert CarlaFrame().placement(Pose(0.0, 0.0, math.pi / 2)).yaw == pytest.approx(-90.0)
+    assert CarlaFrame.world_vector(math.pi / 2, 1.0, 0.0) == pytest.approx((0.0, -1.0), abs=1e-12)
+    assert CarlaFrame.world_vector(math.pi / 2, 0.0, 1.0) == pytest.approx((-1.0, 0.0), abs=1e-12)
     # The Model 3's origin is 0.45 m behind its centre of mass.
-    at = frame.placement(Pose(0.0, 0.0, math.pi / 2), Offset(0.45))
+    at = CarlaFrame(0.45).placement(Pose(0.0, 0.0, math.pi / 2))
     assert at[:2] == pytest.approx((0.0, 0.45), abs=1e-12)
-    assert frame.degrees_right(1.0) == pytest.approx(-57.29577951308232)
-    assert frame.radians_left(frame.degrees_right(-2.0)) == pytest.approx(-2.0)
+    assert CarlaFrame.degrees_right(1.0) == pytest.approx(-57.29577951308232)
+    assert CarlaFrame.radians_left(CarlaFrame.degrees_right(-2.0)) == pytest.approx(-2.0)
 
 
 @given(METRES, METRES, ANGLES, OFFSETS)
 def test_a_mirrored_pose_is_mirrored_in_carla(
-    x: float, y: float, psi: float, offset: Offset
+    x: float, y: float, psi: float, offset: CarlaFrame
 ) -> None:
-    at = frame.placement(Pose(x, y, psi), offset)
-    mirrored = frame.placement(Pose(x, -y, -psi), offset._replace(left=-offset.left))
+    at = offset.placement(Pose(x, y, psi))
+    mirrored = offset._replace(left=-offset.left).placement(Pose(x, -y, -psi))
     assert mirrored == pytest.approx(Placement(at.x, -at.y, -at.yaw), abs=1e-9)
 
 

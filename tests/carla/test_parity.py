@@ -12,9 +12,7 @@ from steersman.controllers.bearing_pid import BearingPid
 from steersman.episode import Episode
 from steersman.paths.basic import Circle, Straight
 from steersman.paths.tracks import Monza
-from steersman.plants import carla_frame as frame
 from steersman.plants.carla import CarlaConfig
-from steersman.plants.carla_frame import Placement
 from steersman.plants.carla_world import world_of
 from steersman.plants.simulator import SimulatorConfig
 from steersman.protocols import Plant
@@ -199,7 +197,7 @@ def test_carlas_pid_drives_as_a_client_of_its_own(carla: CarlaConfig, lib: Any) 
         for _ in range(400):
             transform, velocity = car.get_transform(), car.get_velocity()
             placed = transform.location, transform.rotation
-            pose = frame.pose_of(Placement(placed[0].x, placed[0].y, placed[1].yaw), plant._offset)
+            pose = plant._frame.pose(placed[0].x, placed[0].y, placed[1].yaw)
             line.append((pose.x, pose.y))
             ahead = 0.5 * math.hypot(velocity.x, velocity.y) + 3.0
             point = roads.get_waypoint(transform.location).next(ahead)[0].transform.location

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from steersman.errors import PlantError
 from steersman.kernels import vehicle as kernel
-from steersman.plants import carla_frame as frame
-from steersman.plants.carla_frame import Placement
+from steersman.plants.carla_frame import CarlaFrame, Placement
 from steersman.plants.carla_physics import offset_of, steering, vehicle_of
 from steersman.vehicles import Bmw320i, CarlaMkz2020, CarlaModel3, Vehicle
 
@@ -24,11 +23,11 @@ CARS = st.sampled_from([MODEL3, CarlaMkz2020(), Bmw320i(), MODEL3.replace(steer_
 
 def told(car: Vehicle, ahead: float = 0.45, at: Placement = ORIGIN, **changes: Any) -> Any:
     """A physics control as a server would have it for one of our cars; lengths in cm."""
-    psi = frame.radians_left(at.yaw)
+    psi = CarlaFrame.radians_left(at.yaw)
     wheels = []
     for along in (ahead + car.l_f, ahead - car.l_r):
         for left in (0.5 * car.track_width, -0.5 * car.track_width):
-            x, y = frame.world_vector(psi, along, left)
+            x, y = CarlaFrame.world_vector(psi, along, left)
             front = along > 0.0
             share = car.brake_front if front else 1.0 - car.brake_front
             wheels.append(

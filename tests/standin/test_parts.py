@@ -11,26 +11,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from steersman.standin import actor_calls, episode_calls, physics
-from steersman.standin.actors import Actor, overlap
-from steersman.standin.axes import (
-    Transform,
-    mass_centre_of,
-    origin_of,
-    placed,
-    rate_deg,
-    rate_rad,
-    to_body,
-    to_world,
-)
-from steersman.standin.blueprints import IMU, MODEL3, default_models
-from steersman.standin.calls import Desk, answered
-from steersman.standin.car import Car
-from steersman.standin.maps import Atlas, default_map, read_map
-from steersman.standin.settings import Settings
-from steersman.standin.streams import MAX_WAITING, Streams
-from steersman.standin.wire import NotARequest, framed, request, shaped, unpacker
-from steersman.standin.world import Message, World
+from carla_standin import actor_calls, physics
+from carla_standin.actors import Actor, overlap
+from carla_standin.blueprints import IMU, MODEL3, default_models
+from carla_standin.calls import Dispatcher, answered
+from carla_standin.car import Car
+from carla_standin.maps import MapLibrary, default_map, read_map
+from carla_standin.settings import EpisodeSettings
+from carla_standin.streams import MAX_WAITING, Streams
+from carla_standin.wire import NotARequest, Transform, framed, request, shaped, unpacker
+from carla_standin.world import StandinWorld, StreamMessage
+from steersman.plants.carla_frame import CarlaFrame
+from steersman.types import Pose
 from steersman.vehicles import CarlaModel3
 
 from .serving import ROAD
@@ -40,45 +32,46 @@ angles = st.floats(-10.0, 10.0)
 SPAWN = [[1, MODEL3, []], [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]]
 
 
-def desk() -> tuple[Desk, list[Message]]:
+def desk() -> tuple[Dispatcher, list[StreamMessage]]:
     """A world, and what it sends."""
     assert actor_calls
-    assert episode_calls
-    sent: list[Message] = []
-    world = World(default_models())
-    world.settings = Settings(synchronous=True, fixed_delta=0.05)
+    sent: list[StreamMessage] = []
+    world = StandinWorld(default_models())
+    world.settings = EpisodeSettings(synchronous=True, fixed_delta=0.05)
     streams = Streams()
     streams.publish = sent.append  # type: ignore[method-assign]
-    return Desk(world, Atlas(), 2001, streams), sent
+    return Dispatcher(world, MapLibrary(), 2001, streams), sent
 
 
 @given(metres, metres, angles, st.floats(-2.0, 2.0))
 def test_a_pose_survives_the_way_there_and_back(x: float, y: float, psi: float, l: float) -> None:  # noqa: E741
-    back = mass_centre_of(origin_of(x, y, psi, l), l)
+    back = Transform.of(Pose(x, y, psi), l).pose(l)
     assert (back.x, back.y) == pytest.approx((x, y), abs=1e-9)
     assert math.remainder(back.psi - psi, math.tau) == pytest.approx(0.0, abs=1e-12)
 
 
 @given(angles, metres, metres)
 def test_a_velocity_survives_the_way_there_and_back(psi: float, u: float, v: float) -> None:
-    assert to_body(psi, *to_world(psi, u, v)) == pytest.approx((u, v), abs=1e-9)
-    assert math.hypot(*to_world(psi, u, v)) == pytest.approx(math.hypot(u, v))
-    assert rate_rad(rate_deg(u)) == pytest.approx(u)
+    assert CarlaFrame.body_vector(psi, *CarlaFrame.world_vector(psi, u, v)) == pytest.approx(
+        (u, v), abs=1e-9
+    )
+    assert math.hypot(*CarlaFrame.world_vector(psi, u, v)) == pytest.approx(math.hypot(u, v))
+    assert CarlaFrame.radians_left(CarlaFrame.degrees_right(u)) == pytest.approx(u)
 
 
 def test_left_is_right_the_other_way_round() -> None:
     # Ours: facing north-west at (3, 4); CARLA's y points the other way, and so does yaw.
-    where = origin_of(3.0, 4.0, 0.75 * math.pi, 0.0)
+    where = Transform.of(Pose(3.0, 4.0, 0.75 * math.pi), 0.0)
     assert (where.x, where.y, where.yaw) == pytest.approx((3.0, -4.0, -135.0))
-    assert to_world(0.0, 1.0, 2.0) == (1.0, -2.0)
-    assert rate_deg(1.0) < 0.0
+    assert CarlaFrame.world_vector(0.0, 1.0, 2.0) == (1.0, -2.0)
+    assert CarlaFrame.degrees_right(1.0) < 0.0
 
 
 @given(angles, metres, metres)
 def test_what_is_mounted_on_a_car_turns_with_it(psi: float, x: float, y: float) -> None:
-    parent = origin_of(x, y, psi, 0.0)
-    mounted = placed(parent, Transform(x=2.0, y=1.0, z=0.5, yaw=90.0))
-    there = to_world(psi, 2.0, -1.0)
+    parent = Transform.of(Pose(x, y, psi), 0.0)
+    mounted = parent.placed(Transform(x=2.0, y=1.0, z=0.5, yaw=90.0))
+    there = CarlaFrame.world_vector(psi, 2.0, -1.0)
     assert (mounted.x - parent.x, mounted.y - parent.y) == pytest.approx(there, abs=1e-8)
     assert mounted.z == 0.5
     assert math.remainder(mounted.yaw - parent.yaw - 90.0, 360.0) == pytest.approx(0.0, abs=1e-9)
@@ -142,7 +135,7 @@ def test_any_arguments_get_an_answer(name: str, arguments: list[Any]) -> None:
     msgpack.packb(answer)
 
 
-def valid(counter: Desk, number: int) -> dict[str, list[Any]]:
+def valid(counter: Dispatcher, number: int) -> dict[str, list[Any]]:
     """Arguments that calls about vehicle ``number`` take."""
     pose = [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]
     control = [0.5, 0.2, 0.0, False, False, False, 1]
@@ -192,12 +185,12 @@ def test_no_damaged_argument_breaks_the_world(data: Any) -> None:
         counter.tick()
     assert len(sent) >= begun + 3
     for actor in counter.world.actors.values():
-        assert actor.car is None or np.isfinite(actor.car.state).all()
+        assert actor.car is None or np.isfinite(actor.car.motion._row).all()
         if actor.car is not None:
             told = counter.answer("get_physics_control", [actor.number])[0][1]
             assert shaped(told, physics._LIKE) == told
         assert shaped(actor.wire()[2], (0, "", [("", 0, "")])) == actor.wire()[2]
-    assert Settings.read(counter.world.settings.wire()) == counter.world.settings
+    assert EpisodeSettings.read(counter.world.settings.wire()) == counter.world.settings
 
 
 def test_errors_do_not_quote_all_that_was_sent() -> None:
@@ -238,7 +231,7 @@ def test_no_control_makes_a_car_that_cannot_be_told(
     for _ in range(3):
         counter.answer("tick_cue", [])
     assert len(sent) == 3
-    assert np.isfinite(counter.world.actors[number].car.state).all()  # type: ignore[union-attr]
+    assert np.isfinite(counter.world.actors[number].car.motion._row).all()  # type: ignore[union-attr]
 
 
 def test_a_car_of_other_mass_centre_stays_where_it_is() -> None:
@@ -246,22 +239,24 @@ def test_a_car_of_other_mass_centre_stays_where_it_is() -> None:
     car.transform = Transform(5.0, 6.0, yaw=40.0)
     car.fit(CarlaModel3(mass=2000.0), 0.1)
     assert car.transform == pytest.approx(Transform(5.0, 6.0, yaw=40.0))
-    assert car.state[0] == pytest.approx(5.0 + 0.1 * math.cos(math.radians(40.0)))
+    assert car.motion.pose.x == pytest.approx(5.0 + 0.1 * math.cos(math.radians(40.0)))
 
 
 @pytest.mark.parametrize(
     ("found", "period", "substeps"),
     [
-        (Settings(fixed_delta=0.05), 0.05, 5),
-        (Settings(fixed_delta=0.05, max_substep_delta=0.016), 0.05, 4),
-        (Settings(fixed_delta=0.5, max_substep_delta=0.01, max_substeps=10), 0.5, 10),
-        (Settings(fixed_delta=0.05, substepping=False), 0.05, 1),
-        (Settings(), 0.02, 2),
+        (EpisodeSettings(fixed_delta=0.05), 0.05, 5),
+        (EpisodeSettings(fixed_delta=0.05, max_substep_delta=0.016), 0.05, 4),
+        (EpisodeSettings(fixed_delta=0.5, max_substep_delta=0.01, max_substeps=10), 0.5, 10),
+        (EpisodeSettings(fixed_delta=0.05, substepping=False), 0.05, 1),
+        (EpisodeSettings(), 0.02, 2),
     ],
 )
-def test_substeps_are_those_of_the_settings(found: Settings, period: float, substeps: int) -> None:
+def test_substeps_are_those_of_the_settings(
+    found: EpisodeSettings, period: float, substeps: int
+) -> None:
     assert (found.period, found.substeps) == (period, substeps)
-    assert Settings.read(found.wire()) == found
+    assert EpisodeSettings.read(found.wire()) == found
 
 
 class Ear:
@@ -279,31 +274,31 @@ def test_a_subscription_counts_from_the_question() -> None:
     streams = Streams(lambda: now)
     early, late, other = Ear(), Ear(), Ear()
     streams.join(1, early)
-    streams.publish(Message(1, b"a"))
+    streams.publish(StreamMessage(1, b"a"))
     streams.expect(1)
-    streams.publish(Message(1, b"b"))
-    streams.publish(Message(2, b"x"))
-    streams.publish(Message(1, b"c"))
+    streams.publish(StreamMessage(1, b"b"))
+    streams.publish(StreamMessage(2, b"x"))
+    streams.publish(StreamMessage(1, b"c"))
     streams.join(1, late)
-    streams.publish(Message(1, b"d"))
+    streams.publish(StreamMessage(1, b"d"))
     assert b"".join(early.heard) == b"".join(framed(bytes([c])) for c in b"abcd")
     assert b"".join(late.heard) == b"".join(framed(bytes([c])) for c in b"bcd")
     # Whoever asks and does not come is forgotten, and never kept more than a limit for.
     streams.expect(1)
     for _ in range(3):
-        streams.publish(Message(1, bytes(MAX_WAITING // 2)))
+        streams.publish(StreamMessage(1, bytes(MAX_WAITING // 2)))
     streams.expect(1)
     now = 60.0
     streams.join(1, other)
     assert other.heard == []
     streams.expect(1)
     for _ in range(3):
-        streams.publish(Message(1, bytes(MAX_WAITING // 2)))
+        streams.publish(StreamMessage(1, bytes(MAX_WAITING // 2)))
     last = Ear()
     streams.join(1, last)
     assert 0 < sum(map(len, last.heard)) <= MAX_WAITING
     streams.leave(1, last)
-    streams.publish(Message(1, b"e"))
+    streams.publish(StreamMessage(1, b"e"))
     assert b"e" not in last.heard[-1]
 
 

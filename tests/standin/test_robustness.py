@@ -15,9 +15,9 @@ from typing import Any
 import msgpack
 import pytest
 
-from steersman.standin.server import MAX_CLIENTS
-from steersman.standin.streams import MAX_WAITING
-from steersman.standin.wire import MAX_REQUEST
+from carla_standin.server import MAX_CLIENTS
+from carla_standin.streams import MAX_WAITING
+from carla_standin.wire import MAX_REQUEST
 
 from .serving import PATIENCE, Serving, at, connect, serving, spawn, synchronous
 

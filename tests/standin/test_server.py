@@ -12,9 +12,9 @@ from typing import Any
 import msgpack
 import pytest
 
-from steersman.standin.server import PortTaken, Server, serve
-from steersman.standin.settings import Settings
-from steersman.standin.wire import VERSION
+from carla_standin.server import PortTaken, StandinServer, serve
+from carla_standin.settings import EpisodeSettings
+from carla_standin.wire import VERSION
 
 PATIENCE = 20.0
 
@@ -28,7 +28,7 @@ class Client:
         self._number = 0
 
     @classmethod
-    async def to(cls, server: Server) -> Client:
+    async def to(cls, server: StandinServer) -> Client:
         return cls(*await asyncio.open_connection(server.host, server.port))
 
     async def call(self, name: str, *arguments: Any, ignored: bool = False) -> Any:
@@ -47,7 +47,7 @@ class Client:
 
 def test_calls_and_snapshots() -> None:
     async def session() -> list[int]:
-        async with Server(port=0) as server:
+        async with StandinServer(port=0) as server:
             client = await Client.to(server)
             assert await client.call("version") == [[1, VERSION]]
             settings = [True, False, [True, 0.05], True, 0.01, 10, 0.0, True, 1.0, 1.0, True]
@@ -79,13 +79,13 @@ def test_calls_and_snapshots() -> None:
 
 def test_asynchronous_mode_ticks_by_itself() -> None:
     async def session() -> int:
-        async with Server(port=0) as server:
+        async with StandinServer(port=0) as server:
             # A long period that holds for a moment delays nothing.
-            server.world.settings = Settings(synchronous=True, fixed_delta=10.0)
+            server.world.settings = EpisodeSettings(synchronous=True, fixed_delta=10.0)
             await asyncio.sleep(0.05)
             begun = server.world.frame
             assert begun == 1
-            server.world.settings = Settings()
+            server.world.settings = EpisodeSettings()
             for _ in range(300):
                 await asyncio.sleep(0.01)
                 if server.world.frame > begun + 3:
@@ -97,11 +97,11 @@ def test_asynchronous_mode_ticks_by_itself() -> None:
 
 def test_a_taken_port_leaves_nothing_open() -> None:
     async def session() -> None:
-        async with Server(port=0) as first:
-            second = Server(port=first.port)
+        async with StandinServer(port=0) as first:
+            second = StandinServer(port=first.port)
             with pytest.raises(PortTaken, match=r"is taken; is a server running already\?"):
                 await second.__aenter__()
-            third = Server(port=first.port)
+            third = StandinServer(port=first.port)
             third.stream_port = 0
             with pytest.raises(PortTaken, match=f"port {first.port} .*is taken"):
                 await third.__aenter__()
@@ -115,16 +115,16 @@ def test_a_taken_port_leaves_nothing_open() -> None:
 def test_serving_ends_with_a_signal() -> None:
     ports = []
 
-    def ready(server: Server) -> None:
+    def ready(server: StandinServer) -> None:
         ports.append(server.port)
         os.kill(os.getpid(), signal.SIGTERM)
 
-    serve(Server(port=0), ready)
+    serve(StandinServer(port=0), ready)
     assert ports[0] > 0
 
 
 def test_a_fault_of_the_clock_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
-    server = Server(port=0)
+    server = StandinServer(port=0)
 
     def broken(_: float) -> Any:
         raise RuntimeError("broken world")

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from steersman.standin.wire import VERSION
+from carla_standin.wire import VERSION
 
 from .serving import PATIENCE, ROAD, Serving, at, connect, spawn, synchronous
 

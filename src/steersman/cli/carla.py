@@ -51,20 +51,19 @@ def serve(
     """
     import logging
 
+    from carla_standin import StandinServer, models
+    from carla_standin import serve as run
     from steersman.api import vehicle_of
-    from steersman.standin.blueprints import models
-    from steersman.standin.server import Server
-    from steersman.standin.server import serve as run
 
     logging.basicConfig(format="%(message)s")
-    server = Server(
+    server = StandinServer(
         host,
         port,
         models(vehicle_of(vehicle)),
         None if maps is None else FilePath(maps).expanduser(),
     )
 
-    def ready(server: Server) -> None:
+    def ready(server: StandinServer) -> None:
         line = (
             f"stand-in for a CARLA server: {server.host}:{server.port}, streams on "
             f"{server.stream_port}; vehicle.tesla.model3 is {vehicle}; Ctrl-C stops it"

@@ -14,7 +14,7 @@ from typing import Any
 from steersman.config import build
 from steersman.errors import ConfigError, PlantError
 from steersman.kernels import vehicle as kernel
-from steersman.plants.carla_frame import Offset, Placement, body_vector, radians_left
+from steersman.plants.carla_frame import CarlaFrame, Placement
 from steersman.vehicles import Vehicle
 
 _CM = 0.01
@@ -28,10 +28,10 @@ _SINGLE = 1e-4
 _SHORTEST = 0.5
 
 
-def offset_of(physics: Any) -> Offset:
+def offset_of(physics: Any) -> CarlaFrame:
     """Where the centre of mass is."""
     centre = physics.center_of_mass
-    return Offset(float(centre.x), 0.0 - float(centre.y))
+    return CarlaFrame(float(centre.x), 0.0 - float(centre.y))
 
 
 def vehicle_of(physics: Any, base: Vehicle, at: Placement, size: tuple[float, float]) -> Vehicle:
@@ -82,11 +82,12 @@ def _same(known: Any, told: Any) -> bool:
     return math.isclose(known, told, rel_tol=_SINGLE, abs_tol=_SINGLE)
 
 
-def _axles(wheels: list[Any], offset: Offset, at: Placement) -> dict[str, float]:
+def _axles(wheels: list[Any], offset: CarlaFrame, at: Placement) -> dict[str, float]:
     """Distances of the axles from the centre of mass and of the wheels from each other [m]."""
-    psi = radians_left(at.yaw)
+    psi = CarlaFrame.radians_left(at.yaw)
     places = [
-        body_vector(psi, _CM * w.position.x - at.x, _CM * w.position.y - at.y) for w in wheels
+        CarlaFrame.body_vector(psi, _CM * w.position.x - at.x, _CM * w.position.y - at.y)
+        for w in wheels
     ]
     front = 0.5 * (places[0][0] + places[1][0]) - offset.ahead
     rear = offset.ahead - 0.5 * (places[2][0] + places[3][0])

@@ -25,8 +25,7 @@ from steersman.errors import PlantError
 from steersman.kernels import vehicle as car
 from steersman.kernels.actuator import slew
 from steersman.kernels.step import DELAY_LINE
-from steersman.plants import carla_frame as frame
-from steersman.plants.carla_frame import Offset, Placement
+from steersman.plants.carla_frame import CarlaFrame, Placement, a_step_before, unwrapped
 from steersman.plants.carla_physics import offset_of, steering, vehicle_of
 from steersman.plants.carla_server import whose
 from steersman.plants.carla_session import Session
@@ -66,7 +65,7 @@ class CarlaPlant:
         self._lib = session.lib
         self._path: Path | None = None
         self._actor: Any = None
-        self._offset = Offset()
+        self._frame = CarlaFrame()
         self._ride = 0.0
         self.delay = config.delay_substeps()
         self._delayed: deque[float] = deque([0.0])
@@ -84,7 +83,7 @@ class CarlaPlant:
     @property
     def ahead(self) -> float:
         """Centre of mass ahead of the actor's origin [m]."""
-        return self._offset.ahead
+        return self._frame.ahead
 
     @property
     def held_steer(self) -> float:
@@ -140,7 +139,7 @@ class CarlaPlant:
             self._spawn(pose)
         speed = math.hypot(state.v_x, state.v_y)
         course = state.psi + (math.atan2(state.v_y, state.v_x) if speed > 0.0 else 0.0)
-        before = frame.a_step_before(pose, course, speed, state.yaw_rate, self.dt)
+        before = a_step_before(pose, course, speed, state.yaw_rate, self.dt)
         held = state._replace(x=before.x, y=before.y, psi=before.psi)
         still = Command(state.steer, state.throttle, state.brake)
         for _ in range(1 + round(self._config.run_up / self.dt)):
@@ -154,8 +153,8 @@ class CarlaPlant:
         """Commands that put it there, with the velocity and yaw rate of ``state``."""
         lib, number = self._lib, self._actor.id
         pose = Pose(state.x, state.y, state.psi)
-        x, y = frame.world_vector(state.psi, state.v_x, state.v_y)
-        turning = lib.Vector3D(0.0, 0.0, frame.degrees_right(state.yaw_rate))
+        x, y = CarlaFrame.world_vector(state.psi, state.v_x, state.v_y)
+        turning = lib.Vector3D(0.0, 0.0, CarlaFrame.degrees_right(state.yaw_rate))
         return [
             lib.command.ApplyTransform(number, self._transform(pose, self._ride)),
             lib.command.ApplyTargetVelocity(number, lib.Vector3D(x, y, 0.0)),
@@ -165,7 +164,7 @@ class CarlaPlant:
     def _transform(self, pose: Pose, above: float) -> Any:
         """The actor's transform that far above the ground [m], level with the road."""
         lib = self._lib
-        at = frame.placement(pose, self._offset)
+        at = self._frame.placement(pose)
         z, pitch, roll = 0.0, 0.0, 0.0
         if self._config.map is not None:
             here = self.session.world.get_map().get_waypoint(lib.Location(at.x, at.y, 0.0))
@@ -182,13 +181,13 @@ class CarlaPlant:
         """
         if self._actor is not None:
             self.session.forget(self._actor.id)
-        self._offset = Offset()
+        self._frame = CarlaFrame()
         self._actor = self.session.spawn(self._config.vehicle, self._transform(pose, _DROP))
         with self.session.server.answers("reading the physics control"):
             physics = self._actor.get_physics_control()
             extent = self._actor.bounding_box.extent
             at = _placement(self._actor.get_transform())
-        self._offset = offset_of(physics)
+        self._frame = offset_of(physics)
         self.told = vehicle_of(physics, self._given, at, (2.0 * extent.x, 2.0 * extent.y))
         if self._config.read_physics:
             self.vehicle = self.told
@@ -248,11 +247,11 @@ class CarlaPlant:
             PlantError: it is not there.
         """
         found = self._found(snapshot)
-        pose = frame.pose_of(_placement(found.get_transform()), self._offset)
+        pose = self._frame.pose(*_placement(found.get_transform()))
         velocity, acceleration = found.get_velocity(), found.get_acceleration()
-        v_x, v_y = frame.body_vector(pose.psi, velocity.x, velocity.y)
-        a_x, a_y = frame.body_vector(pose.psi, acceleration.x, acceleration.y)
-        self._psi = frame.unwrapped(pose.psi, self._psi)
+        v_x, v_y = CarlaFrame.body_vector(pose.psi, velocity.x, velocity.y)
+        a_x, a_y = CarlaFrame.body_vector(pose.psi, acceleration.x, acceleration.y)
+        self._psi = unwrapped(pose.psi, self._psi)
         try:
             angle = self._left_wheel()
         except PlantError:
@@ -266,7 +265,7 @@ class CarlaPlant:
             self._psi,
             v_x,
             v_y,
-            frame.radians_left(found.get_angular_velocity().z),
+            CarlaFrame.radians_left(found.get_angular_velocity().z),
             a_x,
             a_y,
             steer,
@@ -294,7 +293,7 @@ class CarlaPlant:
         """Angle of the left front wheel [rad]."""
         with self.session.server.answers("reading the wheel"):
             angle = self._actor.get_wheel_steer_angle(self._lib.VehicleWheelLocation.FL_Wheel)
-        return frame.radians_left(angle)
+        return CarlaFrame.radians_left(angle)
 
     def rolled_over(self) -> bool:
         """Whether the server says so, or the vehicle lies on its side."""

@@ -12,8 +12,7 @@ from steersman.errors import PlantError
 from steersman.kernels import path as kernel
 from steersman.kernels.path import PathTable
 from steersman.paths.xodr.write import opendrive
-from steersman.plants import carla_frame as frame
-from steersman.plants.carla_frame import Offset
+from steersman.plants.carla_frame import CarlaFrame
 from steersman.protocols import Path
 from steersman.types import PathPoint, Pose
 
@@ -81,7 +80,7 @@ def check_road(path: Path, roads: Any, lib: Any, where: str) -> None:
     """
     for s in np.linspace(0.0, path.length, max(round(path.length / _LOOK), 2)).tolist():
         at = path.at(s)
-        here = frame.placement(Pose(at.x, at.y, at.psi), Offset())
+        here = CarlaFrame().placement(Pose(at.x, at.y, at.psi))
         place = lib.Location(here.x, here.y, 0.0)
         lane = roads.get_waypoint(place, lane_type=lib.LaneType.Any)
         gap = math.inf

@@ -5,8 +5,10 @@ from __future__ import annotations
 import difflib
 import itertools
 import math
+import tempfile
 from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path as FilePath
 
 import numpy as np
 
@@ -15,7 +17,9 @@ from steersman.paths.xodr.joined import gap
 from steersman.paths.xodr.lane_line import Curve, lane_line
 from steersman.paths.xodr.lanes import LaneGraph, Place
 from steersman.paths.xodr.model import Network
+from steersman.paths.xodr.read import read_network
 from steersman.paths.xodr.search import shortest, wander
+from steersman.types import Pose
 
 # Places that a search for a random way may enter in all before it gives up.
 _MOST_ENTERED = 5000
@@ -197,3 +201,32 @@ def _sharpest(curve: Curve) -> float:
     turn = np.abs(np.diff(np.unwrap(curve.psi)))
     long = size > _CLOSE
     return float(np.max(turn[long] / size[long], initial=0.0))
+
+
+def lane_starts(opendrive: str, ahead: float) -> list[Pose]:
+    """Poses on the centres of driving lanes, ``ahead`` [m] of each lane's beginning.
+
+    Lanes within junctions have none; in a lane shorter than twice that, it is in the middle.
+
+    Raises:
+        DataError: the text is no OpenDRIVE that can be read.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        file = FilePath(folder) / "map.xodr"
+        file.write_text(opendrive, encoding="utf-8")
+        ways = Ways(read_network(file))
+    begins = [
+        place
+        for place in ways.graph.all()
+        if ways.graph.first(place) and not ways.network.roads[place.road].junction
+    ]
+    return [_into(ways.line(place), ahead) for place in begins]
+
+
+def _into(lane: Sequence[Curve], ahead: float) -> Pose:
+    x = np.concatenate([curve.x for curve in lane])
+    y = np.concatenate([curve.y for curve in lane])
+    psi = np.unwrap(np.concatenate([curve.psi for curve in lane]))
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
+    at = min(ahead, 0.5 * float(along[-1]))
+    return Pose(*(float(np.interp(at, along, values)) for values in (x, y, psi)))

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-from steersman.standin.wire import Refused, optional, shaped
+from carla_standin.wire import Refused, optional, shaped
 
 # Period of the asynchronous mode without a fixed one [s].
 _FREE_RUNNING = 0.02
@@ -18,7 +18,7 @@ _LIKE = (False, False, False, False, 0.0, 0, 0.0, False, 0.0, 0.0, False)
 
 
 @dataclass(frozen=True)
-class Settings:
+class EpisodeSettings:
     """What ``world.apply_settings`` sets; the last fields are kept and returned, no more."""
 
     synchronous: bool = False
@@ -31,7 +31,7 @@ class Settings:
     """Culling distance, deterministic ragdolls, tile and actor distances, spectator as ego."""
 
     @classmethod
-    def read(cls, values: Any) -> Settings:
+    def read(cls, values: Any) -> EpisodeSettings:
         """From the wire, checked.
 
         Raises:
@@ -64,7 +64,7 @@ class Settings:
             *self.rest,
         ]
 
-    def after_loading(self) -> Settings:
+    def after_loading(self) -> EpisodeSettings:
         """What loading a world with ``reset_settings`` leaves."""
         return replace(self, synchronous=False, fixed_delta=None)
 

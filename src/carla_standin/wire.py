@@ -1,4 +1,4 @@
-"""How messages of CARLA 0.9.16 look on the wire: calls and replies, stream tokens, limits.
+"""CARLA 0.9.16 on the wire: calls and replies, transforms, stream tokens, limits, and the log.
 
 Calls are msgpack: a request is ``[0, id, name, [[ignore_reply], *arguments]]``, its reply
 ``[1, id, nil, result]``. Messages of a stream are a little-endian length and that many bytes.
@@ -6,11 +6,19 @@ Calls are msgpack: a request is ``[0, id, name, [[ignore_reply], *arguments]]``,
 
 from __future__ import annotations
 
+import logging
+import math
 import struct
 from enum import Enum
 from typing import Any, NamedTuple
 
-from steersman.errors import SteersmanError
+import steersman as sm
+
+log = logging.getLogger("carla_standin")
+# Lines that are logged at most: a client that repeats a mistake at every tick must fill neither
+# the terminal nor the memory.
+_MOST_LINES = 1000
+_logged: set[str] = set()
 
 # What the server says it is. The client compares it with "0.9.16", warns, and goes on.
 VERSION = "0.9.16-stand-in"
@@ -19,6 +27,8 @@ VERSION = "0.9.16-stand-in"
 MAX_REQUEST = 32 * 2**20
 # Longest array within a request: a list is allocated before its elements have arrived.
 MAX_ARRAY = 8192
+# Farthest from the origin that anything is placed [m].
+_FARTHEST = 1e6
 # Longest name of a call and longest text in an answer about it [characters].
 MAX_NAME = 64
 
@@ -30,11 +40,18 @@ _NO_ADDRESS = 0
 _LENGTH = struct.Struct("<I")
 
 
-class Refused(SteersmanError, RuntimeError):
+def warn_once(text: str) -> None:
+    """Log a line, unless it was logged before or there have been too many."""
+    if text not in _logged and len(_logged) < _MOST_LINES:
+        _logged.add(text)
+        log.warning("%.300s", text)
+
+
+class Refused(sm.SteersmanError, RuntimeError):
     """A call cannot be answered; the message travels to the client."""
 
 
-class NotARequest(SteersmanError, ValueError):
+class NotARequest(sm.SteersmanError, ValueError):
     """What arrived is not msgpack-rpc; there is no way to answer it."""
 
 
@@ -53,6 +70,47 @@ class Request(NamedTuple):
     name: str
     arguments: list[Any]
     ignores_reply: bool
+
+
+class Transform(NamedTuple):
+    """A pose as CARLA says it: location [m] and rotation [deg]."""
+
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    pitch: float = 0.0
+    yaw: float = 0.0
+    roll: float = 0.0
+
+    @classmethod
+    def of(cls, pose: sm.Pose, offset: float) -> Transform:
+        """That of an actor's origin on the ground, ``offset`` [m] behind the pose's point.
+
+        >>> Transform.of(sm.Pose(10.0, 2.0, 0.0), 0.45)
+        Transform(x=9.55, y=-2.0, z=0.0, pitch=0.0, yaw=0.0, roll=0.0)
+        """
+        x, y, yaw = sm.CarlaFrame(offset).placement(pose)
+        return cls(x, y, yaw=yaw)
+
+    def pose(self, offset: float) -> sm.Pose:
+        """The inverse of :meth:`of`, for an upright actor."""
+        return sm.CarlaFrame(offset).pose(self.x, self.y, self.yaw)
+
+    def wire(self) -> list[list[float]]:
+        """As it travels in calls."""
+        return [[self.x, self.y, self.z], [self.pitch, self.yaw, self.roll]]
+
+    def placed(self, relative: Transform) -> Transform:
+        """In the world, a transform that is given relative to this upright one."""
+        c, s = math.cos(math.radians(self.yaw)), math.sin(math.radians(self.yaw))
+        return Transform(
+            self.x + c * relative.x - s * relative.y,
+            self.y + s * relative.x + c * relative.y,
+            self.z + relative.z,
+            relative.pitch,
+            math.remainder(self.yaw + relative.yaw, 360.0),
+            relative.roll,
+        )
 
 
 def unpacker() -> Any:
@@ -138,3 +196,31 @@ def token(stream: int, port: int) -> bytes:
 def framed(payload: bytes) -> bytes:
     """A message of a stream."""
     return _LENGTH.pack(len(payload)) + payload
+
+
+def read_transform(values: Any) -> Transform:
+    """A transform from the wire.
+
+    Raises:
+        Refused: it is none, or beyond all bounds.
+    """
+    match values:
+        case [[x, y, z], [pitch, yaw, roll]]:
+            found = Transform(*map(float, (x, y, z, pitch, yaw, roll)))
+            if all(math.isfinite(v) and abs(v) <= _FARTHEST for v in found):
+                return found
+    raise Refused(f"not a transform, or one farther than {_FARTHEST:g} m: {values!r:.80}")
+
+
+def read_vector(values: Any) -> tuple[float, float, float]:
+    """A vector from the wire.
+
+    Raises:
+        Refused: it is none, or beyond all bounds.
+    """
+    match values:
+        case [x, y, z]:
+            found = float(x), float(y), float(z)
+            if all(math.isfinite(v) and abs(v) <= _FARTHEST for v in found):
+                return found
+    raise Refused(f"not a vector of finite numbers: {values!r:.80}")

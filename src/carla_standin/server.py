@@ -10,16 +10,15 @@ import struct
 from collections.abc import Callable
 from pathlib import Path as FilePath
 
-from steersman.errors import SteersmanError
-from steersman.standin import actor_calls, episode_calls  # noqa: F401 - they enter their calls
-from steersman.standin.blueprints import Model, default_models
-from steersman.standin.calls import Desk
-from steersman.standin.car import warm_up
-from steersman.standin.log import warn_once
-from steersman.standin.maps import Atlas
-from steersman.standin.streams import MAX_WAITING, Streams
-from steersman.standin.wire import request, response, unpacker
-from steersman.standin.world import World
+import steersman as sm
+from carla_standin import actor_calls  # noqa: F401 - it enters its calls
+from carla_standin.blueprints import VehicleBlueprint, default_models
+from carla_standin.calls import Dispatcher
+from carla_standin.car import warm_up
+from carla_standin.maps import MapLibrary
+from carla_standin.streams import MAX_WAITING, Streams
+from carla_standin.wire import request, response, unpacker, warn_once
+from carla_standin.world import StandinWorld
 
 HOST = "127.0.0.1"
 PORT = 2000
@@ -32,45 +31,45 @@ _STREAM_ID = struct.Struct("<I")
 _CATCH_UP, _NAP = 0.2, 0.02
 
 
-class PortTaken(SteersmanError, OSError):
+class PortTaken(sm.SteersmanError, OSError):
     """The port cannot be opened."""
 
 
-class Server:
+class StandinServer:
     """A stand-in on two open ports; ``async with`` opens and closes it."""
 
     def __init__(
         self,
         host: str = HOST,
         port: int = PORT,
-        vehicles: dict[str, Model] | None = None,
+        vehicles: dict[str, VehicleBlueprint] | None = None,
         maps: FilePath | None = None,
     ) -> None:
         """Prepare; ``port`` 0 lets the system choose both ports, else streams are on the next."""
         self.host = host
         self.port = port
         self.stream_port = port + 1 if port else 0
-        self.world = World(vehicles or default_models())
-        self._atlas = Atlas(maps)
+        self.world = StandinWorld(vehicles or default_models())
+        self._atlas = MapLibrary(maps)
         self.streams = Streams()
-        self.sessions: set[Session] = set()
+        self.sessions: set[Connection] = set()
         self._open: list[asyncio.Server] = []
         self._clock: asyncio.Task[None] | None = None
 
-    async def __aenter__(self) -> Server:
+    async def __aenter__(self) -> StandinServer:
         """Open the ports.
 
         Raises:
             PortTaken: one is taken, or may not be opened.
         """
-        self.stream_port = await self._listen(lambda: StreamSession(self), self.stream_port)
-        desk = Desk(self.world, self._atlas, self.stream_port, self.streams)
+        self.stream_port = await self._listen(lambda: StreamConnection(self), self.stream_port)
+        calls = Dispatcher(self.world, self._atlas, self.stream_port, self.streams)
         try:
-            self.port = await self._listen(lambda: CallSession(self, desk), self.port)
+            self.port = await self._listen(lambda: CallConnection(self, calls), self.port)
         except PortTaken:
             await self.__aexit__()
             raise
-        self._clock = asyncio.create_task(self._run(desk))
+        self._clock = asyncio.create_task(self._run(calls))
         return self
 
     async def __aexit__(self, *_: object) -> None:
@@ -112,7 +111,7 @@ class Server:
         self._open.append(server)
         return int(server.sockets[0].getsockname()[1])
 
-    async def _run(self, desk: Desk) -> None:
+    async def _run(self, calls: Dispatcher) -> None:
         """In asynchronous mode, tick in real time; the settings may change at any moment."""
         loop = asyncio.get_running_loop()
         last = loop.time()
@@ -125,9 +124,9 @@ class Server:
                 last = now
             elif now >= last + period:
                 last = max(last + period, now - _CATCH_UP)
-                desk.tick()
+                calls.tick()
 
-    def admit(self, session: Session) -> bool:
+    def admit(self, session: Connection) -> bool:
         """Whether there is room for one more connection; counts it if so."""
         alike = sum(type(other) is type(session) for other in self.sessions)
         if alike >= MAX_CLIENTS:
@@ -137,12 +136,12 @@ class Server:
         return True
 
 
-class Session(asyncio.Protocol):
+class Connection(asyncio.Protocol):
     """A connection of either kind."""
 
     connection: asyncio.Transport
 
-    def __init__(self, server: Server) -> None:
+    def __init__(self, server: StandinServer) -> None:
         """Of that server."""
         self.server = server
 
@@ -164,15 +163,15 @@ class Session(asyncio.Protocol):
         self.connection.abort()
 
 
-class CallSession(Session):
+class CallConnection(Connection):
     """A client's calls."""
 
-    def __init__(self, server: Server, desk: Desk) -> None:
-        """Answered by ``desk``."""
+    def __init__(self, server: StandinServer, calls: Dispatcher) -> None:
+        """Answered by ``calls``."""
         super().__init__(server)
         import msgpack
 
-        self._desk = desk
+        self._calls = calls
         self._unpacker = unpacker()
         self._pack = msgpack.Packer().pack
         self._replies = bytearray()
@@ -198,7 +197,7 @@ class CallSession(Session):
             if message is None:
                 break
             call = request(message)
-            outcome = self._desk.answer(call.name, call.arguments)
+            outcome = self._calls.answer(call.name, call.arguments)
             self._replies += self._pack(response(call.number, outcome))
             awaited = awaited or not call.ignores_reply
             if len(self._replies) > _REPLIES:
@@ -223,10 +222,10 @@ class CallSession(Session):
         self.data_received(b"")
 
 
-class StreamSession(Session):
+class StreamConnection(Connection):
     """A client's subscription to one stream."""
 
-    def __init__(self, server: Server) -> None:
+    def __init__(self, server: StandinServer) -> None:
         """To a stream that it has yet to name."""
         super().__init__(server)
         self._head = b""
@@ -253,11 +252,11 @@ class StreamSession(Session):
             self.server.streams.leave(self._stream, self)
 
 
-def serve(server: Server, ready: Callable[[Server], None]) -> None:
+def serve(server: StandinServer, ready: Callable[[StandinServer], None]) -> None:
     """Run a server until it is interrupted or told to terminate.
 
     Raises:
-        PortTaken: see :class:`Server`.
+        PortTaken: see :class:`StandinServer`.
     """
     warm_up()
 

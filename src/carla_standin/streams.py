@@ -6,8 +6,8 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from steersman.standin.wire import framed
-from steersman.standin.world import Message
+from carla_standin.wire import framed
+from carla_standin.world import StreamMessage
 
 # What may wait for a client that does not read [bytes]; beyond, a stream's messages are dropped.
 MAX_WAITING = 2**20
@@ -66,7 +66,7 @@ class Streams:
         if not listeners:
             self._listeners.pop(stream, None)
 
-    def publish(self, message: Message) -> None:
+    def publish(self, message: StreamMessage) -> None:
         """Send to all who listen, and keep for those who are about to."""
         listeners = self._listeners.get(message.stream, ())
         waiting = self._expected.get(message.stream, ())

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from steersman.standin import physics
-from steersman.standin.actors import Actor, read_transform, read_vector
-from steersman.standin.blueprints import definitions
-from steersman.standin.calls import Desk, answers, told
-from steersman.standin.episode_calls import tick_cue
-from steersman.standin.log import warn_once
-from steersman.standin.wire import Refused, Reply
+from carla_standin import physics
+from carla_standin.actors import Actor
+from carla_standin.blueprints import definitions
+from carla_standin.calls import Dispatcher, answers, tick_cue, told
+from carla_standin.wire import Refused, Reply, read_transform, read_vector, warn_once
 
 # Commands of a batch by number, and the calls that do the same.
 _SPAWN = 0
@@ -31,161 +29,161 @@ _REVERSE = 4
 
 
 @answers(Reply.VALUE)
-def get_actor_definitions(desk: Desk) -> list[Any]:
+def get_actor_definitions(calls: Dispatcher) -> list[Any]:
     """The blueprint library."""
-    return definitions(desk.world.vehicles)
+    return definitions(calls.world.vehicles)
 
 
 @answers(Reply.VALUE)
-def get_spectator(desk: Desk) -> list[Any]:
+def get_spectator(calls: Dispatcher) -> list[Any]:
     """The actor that nobody sees with."""
-    return desk.world.spectator.wire()
+    return calls.world.spectator.wire()
 
 
 @answers(Reply.VALUE)
-def spawn_actor(desk: Desk, description: Any, transform: Any) -> list[Any]:
+def spawn_actor(calls: Dispatcher, description: Any, transform: Any) -> list[Any]:
     """A new vehicle."""
-    return _spawned(desk, description, transform, None).wire()
+    return _spawned(calls, description, transform, None).wire()
 
 
 @answers(Reply.VALUE)
 def spawn_actor_with_parent(
-    desk: Desk, description: Any, transform: Any, parent: int, *_: Any
+    calls: Dispatcher, description: Any, transform: Any, parent: int, *_: Any
 ) -> list[Any]:
     """A new sensor on a vehicle; any attachment is a rigid one."""
-    return _spawned(desk, description, transform, parent).wire()
+    return _spawned(calls, description, transform, parent).wire()
 
 
-def _spawned(desk: Desk, description: Any, transform: Any, parent: Any) -> Actor:
-    actor = desk.world.spawn(description, transform, parent)
+def _spawned(calls: Dispatcher, description: Any, transform: Any, parent: Any) -> Actor:
+    actor = calls.world.spawn(description, transform, parent)
     if actor.sensor is not None:
-        actor.token = desk.token(actor.sensor.stream)
+        actor.token = calls.token(actor.sensor.stream)
     return actor
 
 
 @answers(Reply.VALUE)
-def destroy_actor(desk: Desk, number: int) -> bool:
+def destroy_actor(calls: Dispatcher, number: int) -> bool:
     """Remove an actor; whether there was one."""
-    return desk.world.destroy(number)
+    return calls.world.destroy(number)
 
 
 @answers(Reply.VALUE)
-def get_actors_by_id(desk: Desk, numbers: list[int]) -> list[Any]:
+def get_actors_by_id(calls: Dispatcher, numbers: list[int]) -> list[Any]:
     """Those of the actors that exist."""
-    actors = desk.world.actors
+    actors = calls.world.actors
     return [actors[number].wire() for number in numbers if number in actors]
 
 
 @answers(Reply.VALUE)
-def get_actor_bounding_box(desk: Desk, number: int) -> list[Any]:
+def get_actor_bounding_box(calls: Dispatcher, number: int) -> list[Any]:
     """Its box, relative to its origin."""
-    return desk.world.actor(number).box()
+    return calls.world.actor(number).box()
 
 
 @answers(Reply.NOTHING)
-def set_actor_transform(desk: Desk, number: int, transform: Any) -> None:
+def set_actor_transform(calls: Dispatcher, number: int, transform: Any) -> None:
     """Teleport; a vehicle keeps its velocity over ground, its height is that of the ground."""
-    desk.world.actor(number).place(read_transform(transform))
+    calls.world.actor(number).place(read_transform(transform))
 
 
 @answers(Reply.NOTHING)
-def set_actor_location(desk: Desk, number: int, location: Any) -> None:
+def set_actor_location(calls: Dispatcher, number: int, location: Any) -> None:
     """Teleport without turning."""
-    actor = desk.world.actor(number)
+    actor = calls.world.actor(number)
     x, y, z = read_vector(location)
     where = actor.pose if actor.parent is not None else actor.transform
     actor.place(where._replace(x=x, y=y, z=z))
 
 
 @answers(Reply.NOTHING)
-def set_actor_target_velocity(desk: Desk, number: int, velocity: Any) -> None:
+def set_actor_target_velocity(calls: Dispatcher, number: int, velocity: Any) -> None:
     """Set the velocity of the centre of mass, in the world [m/s]."""
     x, y, _ = read_vector(velocity)
-    desk.world.car(number)[1].velocity = (x, y)
+    calls.world.car(number)[1].velocity = (x, y)
 
 
 @answers(Reply.NOTHING)
-def set_actor_target_angular_velocity(desk: Desk, number: int, velocity: Any) -> None:
+def set_actor_target_angular_velocity(calls: Dispatcher, number: int, velocity: Any) -> None:
     """Set the yaw rate [deg/s]; roll and pitch rates are none."""
-    desk.world.car(number)[1].turn_at(read_vector(velocity)[2])
+    calls.world.car(number)[1].yaw_rate = read_vector(velocity)[2]
 
 
 @answers(Reply.NOTHING)
-def set_actor_simulate_physics(desk: Desk, number: int, enabled: bool) -> None:
+def set_actor_simulate_physics(calls: Dispatcher, number: int, enabled: bool) -> None:
     """Let a vehicle move, or stand where it is put."""
-    desk.world.car(number)[1].freeze(not enabled)
+    calls.world.car(number)[1].freeze(not enabled)
 
 
 @answers(Reply.NOTHING)
-def apply_control_to_vehicle(desk: Desk, number: int, values: Any) -> None:
+def apply_control_to_vehicle(calls: Dispatcher, number: int, values: Any) -> None:
     """Hold this control from the next tick on."""
-    actor, car = desk.world.car(number)
+    actor, car = calls.world.car(number)
     car.command = actor.driver.direct(values)
     if values[_REVERSE]:
         warn_once("stand-in: reverse is not implemented; the throttle is ignored with it")
 
 
 @answers(Reply.NOTHING)
-def apply_ackermann_control_to_vehicle(desk: Desk, number: int, values: Any) -> None:
+def apply_ackermann_control_to_vehicle(calls: Dispatcher, number: int, values: Any) -> None:
     """Follow this Ackermann control from the next tick on."""
-    desk.world.car(number)[0].driver.ackermann(values)
+    calls.world.car(number)[0].driver.ackermann(values)
 
 
 @answers(Reply.VALUE)
-def get_ackermann_controller_settings(desk: Desk, number: int) -> list[float]:
+def get_ackermann_controller_settings(calls: Dispatcher, number: int) -> list[float]:
     """The gains of a vehicle's Ackermann controller."""
-    return list(desk.world.car(number)[0].driver.gains)
+    return list(calls.world.car(number)[0].driver.gains)
 
 
 @answers(Reply.NOTHING)
-def apply_ackermann_controller_settings(desk: Desk, number: int, values: Any) -> None:
+def apply_ackermann_controller_settings(calls: Dispatcher, number: int, values: Any) -> None:
     """Set those gains."""
-    desk.world.car(number)[0].driver.set_gains(values)
+    calls.world.car(number)[0].driver.set_gains(values)
 
 
 @answers(Reply.VALUE)
-def get_physics_control(desk: Desk, number: int) -> list[Any]:
+def get_physics_control(calls: Dispatcher, number: int) -> list[Any]:
     """A vehicle's parameters in CARLA's terms."""
-    return physics.read_out(desk.world.car(number)[0])
+    return physics.read_out(calls.world.car(number)[0])
 
 
 @answers(Reply.NOTHING)
-def apply_physics_control(desk: Desk, number: int, values: Any) -> None:
+def apply_physics_control(calls: Dispatcher, number: int, values: Any) -> None:
     """Change a vehicle's parameters."""
-    idle = physics.apply(desk.world.car(number)[0], values)
+    idle = physics.apply(calls.world.car(number)[0], values)
     if idle:
         warn_once(f"stand-in: physics control: no effect of {', '.join(idle)}")
 
 
 @answers(Reply.VALUE)
-def get_wheel_steer_angle(desk: Desk, number: int, wheel: int) -> float:
+def get_wheel_steer_angle(calls: Dispatcher, number: int, wheel: int) -> float:
     """Angle of a wheel, right-positive [deg]."""
-    return desk.world.car(number)[1].wheel_angle(wheel)
+    return calls.world.car(number)[1].wheel_angle(wheel)
 
 
 @answers(Reply.VALUE)
-def get_vehicle_light_states(_: Desk) -> list[Any]:
+def get_vehicle_light_states(_: Dispatcher) -> list[Any]:
     """Lights of vehicles: none."""
     return []
 
 
 @answers(Reply.BARE)
-def apply_batch(desk: Desk, commands: list[Any], tick: bool = False) -> list[Any]:
+def apply_batch(calls: Dispatcher, commands: list[Any], tick: bool = False) -> list[Any]:
     """Execute commands in turn, and tick if asked to; an actor or an error for each."""
-    done = [_execute(desk, command, None) for command in commands]
+    done = [_execute(calls, command, None) for command in commands]
     if tick:
-        tick_cue(desk)
+        tick_cue(calls)
     return done
 
 
-def _execute(desk: Desk, command: Any, subject: int | None) -> list[Any]:
+def _execute(calls: Dispatcher, command: Any, subject: int | None) -> list[Any]:
     """One command of a batch; ``subject`` is the new actor that it is about, if it follows one."""
     match command:
         case [[int() as kind, [description, transform, parent, *rest]]] if kind == _SPAWN:
-            return _spawn_in_batch(desk, description, transform, parent, rest)
+            return _spawn_in_batch(calls, description, transform, parent, rest)
         case [[int() as kind, [actor, *rest]]] if kind in _COMMANDS:
             number = actor if subject is None else subject
-            fault = desk.execute(_COMMANDS[kind], [number, *rest])
+            fault = calls.execute(_COMMANDS[kind], [number, *rest])
             return [[0, [fault]]] if fault else [[1, number]]
         case [[int() as kind, _]]:
             what = "autopilot" if kind == _AUTOPILOT else f"command {kind} of a batch"
@@ -194,14 +192,14 @@ def _execute(desk: Desk, command: Any, subject: int | None) -> list[Any]:
 
 
 def _spawn_in_batch(
-    desk: Desk, description: Any, transform: Any, parent: Any, rest: list[Any]
+    calls: Dispatcher, description: Any, transform: Any, parent: Any, rest: list[Any]
 ) -> list[Any]:
     try:
         owner = parent[1] if parent[0] else None
-        number = _spawned(desk, description, transform, owner).number
+        number = _spawned(calls, description, transform, owner).number
     except (Refused, TypeError, IndexError, ValueError) as error:
         return [[0, [told("spawn_actor", str(error))]]]
     following = rest[-1] if rest and isinstance(rest[-1], list) else []
     for command in following:
-        _execute(desk, command, number)
+        _execute(calls, command, number)
     return [[1, number]]

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from steersman.kernels import vehicle as kernel
-from steersman.standin.blueprints import COLLISION
-from steersman.standin.wire import Refused
+from carla_standin.blueprints import COLLISION
+from carla_standin.wire import Refused
 
 if TYPE_CHECKING:
-    from steersman.standin.actors import Actor
+    from carla_standin.actors import Actor
 
 # Type of the data, frame, time [s]; pose of the sensor.
 HEADER = struct.Struct("<QQd6f")
@@ -22,6 +21,7 @@ _COLLISION_TYPE = 0
 _IMU_TYPE = 5
 _NOISE = ("accel_stddev", "gyro_stddev", "gyro_bias")
 _SAME_TIME = 1e-6
+_GRAVITY = 9.81  # [m/s^2]
 
 
 class Hit(NamedTuple):
@@ -34,7 +34,7 @@ class Hit(NamedTuple):
 
 
 @dataclass
-class Sensor:
+class StreamedSensor:
     """A stream's source."""
 
     kind: str
@@ -48,7 +48,7 @@ class Sensor:
     """When the next measurement is due [s]."""
 
     @classmethod
-    def read(cls, kind: str, stream: int, attributes: dict[str, str]) -> Sensor:
+    def read(cls, kind: str, stream: int, attributes: dict[str, str]) -> StreamedSensor:
         """From a blueprint's attributes.
 
         Raises:
@@ -99,14 +99,15 @@ class Sensor:
         parent = actor.parent
         assert parent is not None and parent.car is not None  # noqa: PT018
         car = parent.car
-        rate, spin = float(car.state[kernel.YAW_RATE]), car.yaw_acceleration
+        rate, spin = car.motion.yaw_rate, car.yaw_acceleration
+        a_x, a_y = car.motion.acceleration
         ahead, left = actor.pose.x - car.offset, -actor.pose.y
-        forward = float(car.state[kernel.AX]) - rate * rate * ahead - spin * left
-        leftward = float(car.state[kernel.AY]) - rate * rate * left + spin * ahead
+        forward = a_x - rate * rate * ahead - spin * left
+        leftward = a_y - rate * rate * left + spin * ahead
         turned = math.radians(actor.pose.yaw)
         c, s = math.cos(turned), math.sin(turned)
         right = -leftward
-        force = [c * forward + s * right, c * right - s * forward, kernel.GRAVITY]
+        force = [c * forward + s * right, c * right - s * forward, _GRAVITY]
         turning = [0.0, 0.0, -rate]
         if any(self.noise):
             for i in range(3):

@@ -7,15 +7,13 @@ import struct
 from itertools import combinations
 from typing import Any, NamedTuple
 
-from steersman.standin.actors import Actor, overlap, read_transform
-from steersman.standin.axes import Transform
-from steersman.standin.blueprints import SPECTATOR, Model, check
-from steersman.standin.car import Car
-from steersman.standin.control import Control
-from steersman.standin.maps import WorldMap, default_map
-from steersman.standin.sensors import HEADER, Hit, Sensor
-from steersman.standin.settings import Settings
-from steersman.standin.wire import Refused, shaped
+from carla_standin.actors import Actor, overlap
+from carla_standin.blueprints import SPECTATOR, VehicleBlueprint, check
+from carla_standin.car import Car, VehicleControl
+from carla_standin.maps import WorldMap, default_map
+from carla_standin.sensors import HEADER, Hit, StreamedSensor
+from carla_standin.settings import EpisodeSettings
+from carla_standin.wire import Refused, Transform, read_transform, shaped
 
 # Stream of the snapshots; those of sensors follow.
 SNAPSHOTS = 1
@@ -30,20 +28,20 @@ _NO_CHANGE = 0
 _WEATHER = [10.0, 0.0, 0.0, 10.0, 0.0, 45.0, 2.0, 0.75, 0.1, 0.0, 1.0, 0.03, 0.0331, 0.0]
 
 
-class Message(NamedTuple):
+class StreamMessage(NamedTuple):
     """Something to send to whoever listens to a stream."""
 
     stream: int
     payload: bytes
 
 
-class World:
+class StandinWorld:
     """All that clients share. Times in seconds, CARLA's axes outside, ours inside the cars."""
 
-    def __init__(self, vehicles: dict[str, Model]) -> None:
+    def __init__(self, vehicles: dict[str, VehicleBlueprint]) -> None:
         """An empty default map in asynchronous mode."""
         self.vehicles = vehicles
-        self.settings = Settings()
+        self.settings = EpisodeSettings()
         self.map: WorldMap = default_map()
         self.opendrive: WorldMap | None = None
         """What a client has sent and not yet loaded."""
@@ -113,7 +111,7 @@ class World:
         if owner is None or owner.car is None:
             raise Refused(f"{name} has to be attached to a vehicle")
         attributes = {key: value for key, _, value in given}
-        sensor = Sensor.read(name, self._next_stream, attributes)
+        sensor = StreamedSensor.read(name, self._next_stream, attributes)
         self._next_stream += 1
         actor = self._add(shown, where, owner)
         actor.sensor = sensor
@@ -130,7 +128,9 @@ class World:
         car = Car(model.vehicle, model.offset)
         car.transform = where
         half = (0.5 * model.vehicle.body_length, 0.5 * model.vehicle.width, 0.5 * model.height)
-        new = Actor(0, description, where, extent=half, car=car, model=model, control=Control())
+        new = Actor(
+            0, description, where, extent=half, car=car, model=model, control=VehicleControl()
+        )
         for other in self.actors.values():
             if other.car is not None and overlap(new, other):
                 raise Refused(
@@ -161,7 +161,7 @@ class World:
 
     # ------------------------------------------------------------------------------- time
 
-    def tick(self, clock: float) -> list[Message]:
+    def tick(self, clock: float) -> list[StreamMessage]:
         """Advance by the period of the settings; what to send, the snapshot first."""
         dt, substeps = self.settings.period, self.settings.substeps
         for actor in self.actors.values():
@@ -170,13 +170,13 @@ class World:
                 actor.car.advance(dt, substeps)
         self.frame += 1
         self.elapsed += dt
-        sent = [Message(SNAPSHOTS, self.snapshot(clock))]
+        sent = [StreamMessage(SNAPSHOTS, self.snapshot(clock))]
         sensors = [actor for actor in self.actors.values() if actor.sensor is not None]
         hits = self._hits() if sensors else []
         for actor in sensors:
             assert actor.sensor is not None
             for payload in actor.sensor.measure(actor, hits, self.frame, self.elapsed):
-                sent.append(Message(actor.sensor.stream, payload))
+                sent.append(StreamMessage(actor.sensor.stream, payload))
         return sent
 
     def snapshot(self, clock: float) -> bytes:

@@ -9,12 +9,10 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from steersman.errors import ConfigError
-from steersman.standin.actors import Actor
-from steersman.standin.axes import Transform, placed
-from steersman.standin.blueprints import Model
-from steersman.standin.wire import Refused, shaped
-from steersman.vehicles import Vehicle
+import steersman as sm
+from carla_standin.actors import Actor
+from carla_standin.blueprints import VehicleBlueprint
+from carla_standin.wire import Refused, Transform, shaped
 
 _KMH = 3.6
 _CM = 100.0
@@ -27,7 +25,7 @@ _DAMPING = (0.15, 2.0, 0.35)
 _MAX_LOAD, _SIDE_STIFFNESS, _LONG_STIFFNESS = 3.0, 20.0, 3000.0
 
 
-class Physics(NamedTuple):
+class PhysicsControl(NamedTuple):
     """The seventeen values, in the order in which they travel."""
 
     torque_curve: list[list[float]]
@@ -49,7 +47,7 @@ class Physics(NamedTuple):
     use_sweep_wheel_collision: bool
 
 
-class Wheel(NamedTuple):
+class WheelPhysics(NamedTuple):
     """The ten values of a wheel, in the order in which they travel; lengths in cm."""
 
     tire_friction: float
@@ -85,20 +83,20 @@ def read_out(actor: Actor) -> list[Any]:
     """The physics control of a vehicle; where its wheels are is told in the world's axes."""
     model = _model(actor)
     kept = actor.applied_physics
-    physics = Physics(*kept) if kept is not None else describe(model)
+    physics = PhysicsControl(*kept) if kept is not None else describe(model)
     places = _wheel_places(model, actor.transform)
     wheels = [[*wheel[:9], place] for wheel, place in zip(physics.wheels, places, strict=True)]
     return list(physics._replace(wheels=wheels))
 
 
-def describe(model: Model) -> Physics:
+def describe(model: VehicleBlueprint) -> PhysicsControl:
     """The physics control of a vehicle as it is spawned."""
     car = model.vehicle
     torque = car.brake_force * model.radius / _WHEELS
     shares = (car.brake_front, 1.0 - car.brake_front)
     wheels = [
         list(
-            Wheel(
+            WheelPhysics(
                 tire_friction=car.friction,
                 damping_rate=0.25,
                 max_steer_angle=math.degrees(car.max_wheel_angle) if front else 0.0,
@@ -113,7 +111,7 @@ def describe(model: Model) -> Physics:
         )
         for front in (True, True, False, False)
     ]
-    return Physics(
+    return PhysicsControl(
         torque_curve=_TORQUE,
         max_rpm=_MAX_RPM,
         moi=1.0,
@@ -148,15 +146,15 @@ def apply(actor: Actor, values: Any) -> list[str]:
         Refused: it is none, or describes no car.
     """
     spawned = _model(actor)
-    new, old = Physics(*shaped(values, _LIKE)), describe(spawned)
+    new, old = PhysicsControl(*shaped(values, _LIKE)), describe(spawned)
     try:
         vehicle, offset = _vehicle(spawned, new)
-    except ConfigError as error:
+    except sm.ConfigError as error:
         raise Refused(f"physics control: {error}") from None
     acting = {"mass", "drag_coefficient", "center_of_mass", "steering_curve", "wheels"}
     idle = [
         name
-        for name, was, now in zip(Physics._fields, old, new, strict=True)
+        for name, was, now in zip(PhysicsControl._fields, old, new, strict=True)
         if name not in acting and not _alike(was, now)
     ]
     assert actor.car is not None
@@ -165,19 +163,19 @@ def apply(actor: Actor, values: Any) -> list[str]:
     return idle
 
 
-def _vehicle(spawned: Model, new: Physics) -> tuple[Vehicle, float]:
+def _vehicle(spawned: VehicleBlueprint, new: PhysicsControl) -> tuple[sm.Vehicle, float]:
     """Our parameters, and the offset of the centre of mass [m], that a physics control asks for."""
     base = spawned.vehicle
     if len(new.wheels) != _WHEELS:
-        raise ConfigError(f"{len(new.wheels)} wheels; {_WHEELS} are known here")
-    wheels = [Wheel(*values) for values in new.wheels]
+        raise sm.ConfigError(f"{len(new.wheels)} wheels; {_WHEELS} are known here")
+    wheels = [WheelPhysics(*values) for values in new.wheels]
     if new.mass <= 0.0 or not math.isfinite(new.mass):
-        raise ConfigError(f"mass {new.mass} kg; must be above 0")
+        raise sm.ConfigError(f"mass {new.mass} kg; must be above 0")
     offset = float(new.center_of_mass[0])
     l_f = base.l_f - (offset - spawned.offset)
     l_r = base.wheelbase - l_f
     if min(l_f, l_r) <= 0.0:
-        raise ConfigError(f"centre of mass at {offset} m; must lie between the axles")
+        raise sm.ConfigError(f"centre of mass at {offset} m; must lie between the axles")
     heavier = new.mass / base.mass
     stiffer = [
         0.5 * (a.lat_stiff_value + b.lat_stiff_value) / _SIDE_STIFFNESS
@@ -206,18 +204,18 @@ def _vehicle(spawned: Model, new: Physics) -> tuple[Vehicle, float]:
     return vehicle, offset
 
 
-def _wheel_places(model: Model, where: Transform) -> list[list[float]]:
+def _wheel_places(model: VehicleBlueprint, where: Transform) -> list[list[float]]:
     """Where the wheels are in CARLA's world [cm]; left is negative y."""
     car, half = model.vehicle, 0.5 * model.vehicle.track_width
     ahead = (car.l_f + model.offset, model.offset - car.l_r)
     places = []
     for along, across in ((0, -half), (0, half), (1, -half), (1, half)):
-        at = placed(where, Transform(ahead[along], across, model.radius))
+        at = where.placed(Transform(ahead[along], across, model.radius))
         places.append([_CM * at.x, _CM * at.y, _CM * at.z])
     return places
 
 
-def _model(actor: Actor) -> Model:
+def _model(actor: Actor) -> VehicleBlueprint:
     if actor.model is None:
         raise Refused(f"actor {actor.number} ({actor.kind}) is no vehicle")
     return actor.model

@@ -7,15 +7,15 @@ from functools import cached_property
 from pathlib import Path as FilePath
 from xml.parsers import expat
 
-from steersman.errors import DataError, suggestion
-from steersman.standin.axes import Transform
-from steersman.standin.spawn_points import spawn_points
-from steersman.standin.wire import MAX_NAME, Refused
+import steersman as sm
+from carla_standin.wire import MAX_NAME, Refused, Transform, warn_once
 
 # What CARLA calls a world that a client has generated.
 GENERATED = "OpenDriveMap"
 _DEFAULT = "StandInStraight"
 _FOLDER = "Carla/Maps/"
+# Distance of a spawn point from the beginning of its lane [m].
+_INTO_THE_LANE = 5.0
 
 # A straight road of 1 km, one lane each way, on which an empty server starts.
 _STRAIGHT = """<?xml version="1.0"?>
@@ -54,8 +54,16 @@ class WorldMap:
 
     @cached_property
     def spawn_points(self) -> tuple[Transform, ...]:
-        """Where cars may be spawned."""
-        return spawn_points(self.opendrive)
+        """Poses after the beginning of every driving lane.
+
+        A map that the reader of OpenDRIVE refuses has none; the log says why.
+        """
+        try:
+            starts = sm.lane_starts(self.opendrive, _INTO_THE_LANE)
+        except sm.DataError as error:
+            warn_once(f"stand-in: no spawn points: {error}")
+            return ()
+        return tuple(Transform.of(pose, 0.0) for pose in starts)
 
     @property
     def path(self) -> str:
@@ -95,22 +103,22 @@ def read_map(name: str, text: str) -> WorldMap:
     return WorldMap(name, text)
 
 
-class Atlas:
+class MapLibrary:
     """The maps that ``load_world`` knows: the default one and those of a folder."""
 
     def __init__(self, folder: FilePath | None = None) -> None:
         """Look at the folder's names; a map is read when it is loaded.
 
         Raises:
-            DataError: the folder cannot be read, or has no map.
+            sm.DataError: the folder cannot be read, or has no map.
         """
         self._files: dict[str, FilePath] = {}
         if folder is not None:
             if not folder.is_dir():
-                raise DataError(f"{folder}: no such folder")
+                raise sm.DataError(f"{folder}: no such folder")
             self._files = {file.stem: file for file in sorted(folder.glob("*.xodr"))}
             if not self._files:
-                raise DataError(f"{folder}: no *.xodr in it")
+                raise sm.DataError(f"{folder}: no *.xodr in it")
 
     def names(self) -> list[str]:
         """All maps, as CARLA names them."""
@@ -126,7 +134,9 @@ class Atlas:
         if stem == _DEFAULT:
             return default_map()
         if stem not in self._files:
-            raise Refused(f"there is no map {stem!r}{suggestion(stem, [_DEFAULT, *self._files])}")
+            raise Refused(
+                f"there is no map {stem!r}{sm.suggestion(stem, [_DEFAULT, *self._files])}"
+            )
         try:
             return read_map(stem, self._files[stem].read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError) as error:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from steersman.errors import suggestion
-from steersman.standin.wire import MAX_NAME, Refused
-from steersman.vehicles import CarlaMkz2020, CarlaModel3, Vehicle
+import steersman as sm
+from carla_standin.wire import MAX_NAME, Refused
 
 MODEL3 = "vehicle.tesla.model3"
 MKZ = "vehicle.lincoln.mkz_2020"
@@ -22,10 +21,10 @@ _PLACES = ("front", "back", "left", "right", "front_left", "front_right", "back_
 _NOISE = ("accel_stddev", "gyro_stddev", "gyro_bias")
 
 
-class Model(NamedTuple):
+class VehicleBlueprint(NamedTuple):
     """A vehicle that can be spawned, and what our parameters do not say of it."""
 
-    vehicle: Vehicle
+    vehicle: sm.Vehicle
     offset: float
     """Centre of mass ahead of the actor's origin [m]."""
     below: float
@@ -42,21 +41,28 @@ class Model(NamedTuple):
     """Whether it has lights and doors there; here it has neither."""
 
 
-def models(model3: Vehicle) -> dict[str, Model]:
+def models(model3: sm.Vehicle) -> dict[str, VehicleBlueprint]:
     """The vehicles by blueprint; ``model3`` is what drives behind the Model 3's name.
 
     Offsets, heights and radii: CARLA's blueprints; the MKZ's body is taken to be the Model 3's.
     The rest: https://carla.readthedocs.io/en/0.9.16/catalogue_vehicles/.
     """
     return {
-        MODEL3: Model(model3, 0.45, -0.3, 1.49, 0.37, 1, "electric", False),
-        MKZ: Model(CarlaMkz2020(), 0.6, -0.3, 1.49, 0.37, 2, "", True),
+        MODEL3: VehicleBlueprint(model3, 0.45, -0.3, 1.49, 0.37, 1, "electric", False),
+        MKZ: VehicleBlueprint(shipped("carla_mkz2020"), 0.6, -0.3, 1.49, 0.37, 2, "", True),
     }
 
 
-def default_models() -> dict[str, Model]:
+def shipped(name: str) -> sm.Vehicle:
+    """One of the package's vehicles."""
+    found = sm.make("vehicle", name)
+    assert isinstance(found, sm.Vehicle)
+    return found
+
+
+def default_models() -> dict[str, VehicleBlueprint]:
     """The vehicles as they are shipped."""
-    return models(CarlaModel3())
+    return models(shipped("carla_model3"))
 
 
 def _given(name: str, kind: int, value: str) -> list[Any]:
@@ -69,7 +75,7 @@ def _choice(name: str, kind: int, *values: str) -> list[Any]:
     return [name, kind, values[0], list(values), True, False]
 
 
-def _car(model: Model) -> list[list[Any]]:
+def _car(model: VehicleBlueprint) -> list[list[Any]]:
     """Attributes of a vehicle, as 0.9.16 makes them; without ``driver_id``: nobody sits in it."""
     fittings = str(model.fittings).lower()
     return [
@@ -87,7 +93,7 @@ def _car(model: Model) -> list[list[Any]]:
     ]
 
 
-def definitions(vehicles: dict[str, Model]) -> list[list[Any]]:
+def definitions(vehicles: dict[str, VehicleBlueprint]) -> list[list[Any]]:
     """The blueprint library as it travels: uid, id, tags, attributes."""
     place = _choice("role_name", _STRING, *_PLACES)
     noise = [_choice(f"noise_{what}_{axis}", _FLOAT, "0.0") for what in _NOISE for axis in "xyz"]
@@ -101,7 +107,7 @@ def definitions(vehicles: dict[str, Model]) -> list[list[Any]]:
     ]
 
 
-def check(name: str, vehicles: dict[str, Model]) -> None:
+def check(name: str, vehicles: dict[str, VehicleBlueprint]) -> None:
     """Whether a blueprint of that name can be spawned.
 
     Raises:
@@ -110,4 +116,4 @@ def check(name: str, vehicles: dict[str, Model]) -> None:
     known = [*vehicles, IMU, COLLISION]
     if name not in known:
         short = name[:MAX_NAME]
-        raise Refused(f"{short!r} is not in the blueprint library{suggestion(short, known)}")
+        raise Refused(f"{short!r} is not in the blueprint library{sm.suggestion(short, known)}")

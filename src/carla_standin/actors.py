@@ -7,14 +7,12 @@ import struct
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from steersman.standin.axes import Transform, placed, rate_deg, to_world
-from steersman.standin.wire import Refused
+from carla_standin.wire import Refused, Transform
 
 if TYPE_CHECKING:
-    from steersman.standin.blueprints import Model
-    from steersman.standin.car import Car
-    from steersman.standin.control import Control
-    from steersman.standin.sensors import Sensor
+    from carla_standin.blueprints import VehicleBlueprint
+    from carla_standin.car import Car, VehicleControl
+    from carla_standin.sensors import StreamedSensor
 
 # An actor in a snapshot: id, state; pose, velocity [m/s], angular velocity [deg/s], acceleration
 # [m/s^2]; 54 bytes that depend on its kind, for a vehicle its control, speed limit, traffic light
@@ -27,8 +25,6 @@ _ROLLED_OVER = 1
 _GREEN = 2
 _SPEED_LIMIT = 30.0
 _TAG_CAR = bytes([14])
-# Farther than this from the origin nothing is placed [m].
-_FARTHEST = 1e6
 
 
 @dataclass
@@ -43,9 +39,9 @@ class Actor:
     extent: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Half of the bounding box [m]."""
     car: Car | None = None
-    model: Model | None = None
-    control: Control | None = None
-    sensor: Sensor | None = None
+    model: VehicleBlueprint | None = None
+    control: VehicleControl | None = None
+    sensor: StreamedSensor | None = None
     token: bytes = b""
     applied_physics: list[Any] | None = field(default=None)
     """The last physics control that a client applied."""
@@ -56,7 +52,7 @@ class Actor:
         return str(self.description[1])
 
     @property
-    def driver(self) -> Control:
+    def driver(self) -> VehicleControl:
         """What moves its pedals.
 
         Raises:
@@ -71,7 +67,7 @@ class Actor:
         """Pose in the world."""
         if self.car is not None:
             return self.car.transform
-        return self.pose if self.parent is None else placed(self.parent.transform, self.pose)
+        return self.pose if self.parent is None else self.parent.transform.placed(self.pose)
 
     def place(self, where: Transform) -> None:
         """Move it; what is attached moves relative to its parent."""
@@ -97,51 +93,22 @@ class Actor:
                 _KIND_BYTES
             )
         car = self.car
-        _, _, psi, v_x, v_y, rate, _, _, _, _, _, a_x, a_y, _ = car.state.tolist()
         where = car.transform
         motion = _MOTION.pack(
             self.number,
             _ACTIVE,
             *where,
-            *to_world(psi, v_x, v_y),
+            *car.velocity,
             0.0,
             0.0,
             0.0,
-            rate_deg(rate),
-            *to_world(psi, a_x, a_y),
+            car.yaw_rate,
+            *car.acceleration,
             0.0,
         )
-        failure = _ROLLED_OVER if car.rolled_over() else 0
+        failure = _ROLLED_OVER if car.motion.rolled_over() else 0
         told = _CONTROL.pack(*self.control.told, _SPEED_LIMIT, _GREEN, False, 0, failure)
         return motion + told.ljust(_KIND_BYTES, b"\0")
-
-
-def read_transform(values: Any) -> Transform:
-    """A transform from the wire.
-
-    Raises:
-        Refused: it is none, or beyond all bounds.
-    """
-    match values:
-        case [[x, y, z], [pitch, yaw, roll]]:
-            found = Transform(*map(float, (x, y, z, pitch, yaw, roll)))
-            if all(math.isfinite(v) and abs(v) <= _FARTHEST for v in found):
-                return found
-    raise Refused(f"not a transform, or one farther than {_FARTHEST:g} m: {values!r:.80}")
-
-
-def read_vector(values: Any) -> tuple[float, float, float]:
-    """A vector from the wire.
-
-    Raises:
-        Refused: it is none, or beyond all bounds.
-    """
-    match values:
-        case [x, y, z]:
-            found = float(x), float(y), float(z)
-            if all(math.isfinite(v) and abs(v) <= _FARTHEST for v in found):
-                return found
-    raise Refused(f"not a vector of finite numbers: {values!r:.80}")
 
 
 def corners(actor: Actor) -> list[tuple[float, float]]:
