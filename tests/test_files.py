@@ -2,6 +2,7 @@
 
 import errno
 import os
+import socket
 import subprocess
 import sys
 from pathlib import Path as FilePath
@@ -69,6 +70,24 @@ def test_a_folder_in_the_place_of_the_file(tmp_path):
     with pytest.raises(DataError, match="taken: cannot be written"):
         write_text(tmp_path / "taken", "text")
     assert names(tmp_path) == ["taken"]
+
+
+def test_what_is_no_regular_file_is_never_replaced(tmp_path):
+    fifo, link = tmp_path / "fifo", tmp_path / "link"
+    os.mkfifo(fifo)
+    link.symlink_to(fifo)
+    door = tmp_path / "socket"
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind(str(door))
+        for name, kind in ((fifo, "a FIFO"), (link, "a FIFO"), (door, "a socket")):
+            with pytest.raises(DataError, match=rf"{name.name}: cannot be written \(it is {kind}"):
+                write_text(name, "text")
+    with pytest.raises(DataError, match=r"/dev/null: cannot be written \(it is a character device"):
+        write_text(FilePath(os.devnull), "text")
+    assert fifo.is_fifo()
+    assert door.is_socket()
+    assert link.is_symlink()
+    assert names(tmp_path) == ["fifo", "link", "socket"]
 
 
 def test_a_file_in_the_place_of_a_folder(tmp_path):

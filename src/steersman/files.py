@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import stat
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -16,6 +17,14 @@ from steersman.errors import DataError
 LOCK = ".lock"
 # How long another process may take to end, e.g. one whose parent was killed [s].
 PATIENCE = 2.0
+# What has the name of a file and is none.
+_KINDS: dict[str, Callable[[int], bool]] = {
+    "a folder": stat.S_ISDIR,
+    "a character device": stat.S_ISCHR,
+    "a block device": stat.S_ISBLK,
+    "a FIFO": stat.S_ISFIFO,
+    "a socket": stat.S_ISSOCK,
+}
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -29,8 +38,9 @@ def replacing(file: FilePath) -> Iterator[BinaryIO]:
     A link stays a link: what it points to is replaced.
 
     Raises:
-        DataError: the folder cannot be written, the disk is full, or ``file`` is a folder.
+        DataError: the folder cannot be written, the disk is full, or ``file`` is no regular file.
     """
+    refuse_special(file)
     file = FilePath(os.path.realpath(file))
     make_folder(file.parent)
     try:
@@ -50,6 +60,24 @@ def replacing(file: FilePath) -> Iterator[BinaryIO]:
     except BaseException:
         FilePath(name).unlink(missing_ok=True)
         raise
+
+
+def refuse_special(file: FilePath) -> None:
+    """Refuse a device, a FIFO, a socket or a folder, directly or behind a link.
+
+    A file is written by renaming another onto its name, which would put a regular file in the
+    place of the device.
+
+    Raises:
+        DataError: ``file`` exists and is no regular file.
+    """
+    try:
+        mode = os.stat(file).st_mode
+    except (OSError, ValueError):
+        return  # it is not there, or whoever opens it tells why it cannot be
+    if not stat.S_ISREG(mode):
+        kind = next((words for words, is_it in _KINDS.items() if is_it(mode)), "no regular file")
+        raise DataError(f"{file}: cannot be written (it is {kind})")
 
 
 def write_text(file: FilePath, text: str) -> None:

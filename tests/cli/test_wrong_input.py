@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path as FilePath
 
@@ -150,3 +151,19 @@ def test_a_file_name_that_is_too_long_is_no_traceback(steersman: Steersman) -> N
     result = steersman("drive", f"{'x' * 5000}.yaml")
     assert "name too long" in result.stderr
     assert result.exit_code == 2
+
+
+def test_a_device_as_output_is_refused_before_anything_is_driven(
+    steersman: Steersman, tmp_path: FilePath
+) -> None:
+    os.mkfifo(tmp_path / "fifo.mcap")
+    (tmp_path / "link.html").symlink_to(os.devnull)
+    for option, name, kind in (
+        ("--mcap", "fifo.mcap", "a FIFO"),
+        ("--report", "link.html", "a character device"),
+    ):
+        result = steersman("drive", "duration=1", option, name)
+        assert result.stderr == f"error: {name}: cannot be written (it is {kind})\n"
+        assert (result.exit_code, result.stdout) == (2, "")
+    assert (tmp_path / "fifo.mcap").is_fifo()
+    assert (tmp_path / "link.html").is_symlink()

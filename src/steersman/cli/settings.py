@@ -53,10 +53,13 @@ def out_file(name: str, option: str = "--out") -> FilePath:
     ``option`` is what the user gave the name with.
 
     Raises:
-        DataError: it is a folder, or its folder cannot be written.
+        DataError: it is a folder, a device or the like, or its folder cannot be written.
     """
+    from steersman.files import refuse_special
+
     file = FilePath(name)
     if not name.strip() or file.is_dir():
         raise DataError(f"{option}: expected the name of a file, given {name!r}")
+    refuse_special(file)
     out_folder(str(file.parent))
     return file
