@@ -165,7 +165,7 @@ def random_policy(
 ) -> FilePath:
     """A policy file with random weights, for the problem of ``config``."""
     config = config or TrainConfig()
-    encoding, layout = config.problem.encoding, config.problem.layout
+    layout = config.problem.layout
     if odd:
-        return export_policy(odd_net(encoding.mirror(layout)), config, folder, {})
-    return export_policy(random_net(len(encoding.scale(layout))), config, folder, {})
+        return export_policy(odd_net(layout.mirror), config, folder, {})
+    return export_policy(random_net(len(layout.scale)), config, folder, {})

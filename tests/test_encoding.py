@@ -26,9 +26,9 @@ ENCODINGS = [
 def test_every_feature_has_a_name_with_unit_and_a_scale(
     encoding: EncodingComponent, action: str
 ) -> None:
-    table = encoding.layout(2.0, 0.05, action)
-    names, scale = encoding.names(table), encoding.scale(table)
-    assert len(names) == len(scale) == kernel.feature_count(table)
+    layout = encoding.layout(2.0, 0.05, action)
+    names, scale = layout.names, layout.scale
+    assert len(names) == len(scale) == kernel.feature_count(layout.table)
     assert len(set(names)) == len(names)
     assert all(name.endswith("]") and " [" in name for name in names)
     assert (scale > 0.0).all()
@@ -36,29 +36,29 @@ def test_every_feature_has_a_name_with_unit_and_a_scale(
 
 @pytest.mark.parametrize("encoding", ENCODINGS, ids=str)
 def test_what_is_corrected_is_seen_beside_the_last_command(encoding: EncodingComponent) -> None:
-    plain, table = (encoding.layout(2.0, 0.05, action) for action in ("direct", "residual"))
-    assert plain == encoding.table(2.0, 0.05, False)
-    added = set(encoding.names(table)) - set(encoding.names(plain))
+    plain, layout = (encoding.layout(2.0, 0.05, action) for action in ("direct", "residual"))
+    added = set(layout.names) - set(plain.names)
     assert added | {"last_command [-]"} == {"last_command [-]", "base_command_less_last [-]"}
-    assert "last_command [-]" in encoding.names(table)
-    assert encoding.mirror(table)[-1] == -1.0
+    assert "last_command [-]" in layout.names
+    assert layout.mirror[-1] == -1.0
 
 
 def test_steering_is_seen_when_its_rate_is_the_action() -> None:
-    for encoding, rate, seen in (
-        (WaypointEncoding(), False, False),
-        (WaypointEncoding(), True, True),
-        (WaypointEncoding(steer=True), False, True),
-        (ExtendedEncoding(), False, True),
+    for encoding, action, seen in (
+        (WaypointEncoding(), "direct", False),
+        (WaypointEncoding(), "rate", True),
+        (WaypointEncoding(steer=True), "direct", True),
+        (ExtendedEncoding(), "direct", True),
     ):
-        names = encoding.names(encoding.table(2.0, 0.05, rate))
+        names = encoding.layout(2.0, 0.05, action).names
         assert ("steer [-]" in names) == seen
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS, ids=str)
 def test_features_are_of_about_unit_size(encoding: EncodingComponent) -> None:
-    table = encoding.table(2.0, 0.05, True)
-    scale, names = encoding.scale(table), encoding.names(table)
+    layout = encoding.layout(2.0, 0.05, "rate")
+    table = layout.table
+    scale, names = layout.scale, layout.names
     largest = np.zeros(len(names))
     sensor, plant = WaypointSensor(), SimulatorConfig().make(CarlaModel3())
     rng = np.random.default_rng(0)
@@ -82,7 +82,8 @@ def test_features_are_of_about_unit_size(encoding: EncodingComponent) -> None:
 
 @pytest.mark.parametrize("encoding", ENCODINGS, ids=str)
 def test_mirror_gives_the_features_of_the_mirrored_scene(encoding: EncodingComponent) -> None:
-    table = encoding.table(2.0, 0.05, True)
+    layout = encoding.layout(2.0, 0.05, "rate")
+    table = layout.table
     sensor = WaypointSensor()
     sides = []
     for side in (1.0, -1.0):
@@ -102,5 +103,5 @@ def test_mirror_gives_the_features_of_the_mirrored_scene(encoding: EncodingCompo
             state = plant.step(Command(steer * side, 0.3, 0.0))
         sides.append(features)
     left, right = sides
-    assert right == pytest.approx(encoding.mirror(table) * left, abs=1e-9)
+    assert right == pytest.approx(layout.mirror * left, abs=1e-9)
     assert np.count_nonzero(left) > len(left) - 3

@@ -1,80 +1,128 @@
-"""Encodings: from an observation to the input of a policy's network.
+"""Encodings: the lists of features that a policy's network reads.
 
-Training and the exported policy's controller use the same kernel. The raw features are divided
-by fixed scales to about unit size; the scale is applied here for training and is part of the
-card of an exported policy.
+Features are in SI units; a fixed scale brings them to about unit size and is part of an exported
+policy. Training and the controllers of exported policies use the same kernel.
 """
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import final
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, final
 
 import numpy as np
+from pydantic import model_validator
 
-from steersman.config import Component, param, register
+from steersman.config import Component, Of, param, register
+from steersman.features import (
+    UPDATES,
+    ActualSteering,
+    BaseCorrection,
+    Feature,
+    FineHeadingError,
+    FineLateralError,
+    HeadingError,
+    LastCommand,
+    LateralError,
+    LateralErrorIntegral,
+    LateralVelocity,
+    LongitudinalVelocity,
+    PastCommands,
+    PastErrors,
+    RoadCurvatures,
+    Waypoints,
+    YawRate,
+)
 from steersman.kernels import encode as kernel
 from steersman.kernels.encode import EncodingTable
+from steersman.kernels.formula import numbers_of
 from steersman.types import FloatArray
 
 
-class EncodingComponent(Component):
-    """Layout and scales of a policy's input."""
+@dataclass(frozen=True)
+class Layout:
+    """A network's input: its features in their order."""
 
-    @abstractmethod
-    def table(self, spacing: float, dt: float, rate_action: bool) -> EncodingTable:
-        """The layout as the kernels read it."""
+    features: tuple[Feature, ...]
+    spacing: float
+    """Distance between waypoints [m]."""
+    dt: float
+    """Control period [s]."""
 
-    @final
-    def layout(self, spacing: float, dt: float, action: str) -> EncodingTable:
-        """The layout for an action: ``residual`` adds the last command and the base's."""
-        table = self.table(spacing, dt, action == "rate")
-        return table._replace(command=1, base=1) if action == "residual" else table
+    def _numbers(self) -> Iterable[tuple[Feature, int]]:
+        return ((feature, i) for feature in self.features for i in range(feature.size))
 
-    def names(self, table: EncodingTable) -> list[str]:
-        """Name of each feature, with its unit in brackets."""
-        names = []
-        for i in range(table.waypoints):
-            names += [f"waypoint_{i}_x [m]", f"waypoint_{i}_y [m]"]
-        names += [f"road_curvature_{2 * i * table.spacing:g}m [1/m]" for i in range(table.roads)]
-        names += ["v_x [m/s]", "v_y [m/s]", "yaw_rate [rad/s]"]
-        names += ["steer [-]"] * table.steer
-        if table.errors:
-            names += ["lateral_error [m]", "heading_error [rad]"]
-            names += ["lateral_error_fine [-]", "heading_error_fine [-]"]
-        names += ["lateral_error_integral [m s]"] * table.integral
-        names += ["last_command [-]"] * table.command
-        names += [f"lateral_error_{i + 1}_ago [m]" for i in range(table.history)]
-        names += [f"command_{i + 2}_ago [-]" for i in range(table.history)]
-        names += ["base_command_less_last [-]"] * table.base
-        return names
+    @cached_property
+    def names(self) -> list[str]:
+        """Name of each number, with its unit in brackets."""
+        return [feature.label(i, self.spacing) for feature, i in self._numbers()]
 
-    def mirror(self, table: EncodingTable) -> FloatArray:
-        """Factor on each feature that gives those of the mirrored scene: all but v_x and x turn."""
-        even = ("v_x", "waypoint")
-        return np.array(
-            [
-                1.0 if name.startswith(even) and not name.endswith("_y [m]") else -1.0
-                for name in self.names(table)
-            ]
+    @cached_property
+    def scale(self) -> FloatArray:
+        """Factor on each number that brings it to about unit size."""
+        return np.array([feature.factor(i, self.spacing) for feature, i in self._numbers()])
+
+    @cached_property
+    def mirror(self) -> FloatArray:
+        """Factor on each number that gives that of the mirrored scene."""
+        return np.array([feature.mirrored(i) for feature, i in self._numbers()])
+
+    @property
+    def reads(self) -> int:
+        """How many waypoints it reads."""
+        return max((feature.reads for feature in self.features), default=0)
+
+    @property
+    def cells(self) -> int:
+        """How many numbers its features remember."""
+        return sum(feature.cells for feature in self.features)
+
+    @cached_property
+    def table(self) -> EncodingTable:
+        """The layout as the kernels read it; only for this process."""
+        numbers: list[list[int]] = []
+        cells: list[list[int]] = []
+        own: list[float] = []
+        for feature in self.features:
+            at, first = len(own), kernel.CELLS + len(cells)
+            found = {name: formula.address for name, formula in feature.formulas.items()}
+            numbers += [[found["value"], i, at, first] for i in range(feature.size)]
+            updates = [found.get(name, 0) for name in UPDATES]
+            cells += [[*updates, i, at, first] for i in range(feature.cells)]
+            own += numbers_of(feature).values()
+        return EncodingTable(
+            np.array(numbers, dtype=np.int64).reshape(-1, 4),
+            np.array(cells, dtype=np.int64).reshape(-1, 6),
+            np.array(own),
+            self.spacing,
+            self.dt,
         )
 
-    def scale(self, table: EncodingTable) -> FloatArray:
-        """Factor on each feature that brings it to about unit size."""
-        reach = max(table.waypoints - 1, 1) * table.spacing
-        factors: list[float] = []
-        for _ in range(table.waypoints):
-            factors += [1.0 / reach, 4.0 / reach]
-        factors += [20.0] * table.roads
-        factors += [1.0 / 15.0, 0.5, 1.0]
-        factors += [5.0] * table.steer
-        if table.errors:
-            factors += [1.0, 4.0, 1.0, 1.0]
-        factors += [1.0 / table.integral_limit] * table.integral
-        factors += [5.0] * table.command
-        factors += [1.0] * table.history + [5.0] * table.history
-        factors += [20.0] * table.base  # a car at speed is steered by a twentieth in a step
-        return np.array(factors)
+
+class EncodingComponent(Component):
+    """What a policy's network reads."""
+
+    @abstractmethod
+    def features_for(self, action: str) -> tuple[Feature, ...]:
+        """The features in their order; the action is ``rate``, ``direct`` or ``residual``."""
+
+    @final
+    def layout(self, spacing: float, dt: float, action: str) -> Layout:
+        """The input for waypoints ``spacing`` [m] apart and the control period ``dt`` [s].
+
+        A residual policy also reads the last command and, at the end, the base's.
+        """
+        features = list(self.features_for(action))
+        if action == "residual":
+            if LastCommand() not in features:
+                features.append(LastCommand())
+            features.append(BaseCorrection())
+        return Layout(tuple(features), spacing, dt)
+
+
+_MOTION = (LongitudinalVelocity(), LateralVelocity(), YawRate())
 
 
 @register("encoding", "waypoints")
@@ -87,10 +135,10 @@ class WaypointEncoding(EncodingComponent):
     waypoints: int = param(15, "-", "Waypoints among the features.", ge=1)
     steer: bool = param(False, "-", "Include the actual steering for direct actions too.")
 
-    def table(self, spacing: float, dt: float, rate_action: bool) -> EncodingTable:
-        """The layout as the kernels read it."""
-        steer = int(rate_action or self.steer)
-        return EncodingTable(self.waypoints, 0, steer, 0, 0, 0, 0, spacing, 1.0, 1.0, 1.0, dt)
+    def features_for(self, action: str) -> tuple[Feature, ...]:
+        """Waypoints, motion, perhaps steering."""
+        steer = (ActualSteering(),) if action == "rate" or self.steer else ()
+        return (Waypoints(count=self.waypoints), *_MOTION, *steer)
 
 
 @register("encoding", "extended")
@@ -107,22 +155,47 @@ class ExtendedEncoding(EncodingComponent):
     fine_heading: float = param(0.02, "rad", "Heading at half range of the fine feature.", gt=0)
     integral_limit: float = param(0.25, "m s", "Bound of the integral.", gt=0)
 
-    def table(self, spacing: float, dt: float, rate_action: bool) -> EncodingTable:
-        """The layout as the kernels read it."""
-        return EncodingTable(
-            self.waypoints,
-            self.roads,
-            1,
-            int(self.errors),
-            int(self.integral),
-            int(self.command),
-            self.history,
-            spacing,
-            self.fine_error,
-            self.fine_heading,
-            self.integral_limit,
-            dt,
-        )
+    def features_for(self, action: str) -> tuple[Feature, ...]:
+        """Those that are switched on."""
+        out: list[Feature] = []
+        if self.waypoints:
+            out.append(Waypoints(count=self.waypoints))
+        if self.roads:
+            out.append(RoadCurvatures(count=self.roads))
+        out += [*_MOTION, ActualSteering()]
+        if self.errors:
+            fine = FineLateralError(half=self.fine_error), FineHeadingError(half=self.fine_heading)
+            out += [LateralError(), HeadingError(), *fine]
+        if self.integral:
+            out.append(LateralErrorIntegral(limit=self.integral_limit))
+        if self.command or action == "residual":
+            out.append(LastCommand())
+        if self.history:
+            out += [PastErrors(count=self.history), PastCommands(count=self.history)]
+        return tuple(out)
 
 
-__all__ = ["EncodingComponent", "EncodingTable", "ExtendedEncoding", "WaypointEncoding", "kernel"]
+@register("encoding", "list")
+class FeatureList(EncodingComponent):
+    """Any features in any order, those of other packages included."""
+
+    features: tuple[Annotated[Feature, Of("feature")], ...] = param(
+        ("road_curvatures", "v_x", "yaw_rate", "steer", "lateral_error", "heading_error"),
+        "-",
+        "Features in their order.",
+        min_length=1,
+    )
+
+    @model_validator(mode="after")
+    def _distinct(self) -> FeatureList:
+        names = [feature.label(i, 1.0) for feature in self.features for i in range(feature.size)]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:
+            raise ValueError(f"features: {twice} is there twice")
+        if BaseCorrection() in self.features:
+            raise ValueError(f"features: {BaseCorrection.kind} is added where a base is corrected")
+        return self
+
+    def features_for(self, action: str) -> tuple[Feature, ...]:
+        """As listed."""
+        return self.features

@@ -14,7 +14,6 @@ from typer.testing import CliRunner, Result
 from steersman.cli import app
 from steersman.config import dump
 from steersman.encoding import ExtendedEncoding
-from steersman.kernels import encode
 
 Steersman = Callable[..., Result]
 
@@ -69,7 +68,7 @@ def wrong_files(tmp_path: FilePath) -> None:
 def _policy(stem: FilePath, changes: dict[str, Any]) -> None:
     """A card of today's format beside something that is no network."""
     data, encoding = b"no network", ExtendedEncoding()
-    table = encoding.table(2.0, 0.05, True)
+    layout = encoding.layout(2.0, 0.05, "rate")
     card = {
         "format": 2,
         "files": {f"{stem.name}.onnx": hashlib.sha256(data).hexdigest()},
@@ -79,8 +78,8 @@ def _policy(stem: FilePath, changes: dict[str, Any]) -> None:
         "waypoints": 15,
         "spacing": 2.0,
         "encoding": dump(encoding),
-        "observation": encoding.names(table),
-        "scale": [1.0] * encode.feature_count(table),
+        "observation": layout.names,
+        "scale": [1.0] * len(layout.names),
         "units": {},
         "signs": {},
         "limits": {},

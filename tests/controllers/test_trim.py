@@ -27,9 +27,7 @@ DIRECT = {"action": "direct", "encoding": {"kind": "extended"}}
 def content_beside(tmp_path: FilePath) -> str:
     """A network that steers the car to 50 mm left of the path that it is told."""
     config = build(TrainConfig, {"problem": DIRECT, "trim": 1.0})
-    encoding = config.problem.encoding
-    table = encoding.table(2.0, 0.05, False)
-    names, scale = encoding.names(table), encoding.scale(table)
+    names, scale = config.problem.layout.names, config.problem.layout.scale
     law = np.zeros((1, len(names)))
     for name, gain in (("lateral_error [m]", -0.1), ("heading_error [rad]", -0.5)):
         law[0, names.index(name)] = gain / scale[names.index(name)]
@@ -87,7 +85,7 @@ def test_a_base_is_told_of_the_shifted_path(tmp_path: FilePath) -> None:
     """A PD controller that is misaligned settles beside the path; without correction, too."""
     base = {"kind": "pid", "gains": {"k_p": 0.1, "k_i": 0.0, "k_d": 0.05}}
     config = build(TrainConfig, {"problem": {"action": "residual", "base": base, "authority": 0.1}})
-    net = random_net(len(config.problem.encoding.scale(config.problem.layout)))
+    net = random_net(len(config.problem.layout.scale))
     net.w3[:], net.b3[:] = 0.0, 0.01
     file = str(export_policy(net, config, tmp_path, {}))
     beside_path = 0.1 * math.tanh(0.01) / 0.1

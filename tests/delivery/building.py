@@ -63,7 +63,7 @@ def policy(folder: FilePath, name: str, hidden: int = 12) -> FilePath:
     """A random policy of one of the architectures."""
     fields, operators, trim = ARCHITECTURES[name]
     config = TrainConfig(problem=problem(**fields), trim=trim)
-    net = random_net(len(config.problem.encoding.scale(config.problem.layout)), hidden)
+    net = random_net(len(config.problem.layout.scale), hidden)
     return export_policy(net, config, folder, {}, operators)
 
 
@@ -104,7 +104,7 @@ class Library:
     def __init__(self, file: FilePath, p: Parts) -> None:
         self.p = p
         self.code = ctypes.CDLL(str(file))
-        self.history = max(p.table.history, 1)
+        self.cells = max(p.layout.cells, 1)
         self.waypoints = max(p.card.waypoints, 1)
         self.call_network = self._function("network")
         self.call_network.restype = None
@@ -125,7 +125,7 @@ class Library:
     def init(self) -> Any:
         """A state before its first step."""
         # One int and floats, all of four bytes.
-        state = np.full(4 + 2 * self.history, 77.0, np.float32)
+        state = np.full(3 + self.cells, 77.0, np.float32)
         self._function("init")(ctypes.c_void_p(state.ctypes.data))
         return state
 

@@ -171,7 +171,7 @@ def test_a_fine_scale_of_nothing(tmp_path: FilePath) -> None:
     file = random_policy(tmp_path / "agent")
     _, card = read_policy(file)
     edit(file, encoding={**card.encoding, "fine_error": 1e-60})
-    with pytest.raises(DataError, match="fine_error: 1e-60 does not fit into float32"):
+    with pytest.raises(DataError, match=r"lateral_error_fine\.half: 1e-60 does not fit"):
         write_c(str(file), tmp_path)
 
 

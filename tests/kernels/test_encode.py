@@ -7,13 +7,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steersman.encoding import EncodingTable, ExtendedEncoding, WaypointEncoding
+from steersman.encoding import EncodingComponent, ExtendedEncoding, WaypointEncoding
 from steersman.kernels import encode as kernel
 from steersman.kernels import observe
+from steersman.kernels.encode import EncodingTable
 from steersman.types import FloatArray
 
 WAYPOINTS = 15
-HISTORY = ExtendedEncoding(waypoints=0, roads=0, history=3).table(2.0, 0.05, True)
+
+
+def table_of(encoding: EncodingComponent, action: str = "rate") -> EncodingTable:
+    return encoding.layout(2.0, 0.05, action).table
+
+
+HISTORY = table_of(ExtendedEncoding(waypoints=0, roads=0, history=3))
+RESIDUAL = table_of(ExtendedEncoding(waypoints=0, roads=0, history=3), "residual")
+# The first feature that remembers something is the integral.
+INTEGRAL = kernel.CELLS
 
 
 def row(d: float = 0.0, steer: float = 0.0, heading: float = 0.0, kappa: float = 0.0) -> FloatArray:
@@ -37,9 +47,9 @@ def features(table: EncodingTable, seen: FloatArray, memory: FloatArray) -> Floa
 @pytest.mark.parametrize(
     "table",
     [
-        WaypointEncoding().table(2.0, 0.05, True),
-        ExtendedEncoding(waypoints=3, history=4).table(2.0, 0.05, False),
-        ExtendedEncoding(errors=False, integral=False, command=False).table(2.0, 0.05, True),
+        table_of(WaypointEncoding()),
+        table_of(ExtendedEncoding(waypoints=3, history=4), "direct"),
+        table_of(ExtendedEncoding(errors=False, integral=False, command=False)),
     ],
 )
 @given(st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)), min_size=1, max_size=8))
@@ -63,21 +73,21 @@ def test_compiled_equals_python(table: EncodingTable, steps: list[tuple[float, f
 
 @given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
 def test_the_bases_command_is_told_relative_to_the_last(base: float, last: float) -> None:
-    table = HISTORY._replace(base=1)
+    table = RESIDUAL
     memory = np.zeros(kernel.memory_size(table))
     plain = features(HISTORY, row(0.2), memory)
     kernel.remember(table, row(0.2), memory, last)
     out, again = features(table, row(0.2), memory), features(table, row(0.2), memory)
     assert len(out) == len(plain) + 1
     assert out[-1] == 0.0
-    kernel.tell_base(memory, base, out)
-    kernel.tell_base.py_func(memory, base, again)
+    kernel.tell_base(table, row(0.2), memory, base, out)
+    kernel.tell_base.py_func(table, row(0.2), memory, base, again)
     assert out[-1] == again[-1] == base - last
     assert out[-2] == features(HISTORY, row(0.2), memory)[-1]
 
 
 def test_waypoints_and_state_come_first() -> None:
-    table = WaypointEncoding(waypoints=4).table(2.0, 0.05, True)
+    table = table_of(WaypointEncoding(waypoints=4))
     seen = row(0.3, steer=0.2)
     out = features(table, seen, np.zeros(kernel.memory_size(table)))
     assert out[:8] == pytest.approx(seen[observe.O_PREVIEW :][:8])
@@ -88,13 +98,13 @@ def test_waypoints_and_state_come_first() -> None:
 def test_road_curvatures_hold_nothing_of_the_cars_error(
     kappa: float, d: float, heading: float
 ) -> None:
-    table = ExtendedEncoding(roads=7).table(2.0, 0.05, True)
+    table = table_of(ExtendedEncoding(roads=7))
     out = features(table, row(d, 0.0, heading, kappa), np.zeros(kernel.memory_size(table)))
     assert out[:7] == pytest.approx(np.full(7, kappa), abs=1e-12)
 
 
 def test_fine_errors() -> None:
-    table = ExtendedEncoding(roads=0, fine_error=0.05, fine_heading=0.02).table(2.0, 0.05, True)
+    table = table_of(ExtendedEncoding(roads=0, fine_error=0.05, fine_heading=0.02))
     memory = np.zeros(kernel.memory_size(table))
     out = features(table, row(d=-0.05, heading=0.02), memory)
     assert out[4:8] == pytest.approx([-0.05, 0.02, -0.5, 0.5])
@@ -119,15 +129,15 @@ def test_integral_is_bounded(d: float) -> None:
     memory = np.zeros(kernel.memory_size(HISTORY))
     total = 0.0
     features(HISTORY, row(d), memory)
-    assert memory[kernel.INTEGRAL] == 0.0
+    assert memory[INTEGRAL] == 0.0
     for _ in range(200):
         features(HISTORY, row(d), memory)
         total = min(max(total + 0.05 * d, -0.25), 0.25)
-        assert memory[kernel.INTEGRAL] == pytest.approx(total)
+        assert memory[INTEGRAL] == pytest.approx(total)
     # It comes back at once when the error changes sign.
-    before = abs(memory[kernel.INTEGRAL])
+    before = abs(memory[INTEGRAL])
     features(HISTORY, row(-d), memory)
-    assert abs(memory[kernel.INTEGRAL]) <= before
+    assert abs(memory[INTEGRAL]) <= before
 
 
 def test_a_cleared_memory_starts_anew() -> None:
@@ -138,4 +148,4 @@ def test_a_cleared_memory_starts_anew() -> None:
     memory[:] = 0.0
     fresh = features(HISTORY, row(0.1, steer=0.3), memory)
     assert fresh[-7:] == pytest.approx([0.3, 0.1, 0.1, 0.1, 0.3, 0.3, 0.3])
-    assert memory[kernel.INTEGRAL] == 0.0
+    assert memory[INTEGRAL] == 0.0

@@ -270,7 +270,7 @@ def test_exported_network_is_sb3s_deterministic_action(
     agent = made.agent.make(made, PathFollowingVecEnv(made.problem, 4))
     agent.actor_net().flat[:] *= 2.5  # so that the answer is no plain zero, and meets its limits
     agent.actor_net().b3[:] = 0.3
-    scale = made.problem.encoding.scale(made.problem.encoding.table(2.0, 0.05, True))
+    scale = made.problem.layout.scale
     run = load_network(
         network(agent.actor_net(), scale, made.agent.operators), "policy.onnx", len(scale)
     )

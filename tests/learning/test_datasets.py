@@ -318,7 +318,7 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[Problem, FilePath,
 
 
 def answers(wanted: Problem, folder: FilePath, one: Trajectory) -> Any:
-    scale = wanted.encoding.scale(wanted.layout)  # which is part of the exported network
+    scale = wanted.layout.scale  # which is part of the exported network
     seen = (features(wanted, one.rows, one.steer)[:-1] / scale).astype(np.float32)
     network = load_network((folder / "policy.onnx").read_bytes(), "policy", seen.shape[1])
     return np.array([network(row[None, :]) for row in seen])

@@ -25,8 +25,7 @@ def test_network_is_the_agents(size: float) -> None:
     agent = config.agent.make(config, PathFollowingVecEnv(config.problem, 4))
     # Larger weights than the fresh ones, so that the answer is no plain zero.
     agent.actor_net().flat[:] *= 4.0
-    table = config.problem.encoding.table(2.0, 0.05, True)
-    scale = config.problem.encoding.scale(table)
+    scale = config.problem.layout.scale
     run = load_network(network(agent.actor_net(), scale), "policy.onnx", len(scale))
     raw = size * np.random.default_rng(0).normal(size=(40, len(scale)))
     with np.errstate(over="ignore"):

@@ -77,9 +77,8 @@ def drives(pupil: Any = None, beta: float = 1.0, sigma: float = 0.0, **changes: 
 
 def columns(data: Dataset, *names: str) -> list[Any]:
     problem = config().problem
-    table = problem.layout
-    where = [problem.encoding.names(table).index(name) for name in names]
-    return [data.features[:, i] / problem.encoding.scale(table)[i] for i in where]
+    where = [problem.layout.names.index(name) for name in names]
+    return [data.features[:, i] / problem.layout.scale[i] for i in where]
 
 
 def to_the_left(features: Any) -> Any:
@@ -293,8 +292,8 @@ def test_the_policy_drives(done: FilePath) -> None:
 
 def test_the_demonstrators_own_score_is_that_of_its_drives(done: FilePath) -> None:
     validator = Validator(config().problem, config().validation)
-    encoding, layout = config().problem.encoding, config().problem.layout
-    names, scale = encoding.names(layout), encoding.scale(layout)
+    layout = config().problem.layout
+    names, scale = layout.names, layout.scale
     i, k = names.index("lateral_error [m]"), names.index("heading_error [rad]")
 
     def linear(features: Any) -> Any:

@@ -123,7 +123,7 @@ def test_the_bases_steering_is_limited_together_with_its_correction() -> None:
 def test_the_network_sees_the_bases_steering(encoding: str) -> None:
     """Beside the last command, also where an episode has just ended."""
     task = problem(**RESIDUAL, encoding={"kind": encoding}, episode_time=0.5, corridor=50.0)
-    names = task.encoding.names(task.layout)
+    names = task.layout.names
     assert "last_command [-]" in names
     assert names[-1] == "base_command_less_last [-]"
     driver = FleetDriver(task, 3)
@@ -198,7 +198,7 @@ def test_without_correction_the_base_drives() -> None:
 def test_the_exported_policy_corrects_as_in_training(bias: float, tmp_path: FilePath) -> None:
     """With one and the same correction throughout, so that no network's rounding matters."""
     task = alone()
-    net = random_net(len(task.encoding.scale(task.layout)))
+    net = random_net(len(task.layout.scale))
     net.w3[:], net.b3[:] = 0.0, bias
     file = export_policy(net, TrainConfig(problem=task), tmp_path, {})
     policy = Policy(file=str(file))

@@ -1,52 +1,87 @@
-"""Rewards against their closed forms, compiled and as Python."""
+"""The reward: every term against its closed form, and their sum wherever it is computed."""
 
 from __future__ import annotations
 
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from steersman.config import build
+from steersman.errors import ConfigError
 from steersman.kernels import reward as kernel
-from steersman.learning.task import PaperTask, PreciseTask, TaskComponent
+from steersman.learning.fleet import FleetDriver
+from steersman.learning.problem import Problem
+from steersman.learning.task import (
+    FunctionTerm,
+    Imitation,
+    Judged,
+    PaperTask,
+    PreciseTask,
+    Progress,
+    SteeringChange,
+    TaskComponent,
+)
+
+from .problems import problem
 
 REAL = st.floats(-3.0, 3.0)
+STEERS = st.floats(-1.0, 1.0)
+STILL = Judged(*[0.0] * 12, dt=0.05)
+
+
+def judge(task: TaskComponent, **step: float) -> tuple[float, float, float, float]:
+    """Reward, r_track, c_track, c_diff, compiled and as Python."""
+    table, row = task.table(), np.array(STILL._replace(**step))
+    out, again = np.empty(4), np.empty(4)
+    kernel.judge(table, row, out)
+    kernel.judge.py_func(table, row, again)
+    assert out == pytest.approx(again, rel=1e-12)
+    total, r_track, c_track, c_diff = out.tolist()
+    return total, r_track, c_track, c_diff
 
 
 def track(task: TaskComponent, v: float, d: float, course: float, slip: float = 0.0) -> float:
-    value = float(kernel.track_reward(task.table(), v, d, course, slip))
-    plain = kernel.track_reward.py_func(task.table(), v, d, course, slip)
-    assert value == pytest.approx(plain, rel=1e-12)
+    step = {"speed": v, "lateral_error": d, "course_error": course, "side_slip": slip}
+    value = judge(task, **step)[1]
+    # The formula is also a plain method.
+    assert value == pytest.approx(task.tracking().value(STILL._replace(**step)), rel=1e-12)
     return value
 
 
-def combine(task: TaskComponent, r: float, *steers: float) -> tuple[float, float, float]:
-    value: tuple[float, float, float] = kernel.combine(task.table(), r, *steers)
-    assert value == pytest.approx(kernel.combine.py_func(task.table(), r, *steers), rel=1e-12)
-    return value
+def combine(
+    task: TaskComponent, speed: float, steer: float, previous: float, demo: float, d: float = 0.0
+) -> tuple[float, float, float]:
+    """Reward and coefficients; on the path the paper's r_track is the speed."""
+    steers = {"steer": steer, "previous_steer": previous, "demonstrated_steer": demo}
+    total, _, c_track, c_diff = judge(task, speed=speed, lateral_error=d, **steers)
+    return total, c_track, c_diff
 
 
 def sigmoid(x: float) -> float:
     return 1.0 / (1.0 + math.exp(-x))
 
 
-def test_paper_tracking() -> None:
-    expected = abs(8 * math.cos(0.1)) - abs(8 * math.sin(0.1)) - 8 * 0.3
-    assert track(PaperTask(), 8.0, -0.3, 0.1, slip=0.5) == pytest.approx(expected)
+@given(st.floats(0.0, 40.0), REAL, REAL, REAL)
+def test_paper_tracking(v: float, d: float, course: float, slip: float) -> None:
+    # Phi is the course error; in the paper's words the side-slip.
+    for task, phi in ((PaperTask(), course), (PaperTask(phi="sideslip"), slip)):
+        expected = abs(v * math.cos(phi)) - abs(v * math.sin(phi)) - v * abs(d)
+        found = track(task, v, d, course, slip)
+        assert found == pytest.approx(expected)
+        assert found <= v + 1e-12
+    assert track(PaperTask(), v, 0.0, 0.0, slip) == v
 
 
-def test_paper_tracking_in_its_own_words() -> None:
-    """Phi between velocity and heading, which is the side-slip."""
-    expected = abs(8 * math.cos(0.5)) - abs(8 * math.sin(0.5)) - 8 * 0.3
-    assert track(PaperTask(phi="sideslip"), 8.0, 0.3, 0.1, slip=0.5) == pytest.approx(expected)
-
-
-def test_precise_tracking() -> None:
-    task = PreciseTask(root_error=0.04, root_weight=0.5, linear_weight=2.0)
-    expected = 1.0 - 0.5 * 0.5 - 2.0 * 0.01 - 0.5 * math.sin(0.1)
-    assert track(task, 8.0, 0.01, -0.1) == pytest.approx(expected)
+@given(REAL, REAL)
+def test_precise_tracking(d: float, course: float) -> None:
+    task = PreciseTask(root_error=0.04, root_weight=0.6, linear_weight=2.0)
+    root = math.sqrt(min(abs(d) / 0.04, 1.0))
+    expected = 1.0 - 0.6 * root - 2.0 * abs(d) - 0.5 * abs(math.sin(course))
+    assert track(task, 8.0, d, course) == pytest.approx(expected)
     assert track(PreciseTask(), 8.0, 1.0, 0.0) == pytest.approx(0.0)
 
 
@@ -56,47 +91,153 @@ def test_tracking_is_best_on_the_path_and_knows_no_side(
     task: TaskComponent, v: float, d: float, course: float
 ) -> None:
     here = track(task, v, d, course)
-    assert here <= track(task, v, 0.0, 0.0) + 1e-12
     assert here == track(task, v, -d, -course)
+    assert here <= track(task, v, 0.0, 0.0) + 1e-12
+    assert track(task, v, 2.0 * d, 0.0) <= track(task, v, d, 0.0)
 
 
-def test_without_demonstration() -> None:
-    task = PreciseTask(demonstration="none", c_track=2.0)
-    assert combine(task, 0.7, 0.3, 0.1, 0.9) == pytest.approx((1.4, 2.0, 0.0))
+def test_precise_reward_asks_for_the_last_millimetre() -> None:
+    # From 2 mm to 1 mm: the paper's reward gains v x 1 mm, of v; this one much more.
+    def gain(task: TaskComponent) -> float:
+        near, far = (track(task, 10.0, d, 0.0) for d in (1e-3, 2e-3))
+        return (near - far) / track(task, 10.0, 0.0, 0.0)
+
+    assert gain(PaperTask()) == pytest.approx(1e-3)
+    assert gain(PreciseTask()) > 0.02
+    # Its slope grows towards zero, as the root's does, but a reward is never infinite.
+    slopes = [(track(PreciseTask(), 10.0, d, 0.0) - 1.0) / d for d in (1e-2, 1e-3, 1e-4)]
+    assert slopes == sorted(slopes, reverse=True)
+    # Beyond root_error the slope is the linear term's, finite everywhere.
+    beyond = [track(PreciseTask(), 10.0, d, 0.0) for d in (0.5, 0.6)]
+    assert beyond[0] - beyond[1] == pytest.approx(0.05)
 
 
-def test_fixed_coefficients() -> None:
-    task = PaperTask(demonstration="fixed", c_track=2.0, c_diff=3.0)
-    assert combine(task, 5.0, 0.3, 0.3, 0.5)[0] == pytest.approx(10.0 - 3.0 * 0.5 * 0.04)
+@given(st.floats(-800.0, 800.0))
+def test_sigmoid(x: float) -> None:
+    found = kernel.sigmoid(x)
+    assert 0.0 <= found <= 1.0
+    assert found == pytest.approx(kernel.sigmoid.py_func(x))
+    assert found + kernel.sigmoid(-x) == pytest.approx(1.0)
+    assert found == pytest.approx(0.5 * (1.0 + math.tanh(0.5 * x)))
 
 
-def test_steering_change_costs() -> None:
-    task = PaperTask(demonstration="none", c_change=10.0)
-    assert combine(task, 0.0, 0.3, 0.1, 0.0)[0] == pytest.approx(-5.0 * 0.04)
+@given(st.floats(0.0, 40.0), STEERS, STEERS, STEERS)
+def test_fixed_and_no_demonstration(
+    speed: float, steer: float, previous: float, demo: float
+) -> None:
+    change = 1.5 * (steer - previous) ** 2
+    fixed = PaperTask(demonstration="fixed", c_track=2.0, c_diff=5.0, c_change=3.0)
+    expected = 2.0 * speed - 5.0 * 0.5 * (demo - steer) ** 2 - change
+    assert combine(fixed, speed, steer, previous, demo) == pytest.approx((expected, 2.0, 5.0))
+    alone = PaperTask(demonstration="none", c_track=2.0, c_change=3.0)
+    found = combine(alone, speed, steer, previous, demo)
+    assert found == pytest.approx((2.0 * speed - change, 2.0, 0.0))
 
 
-@given(
-    r=st.floats(-20.0, 20.0), steer=REAL, demo=REAL, e_t=st.floats(0.1, 5), e_d=st.floats(0.1, 5)
-)
-def test_adaptive_coefficients(r: float, steer: float, demo: float, e_t: float, e_d: float) -> None:
-    task = PaperTask(demonstration="adaptive", c_track=e_t, c_diff=e_d)
-    total, c_track, c_diff = combine(task, r, steer, steer, demo)
-    r_diff = 0.5 * (demo - steer) ** 2
-    raw = e_t * sigmoid(r), e_d * sigmoid(r_diff)
-    assert c_track == pytest.approx(raw[0] / sum(raw))
+@given(st.floats(-30.0, 30.0), STEERS, STEERS, st.floats(0.1, 5.0), st.floats(0.1, 5.0))
+def test_adaptive_coefficients(
+    r: float, steer: float, demo: float, e_track: float, e_diff: float
+) -> None:
+    task = PaperTask(c_track=e_track, c_diff=e_diff)
+    speed, d = (r, 0.0) if r >= 0.0 else (1.0, 1.0 - r)
+    total, c_track, c_diff = combine(task, speed, steer, steer, demo, d)
+    diff = 0.5 * (demo - steer) ** 2
+    # r_diff is never negative, so its sigmoid is at least a half before the normalisation.
+    weights = e_track * sigmoid(r), e_diff * sigmoid(diff)
+    assert c_track == pytest.approx(weights[0] / sum(weights))
     assert c_track + c_diff == pytest.approx(1.0)
-    assert total == pytest.approx(c_track * r - c_diff * r_diff)
+    assert total == pytest.approx(c_track * r - c_diff * diff)
 
 
-def test_normalisation_brings_both_terms_to_size_one() -> None:
-    task = PaperTask(demonstration="adaptive", normalise=True, v_ref=10.0)
-    total, c_track, _ = combine(task, 10.0, 0.1, 0.1, 0.2)
-    assert c_track == pytest.approx(0.5)
+def test_normalised() -> None:
+    # Both terms are one: r_track / v_ref and r_diff / (0.1^2 / 2).
+    task = PaperTask(normalise=True, v_ref=8.0)
+    total, c_track, c_diff = combine(task, 8.0, 0.3, 0.3, 0.2)
+    assert (c_track, c_diff) == pytest.approx((0.5, 0.5))
     assert total == pytest.approx(0.0, abs=1e-12)
+    assert isinstance(task.tracking(), Progress)
 
 
-@pytest.mark.parametrize("x", [-1e4, -750.0, 0.0, 750.0, 1e4])
-def test_sigmoid_does_not_overflow(x: float) -> None:
-    value: Any = kernel.sigmoid(x)
-    assert 0.0 <= value <= 1.0
-    assert value == kernel.sigmoid.py_func(x)
+# ------------------------------------------------------------------------------ further terms
+
+
+def test_further_terms_are_added() -> None:
+    step = {"speed": 8.0, "steer": 0.3, "previous_steer": 0.1, "demonstrated_steer": 0.2}
+    plain = PaperTask(demonstration="none")
+    terms = [SteeringChange(weight=3.0), Imitation(weight=2.0, scale=0.5)]
+    more = PaperTask(demonstration="none", terms=tuple(terms))
+    assert [term.kind for term in more.sum_of()][-2:] == ["steering_change", "imitation"]
+    expected = -1.5 * 0.2**2 - 2.0 * 0.5 * 0.1**2 / 0.5
+    assert judge(more, **step)[0] - judge(plain, **step)[0] == pytest.approx(expected)
+    named = build(PaperTask, {"terms": [{"kind": "steering_change", "weight": 3.0}]})
+    assert named.terms == (terms[0],)
+
+
+def run(task: Any) -> tuple[Any, Any]:
+    """Rewards and judged steps of some steps of one vehicle."""
+    driver = FleetDriver(problem(task=task), 1)
+    driver.seed(1)
+    driver.reset(0)
+    rewards, steps = [], []
+    for k in range(30):
+        driver.step(np.array([0.3 * math.sin(k)]))
+        rewards.append(driver.fleet.reward[0, 0])
+        steps.append(Judged(*driver.fleet.judged.tolist()))
+    return np.array(rewards), steps
+
+
+def test_a_python_function_is_a_term() -> None:
+    def calm(step: Judged) -> float:
+        return -(step.yaw_rate**2) + 0.1 * step.steer
+
+    plain, _ = run({"kind": "precise"})
+    task = PreciseTask(terms=(FunctionTerm(function=calm, weight=2.0),))
+    rewards, steps = run(task)
+    assert rewards - plain == pytest.approx([2.0 * calm(step) for step in steps], abs=1e-12)
+
+
+def test_what_a_python_function_raises_comes_through() -> None:
+    def broken(step: Judged) -> float:
+        raise ZeroDivisionError("the author's mistake")
+
+    with pytest.raises(ZeroDivisionError, match="author's mistake"):
+        run(PreciseTask(terms=(FunctionTerm(function=broken),)))
+    assert np.isfinite(run(PreciseTask())[0]).all()  # it is raised once
+
+
+def test_a_python_function_is_not_read_from_a_file() -> None:
+    given_by_name = {"task": {"terms": [{"kind": "function", "function": "calm"}]}}
+    with pytest.raises(ConfigError, match=r"task\.terms.*a file cannot hold a Python function"):
+        build(Problem, given_by_name)
+
+
+# --------------------------------------------------------------------------- the one sum
+
+
+@pytest.mark.parametrize(
+    "task",
+    [
+        {"kind": "paper", "c_change": 0.7, "normalise": True},
+        {"kind": "precise", "c_change": 3.0, "demonstration": "none"},
+        {"kind": "precise", "terms": [{"kind": "steering_change", "weight": 0.5}]},
+    ],
+)
+def test_a_recorded_drive_earns_what_it_earned_while_driving(task: dict[str, Any]) -> None:
+    driver = FleetDriver(problem(task=task), 1)
+    driver.seed(3)
+    driver.reset(0)
+    fleet = driver.fleet
+    states, tracking = [fleet.state[0].copy()], [fleet.tracking[0].copy()]
+    steer, demo, rewards = [], [], []
+    for k in range(40):
+        demo.append(fleet.demo[0])
+        driver.step(np.array([0.4 * math.sin(1.3 * k)]))
+        states.append(fleet.state[0].copy())
+        tracking.append(fleet.tracking[0].copy())
+        steer.append(fleet.executed[0])
+        rewards.append(fleet.reward[0, 0])
+    given = np.array(states), np.array(tracking), np.array(steer)
+    found = driver.problem.task.rewards(*given, np.array(demo), driver.dt)
+    assert found.tolist() == rewards
+    # Another order of commands is another reward, so the previous one takes part.
+    assert np.ptp(np.diff(steer)) > 0.01

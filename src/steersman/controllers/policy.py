@@ -10,7 +10,7 @@ import numpy as np
 
 from steersman.config import dump, param, register, resolve
 from steersman.controllers.base import ControllerComponent, within_limits
-from steersman.encoding import EncodingComponent
+from steersman.encoding import EncodingComponent, Layout
 from steersman.errors import ConfigError, DataError, one_line
 from steersman.kernels import encode as kernel
 from steersman.kernels import observe
@@ -77,7 +77,7 @@ class Policy(ControllerComponent):
                 f"{self.file}: trained for a control period of {card.dt} s, but plant.dt is {dt} s"
             )
         try:
-            base, table = card_base(card), card_table(card)
+            base, table = card_base(card), card_layout(card).table
         except (ConfigError, DataError) as error:
             raise DataError(f"{self.file}: card: {error}") from None
         memory = np.zeros(kernel.memory_size(table))
@@ -114,7 +114,7 @@ class Policy(ControllerComponent):
             decision, base_state = state.base.step(base_state, told)
             start = decision.steer
             status = decision.status if decision.status is Status.FALLBACK else status
-            kernel.tell_base(memory, start, features)
+            kernel.tell_base(table, row, memory, start, features)
         with np.errstate(over="ignore"):  # the network clips: infinity is as good as 1e300
             single = features.astype(np.float32)
         action = float(state.run(single[None, :]))
@@ -166,7 +166,7 @@ def to_row(observation: Observation, waypoints: int, spacing: float) -> FloatArr
     return row
 
 
-def card_table(card: PolicyCard) -> EncodingTable:
+def card_layout(card: PolicyCard) -> Layout:
     """The layout that a card describes.
 
     Raises:
@@ -178,13 +178,14 @@ def card_table(card: PolicyCard) -> EncodingTable:
     action = "direct" if card.rate_limit is None else "rate"
     if card.base is not None:
         action = "residual"
-    table = encoding.layout(card.spacing, card.dt, action)
-    if kernel.feature_count(table) != len(card.scale):
-        raise DataError(f"{len(card.scale)} scales for {kernel.feature_count(table)} features")
-    needed = max(table.waypoints, 2 * table.roads - 1)
-    if needed > card.waypoints:  # the kernel would read beyond the row
-        raise DataError(f"its encoding reads {needed} waypoints, but there are {card.waypoints}")
-    return table
+    layout = encoding.layout(card.spacing, card.dt, action)
+    if len(layout.names) != len(card.scale):
+        raise DataError(f"{len(card.scale)} scales for {len(layout.names)} features")
+    if layout.reads > card.waypoints:  # the kernel would read beyond the row
+        raise DataError(
+            f"its encoding reads {layout.reads} waypoints, but there are {card.waypoints}"
+        )
+    return layout
 
 
 def card_base(card: PolicyCard) -> ControllerComponent | None:

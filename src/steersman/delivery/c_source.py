@@ -9,14 +9,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from steersman.controllers.policy import Policy, card_table
+from steersman.controllers.policy import Policy, card_layout
 from steersman.delivery import c_text
+from steersman.delivery.c_formula import Writer
 from steersman.delivery.c_network import activations, arrays, layers
 from steersman.delivery.c_text import decimal
 from steersman.delivery.graph import CLIP, TANH, Network
 from steersman.delivery.source import Source, controller
+from steersman.encoding import Layout
 from steersman.errors import DataError
-from steersman.kernels.encode import EncodingTable
+from steersman.features import UPDATES, Feature
+from steersman.kernels.formula import numbers_of
 from steersman.policy_file import PolicyCard
 
 # Hidden values beyond this leave no room for what is done with them in float32.
@@ -30,7 +33,7 @@ class Parts(NamedTuple):
 
     source: Source
     network: Network
-    table: EncodingTable
+    layout: Layout
     trim: float
     policy: Policy
 
@@ -52,7 +55,7 @@ def parts(source: Source, network: Network) -> Parts:
         DataError: its network or its card holds what the C text has no place for.
     """
     card = source.card
-    table = card_table(card)
+    layout = card_layout(card)
     if not len(network.scale) == len(card.scale) == len(card.observation):
         raise DataError(
             f"{source.file}: the network takes {len(network.scale)} features, but its card names "
@@ -69,7 +72,7 @@ def parts(source: Source, network: Network) -> Parts:
             raise DataError(f"{source.file}: hidden values up to {size.max():.1e} leave float32")
         if layer.activation in {TANH, CLIP}:
             size = np.minimum(size, 1.0)
-    return Parts(source, network, table, card.trim, controller(source))
+    return Parts(source, network, layout, card.trim, controller(source))
 
 
 def fill(template: str, words: dict[str, Any]) -> str:
@@ -97,21 +100,19 @@ def _signature(p: Parts) -> dict[str, str]:
     prefix, pad = names["prefix"], " " * len(f"int {names['prefix']}_step(")
     none = ("base_comment", "base_parameter", "base_declaration", "base_function", "base_check")
     if p.card.base is None:
-        empty = dict.fromkeys((*none, "base_feature", "residual_note"), "")
-        return {**empty, "step_indent": pad}
+        empty = dict.fromkeys((*none, "base_clip", "residual_note"), "")
+        return {**empty, "step_indent": pad, "base": "0.0f"}
     head = (
         f"void {prefix}_base_observation(const {prefix}_state *state,\n"
         f"    const {prefix}_observation *seen, {prefix}_observation *told)"
     )
     return {
         "step_indent": pad,
+        "base": "base",
         "base_parameter": "float base, ",
         "base_check": " || !isfinite(base)",
         "base_comment": "\n * base: the command of the controller that is corrected.",
-        "base_feature": (
-            "    base = clip(base, 1.0f);\n"
-            f"    features[{names['features'] - 1}] = base - next.last_command;\n"
-        ),
+        "base_clip": ("    base = clip(base, 1.0f);\n"),
         "base_declaration": (
             "\n/* What the corrected controller is to be told in this period, before step(). */\n"
             f"{head};\n"
@@ -134,10 +135,10 @@ def _residual_note(p: Parts) -> str:
 
 def header(p: Parts) -> str:
     """The header."""
-    card, table = p.card, p.table
+    card = p.card
     widest = max(len(p.network.scale), *(len(layer.bias) for layer in p.network.layers))
     weights = sum(layer.weights.size + layer.bias.size for layer in p.network.layers)
-    observation, remembered = 7 + 2 * card.waypoints, 4 + 2 * table.history
+    observation, remembered = 7 + 2 * card.waypoints, 4 + p.layout.cells
     meaning = "action: steering in [-1, 1]"
     if card.rate_limit is not None:
         meaning = f"action in [-1, 1]: rate of steering over {card.rate_limit:g} per second"
@@ -153,7 +154,7 @@ def header(p: Parts) -> str:
             "spacing": decimal(card.spacing, "spacing"),
             "spacing_plain": f"{card.spacing:g}",
             "preview": max(card.waypoints, 1),
-            "history_size": max(table.history, 1),
+            "memory_size": max(p.layout.cells, 1),
             "stack": 4 * (4 * widest + len(p.network.scale) + observation + remembered + 100),
             "bytes": 4 * (weights + len(p.network.scale)),
             "limit": f"{p.network.limit:g}",
@@ -182,26 +183,21 @@ def source_text(p: Parts) -> str:
             "arrays": arrays(p.network),
             "activations": activations(p.network),
             "layers": layers(p.network),
-            "encode": _encode(p.table),
+            **_formulas(p),
             "command": _command(p.card),
         },
     )
 
 
 def _constants(p: Parts) -> str:
-    table = p.table
     widest = max(len(p.network.scale), *(len(layer.bias) for layer in p.network.layers))
     values = {
         "FEATURE_LIMIT": decimal(p.network.limit, "feature limit"),
         "WIDEST": widest,
-        "HISTORY": table.history,
-        "HISTORY_SIZE": max(table.history, 1),
-        "INTEGRAL_LIMIT": f"{decimal(table.integral_limit, 'integral_limit')} /* [m s] */",
+        "MEMORY": max(p.layout.cells, 1),
         "TRIM": f"{decimal(p.trim, 'trim')} /* rate of the integral loop [1/s] */",
         "TRIM_SPEED": f"{decimal(p.policy.trim_speed, 'trim_speed')} /* [m/s] */",
         "TRIM_LIMIT": f"{decimal(p.policy.trim_limit, 'trim_limit')} /* [m] */",
-        "FINE_ERROR": f"{decimal(table.fine_error, 'fine_error')} /* [m] */",
-        "FINE_HEADING": f"{decimal(table.fine_heading, 'fine_heading')} /* [rad] */",
     }
     return "".join(f"#define {name} {value}\n" for name, value in values.items())
 
@@ -215,45 +211,50 @@ def _command(card: PolicyCard) -> str:
     return f"next.last_command + {step} * action[0]"
 
 
-def _encode(table: EncodingTable) -> str:
-    """The body of ``encode``: the same features in the same order as kernels/encode.py."""
-    remembers = table.integral or table.command or table.history
-    lines = [] if remembers else ["(void)state; /* nothing of it is a feature */"]
-    if table.waypoints:
-        lines += _loop(f"j = 0; j < {table.waypoints}; ++j", [
-            "*out++ = told->preview[j][0];",
-            "*out++ = told->preview[j][1];",
-        ])  # fmt: skip
-    if table.roads:
-        lines.append("*out++ = told->curvature;")
-    if table.roads > 1:
-        lines += _loop(f"j = 1; j < {table.roads}; ++j", [
-            f"const float u = (float)(2 * j) * {decimal(table.spacing, 'spacing')};",
-            "const float ahead = told->preview[2 * j][0] - told->preview[0][0];",
-            "const float left = told->preview[2 * j][1] - told->preview[0][1];",
-            "",
-            "*out++ = 2.0f * (left + told->heading_error * ahead) / (u * u);",
-        ])  # fmt: skip
-    lines += [f"*out++ = told->{name};" for name in ("v_x", "v_y", "yaw_rate")]
-    lines += ["*out++ = told->steer;"] * table.steer
-    lines += _ERRORS * table.errors
-    lines += ["*out++ = state->integral;"] * table.integral
-    lines += ["*out++ = state->last_command;"] * table.command
-    for name in ("errors", "commands"):
-        if table.history:
-            lines += _loop("j = 0; j < HISTORY; ++j", [f"*out++ = state->{name}[j];"])
-    lines += ["*out = 0.0f; /* the other controller's command: step() */"] * table.base
-    start = ["int j;", ""] if any("++j" in line for line in lines) else []
-    return "".join(f"    {line}\n" if line else "\n" for line in start + lines)
+_SEEN = ("lateral_error", "heading_error", "v_x", "v_y", "yaw_rate", "steer", "curvature")
 
 
-_ERRORS = [
-    "*out++ = told->lateral_error;",
-    "*out++ = told->heading_error;",
-    "*out++ = told->lateral_error / (FINE_ERROR + fabsf(told->lateral_error));",
-    "*out++ = told->heading_error / (FINE_HEADING + fabsf(told->heading_error));",
-]
+def _writer(p: Parts, feature: Feature, first: int) -> Writer:
+    """What names mean in a feature's C functions; its cells begin at ``first``."""
+    prefix = common(p)["PREFIX"]
+    numbers = {
+        **{f"seen.{name}": f"told->{name}" for name in _SEEN},
+        **{
+            f"self.{name}": decimal(x, f"{feature.kind}.{name}")
+            for name, x in numbers_of(feature).items()
+        },
+        "loop.last_command": "state->last_command",
+        "loop.base_command": "base",
+        "loop.dt": f"{prefix}_PERIOD",
+        "loop.spacing": f"{prefix}_SPACING",
+    }
+    cells = f"(state->memory + {first})" if first else "state->memory"
+    return Writer(feature.kind, numbers, {"seen.preview": "told->preview"}, cells)
 
 
-def _loop(head: str, body: list[str]) -> list[str]:
-    return [f"for ({head}) {{", *(f"    {line}" if line else "" for line in body), "}"]
+def _formulas(p: Parts) -> dict[str, str]:
+    """The functions of all features, and the lines that call them."""
+    state = f"const {common(p)['prefix']}_state *state"
+    head = f"({state}, const {common(p)['prefix']}_observation *told, float base, int i)"
+    given = "(state, told, base, i)"
+    functions, first = [], 0
+    calls: dict[str, list[str]] = {name: [] for name in ("value", *UPDATES)}
+    for k, feature in enumerate(p.layout.features):
+        writer = _writer(p, feature, first)
+        for name, formula in feature.formulas.items():
+            function = f"f{k}_{feature.kind}" + ("" if name == "value" else f"_{name}")
+            unused = [f"(void){each};" for each in ("state", "told", "base", "i")]
+            lines = "".join(f"    {line}\n" for line in [*unused, *writer.body(formula)])
+            functions.append(f"static float {function}{head}\n{{\n{lines}}}\n\n")
+            if name == "value":
+                loop, cell = f"for (i = 0; i < {feature.size}; ++i) {{", "*out++"
+            else:
+                loop, cell = f"for (i = {feature.cells} - 1; i >= 0; --i) {{", f"{writer.memory}[i]"
+            calls[name] += [loop, f"    {cell} = {function}{given};", "}"]
+        first += feature.cells
+    return {"functions": "".join(functions), **{k: _indented(v) for k, v in calls.items()}}
+
+
+def _indented(lines: list[str]) -> str:
+    start = ["int i;", ""] if lines else []
+    return "".join(f"    {line}\n" if line else "\n" for line in [*start, *lines])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path as FilePath
 from typing import NamedTuple
 
-from steersman.controllers.policy import Policy, card_base, card_table, load_network
+from steersman.controllers.policy import Policy, card_base, card_layout, load_network
 from steersman.errors import ConfigError, DataError
 from steersman.policy_file import PolicyCard, locate, read_policy
 
@@ -34,7 +34,7 @@ def read_source(words: str) -> Source:
     file = _file(words)
     data, card = read_policy(file)
     try:
-        card_table(card)
+        card_layout(card)
         card_base(card)
     except (ConfigError, DataError) as error:
         raise DataError(f"{file}: card: {error}") from None

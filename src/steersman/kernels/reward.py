@@ -1,42 +1,43 @@
-"""Rewards of the path-following task, for one vehicle and one control step."""
+"""The reward of one control step: the sum of its terms, wherever it is computed."""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from steersman.kernels import observe, vehicle
 from steersman.kernels.compiled import kernel
+from steersman.kernels.formula import call
+from steersman.types import FloatArray
 
-# Values of RewardTable.shape, .blend.
-PAPER, FINITE_SLOPE = 0, 1
+# Values of RewardTable.blend: how the demonstration enters.
 NO_DEMONSTRATION, FIXED, ADAPTIVE = 0, 1, 2
+# Columns of what is judged; the state is that after the step.
+(
+    SPEED, LATERAL_ERROR, HEADING_ERROR, COURSE_ERROR, SIDE_SLIP, CURVATURE, V_X, V_Y, YAW_RATE,
+    STEER, PREVIOUS_STEER, DEMONSTRATED_STEER, DT,
+) = range(13)  # fmt: skip
+N_JUDGED = 13
+# Columns of what comes out.
+TOTAL, R_TRACK, C_TRACK, C_DIFF = range(4)
 
 
 class RewardTable(NamedTuple):
-    """Constants of the reward."""
+    """Terms of the reward (addresses of :mod:`steersman.kernels.formula`)."""
 
-    shape: int
-    """PAPER or FINITE_SLOPE."""
-    side_slip: int
-    """1: Phi is the side-slip angle (the paper's wording), 0: the course error."""
-    root_error: float
-    """Lateral error at which the square-root term is fully paid [m]."""
-    root_weight: float
-    """Weight of the square-root term."""
-    linear_weight: float
-    """Weight of the linear term [1/m]."""
-    change: float
-    """c_change, weight of half the squared change of steering."""
+    terms: Any
+    """(terms, 2) int64: formula and place in ``own``. The first is the tracking reward; with a
+    demonstration the second is its reward."""
+    own: FloatArray
+    """Settings of all terms behind each other."""
     blend: int
-    """How the demonstration enters: NO_DEMONSTRATION, FIXED or ADAPTIVE."""
+    """NO_DEMONSTRATION, FIXED or ADAPTIVE."""
     c_track: float
-    """Fixed coefficient, or emphasis of the adaptive one."""
+    """Coefficient of the first term, or its emphasis if ADAPTIVE."""
     c_diff: float
-    """Fixed coefficient, or emphasis of the adaptive one."""
-    track_scale: float
-    """r_track is divided by this before sigmoid and sum."""
-    diff_scale: float
-    """r_diff is divided by this before sigmoid and sum."""
+    """Coefficient of the second term, or its emphasis if ADAPTIVE."""
 
 
 @kernel
@@ -49,36 +50,51 @@ def sigmoid(x: float) -> float:
 
 
 @kernel
-def track_reward(table: RewardTable, speed: float, d: float, course: float, slip: float) -> float:
-    """Tracking reward of a state: lateral error d [m], course error and side-slip [rad].
+def describe(
+    state: FloatArray,
+    tracking: FloatArray,
+    steer: float,
+    previous: float,
+    demonstrated: float,
+    dt: float,
+    out: FloatArray,
+) -> None:
+    """Write the step (N_JUDGED,) that led to a state and its tracking row, for :func:`judge`.
 
-    PAPER: |v cos Phi| - |v sin Phi| - |v||d|. FINITE_SLOPE: of the order of one, with a square
-    root in |d| whose slope does not fade near zero error.
+    ``steer`` is the executed command, ``previous`` the one before, ``demonstrated`` the
+    demonstrator's, ``dt`` the control period [s].
     """
-    phi = slip if table.side_slip else course
-    if table.shape == PAPER:
-        return abs(speed * math.cos(phi)) - abs(speed * math.sin(phi)) - abs(speed * d)
-    root = math.sqrt(min(abs(d) / table.root_error, 1.0))
-    return 1.0 - table.root_weight * root - table.linear_weight * abs(d) - 0.5 * abs(math.sin(phi))
+    v_x, v_y = state[vehicle.VX], state[vehicle.VY]
+    out[SPEED], out[SIDE_SLIP] = np.hypot(v_x, v_y), np.arctan2(v_y, v_x)
+    out[V_X], out[V_Y], out[YAW_RATE] = v_x, v_y, state[vehicle.YAW_RATE]
+    out[LATERAL_ERROR], out[HEADING_ERROR] = tracking[observe.D], tracking[observe.HEADING]
+    out[COURSE_ERROR], out[CURVATURE] = tracking[observe.COURSE], tracking[observe.KAPPA]
+    out[STEER], out[PREVIOUS_STEER], out[DEMONSTRATED_STEER] = steer, previous, demonstrated
+    out[DT] = dt
 
 
 @kernel
-def combine(
-    table: RewardTable, r_track: float, steer: float, previous: float, demo: float
-) -> tuple[float, float, float]:
-    """Reward, and the coefficients c_track and c_diff that went into it.
+def _term(table: RewardTable, step: FloatArray, k: int) -> float:
+    return call(table.terms[k, 0], step, step, table.own, table.terms[k, 1], 0, 0)
 
-    ``steer`` is the executed command, ``previous`` the one before, ``demo`` the demonstrated.
+
+@kernel
+def judge(table: RewardTable, step: FloatArray, out: FloatArray) -> None:
+    """Write reward, tracking reward, c_track and c_diff (4,) of a step (N_JUDGED,).
+
+    R = c_track r_track + c_diff (-r_diff) + the other terms. Adaptive coefficients are the
+    sigmoids of r_track and r_diff times the emphasis, normalised to the sum one.
     """
-    change = 0.5 * table.change * (steer - previous) * (steer - previous)
-    track = r_track / table.track_scale
-    if table.blend == NO_DEMONSTRATION:
-        return table.c_track * track - change, table.c_track, 0.0
-    diff = 0.5 * (demo - steer) * (demo - steer) / table.diff_scale
-    c_track, c_diff = table.c_track, table.c_diff
+    track, diff, first = _term(table, step, 0), 0.0, 1
+    c_track, c_diff = table.c_track, 0.0
+    if table.blend != NO_DEMONSTRATION:
+        diff, first, c_diff = _term(table, step, 1), 2, table.c_diff
     if table.blend == ADAPTIVE:
         c_track *= sigmoid(track)
-        c_diff *= sigmoid(diff)
+        c_diff *= sigmoid(-diff)
         total = c_track + c_diff
         c_track, c_diff = c_track / total, c_diff / total
-    return c_track * track - c_diff * diff - change, c_track, c_diff
+    reward = c_track * track + c_diff * diff
+    for k in range(first, table.terms.shape[0]):
+        reward += _term(table, step, k)
+    out[TOTAL], out[R_TRACK], out[C_TRACK], out[C_DIFF] = reward, track, c_track, c_diff

@@ -8,11 +8,12 @@ import numpy as np
 
 from steersman.kernels import encode as enc
 from steersman.kernels import observe as obs
+from steersman.kernels import reward as rew
 from steersman.kernels import vehicle as car
 from steersman.kernels.compiled import kernel
 from steersman.kernels.encode import EncodingTable
 from steersman.kernels.path import CLOSED, LENGTH, PathTable
-from steersman.kernels.reward import RewardTable, combine, track_reward
+from steersman.kernels.reward import RewardTable
 from steersman.kernels.speed import SpeedTable, pedals
 from steersman.kernels.vehicle import VehicleTable
 from steersman.types import FloatArray
@@ -73,6 +74,8 @@ class Fleet(NamedTuple):
     """Scratch of the integration."""
     command: FloatArray
     """Scratch: the command of the vehicle in turn."""
+    judged: FloatArray
+    """Scratch: the step of the vehicle in turn as the reward's terms see it."""
 
 
 CLOCK_STEPS, CLOCK_INTEGRAL, CLOCK_LIMIT = range(3)
@@ -98,6 +101,7 @@ def empty_fleet(n: int, encoding: EncodingTable, waypoints: int) -> Fleet:
         ended=np.zeros(n, dtype=np.int64),
         work=np.zeros((3, car.N_MOTION)),
         command=np.zeros(3),
+        judged=np.zeros(rew.N_JUDGED),
     )
 
 
@@ -256,12 +260,8 @@ def step(world: World, fleet: Fleet, actions: FloatArray, shifts: FloatArray) ->
 def _judge(world: World, fleet: Fleet, n: int, steer: float, previous: float) -> None:
     """Fill reward and end of vehicle ``n`` after its step."""
     state, tracking, clock = fleet.state[n], fleet.tracking[n], fleet.clock[n]
-    speed = np.hypot(state[car.VX], state[car.VY])
-    slip = np.arctan2(state[car.VY], state[car.VX])
-    r_track = track_reward(world.reward, speed, tracking[obs.D], tracking[obs.COURSE], slip)
-    total, c_track, c_diff = combine(world.reward, r_track, steer, previous, fleet.demo[n])
-    out = fleet.reward[n]
-    out[0], out[1], out[2], out[3] = total, r_track, c_track, c_diff
+    rew.describe(state, tracking, steer, previous, fleet.demo[n], world.dt, fleet.judged)
+    rew.judge(world.reward, fleet.judged, fleet.reward[n])
     meta = world.paths.meta[fleet.path[n]]
     # Not "greater than": a NaN error must end the episode too.
     inside = abs(tracking[obs.D]) <= world.corridor

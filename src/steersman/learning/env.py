@@ -45,7 +45,7 @@ class PathFollowingEnv(gymnasium.Env[Features, Features]):
         features = self._fleet.inputs.shape[1]
         self.observation_space = spaces.Box(-FEATURE_LIMIT, FEATURE_LIMIT, (features,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (1,), np.float32)
-        self.observation_names = problem.encoding.names(self.driver.world.encoding)
+        self.observation_names = problem.layout.names
         self._seeded = False
 
     def reset(

@@ -73,8 +73,8 @@ def export_policy(
 ) -> FilePath:
     """Write ``policy.onnx`` and ``policy.json`` into ``folder``; ``note`` goes into the card."""
     problem = config.problem
-    table = problem.layout
-    scale = problem.encoding.scale(table)
+    layout = problem.layout
+    scale = layout.scale
     data = network(net, scale, operators)
     origin = provenance()
     file = folder / "policy.onnx"
@@ -89,7 +89,7 @@ def export_policy(
         spacing=problem.sensor.spacing,
         trim=config.trim,
         encoding=dump(problem.encoding) or {},
-        observation=problem.encoding.names(table),
+        observation=layout.names,
         scale=scale.tolist(),
         units=UNITS,
         signs=SIGNS,

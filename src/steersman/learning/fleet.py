@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steersman.controllers.base import ControllerComponent
-from steersman.kernels import encode, observe
+from steersman.kernels import encode, formula, observe
 from steersman.kernels import path as paths
 from steersman.kernels import speed as speed_kernel
 from steersman.kernels import step as kernel
@@ -222,7 +222,9 @@ class FleetDriver:
         fleet, base, demonstrator = self.fleet, self._corrected, self._demonstrator
         if base is not None:  # the last state of an episode has its feature, too
             fleet.base[i] = self._ask(base, i, restart=restart)
-            encode.tell_base(fleet.memory[i], fleet.base[i], fleet.inputs[i])
+            encode.tell_base(
+                self.world.encoding, fleet.rows[i], fleet.memory[i], fleet.base[i], fleet.inputs[i]
+            )
             encode.normalise(fleet.inputs[i, -1:], self.world.scale[-1:])
         if demonstrator is not None and fleet.ended[i] == kernel.RUNNING:
             same = demonstrator is base
@@ -241,6 +243,7 @@ class FleetDriver:
         for i in range(self.n):
             self._draw_shift(i)
         self.mover.step(self.world, self.fleet, actions, self._shifts)
+        formula.check()
         for i in range(self.n):
             self._propose(i)
 

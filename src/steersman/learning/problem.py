@@ -10,7 +10,7 @@ from pydantic import field_validator, model_validator
 from steersman.config import Of, Settings, dump, param
 from steersman.controllers.base import ControllerComponent
 from steersman.controllers.policy import check_base
-from steersman.encoding import EncodingComponent, EncodingTable, ExtendedEncoding
+from steersman.encoding import EncodingComponent, ExtendedEncoding, Layout
 from steersman.errors import ConfigError
 from steersman.kernels.path import PathTable
 from steersman.kernels.step import World
@@ -124,8 +124,7 @@ class Problem(Settings):
 
     @model_validator(mode="after")
     def _preview(self) -> Problem:
-        table = self.layout
-        needed = max(table.waypoints, 2 * (table.roads - 1) + 1)
+        needed = self.layout.reads
         if needed > self.sensor.count:
             raise ValueError(
                 f"encoding {dump(self.encoding)} reads {needed} waypoints, sensor.count is "
@@ -170,13 +169,13 @@ class Problem(Settings):
         return self.action == "rate"
 
     @property
-    def layout(self) -> EncodingTable:
+    def layout(self) -> Layout:
         """Layout of the network's input."""
         return self.encoding.layout(self.sensor.spacing, self.plant.dt, self.action)
 
     def world(self, n: int) -> World:
         """Everything constant for ``n`` vehicles; rows of vehicles and speeds are per vehicle."""
-        encoding = self.layout
+        layout = self.layout
         vehicle = self.vehicle.table
         rng = np.random.default_rng(0)
         profiles = [s.draw(rng, self.episode_time) for s in self.speeds]
@@ -189,8 +188,8 @@ class Problem(Settings):
             speed=speed._replace(
                 rows=speed.rows[1:].copy(), times=speed.times[1:].copy(), speeds=speed.speeds[1:]
             ),
-            encoding=encoding,
-            scale=self.encoding.scale(encoding),
+            encoding=layout.table,
+            scale=layout.scale,
             reward=self.task.table(),
             weights=self.sensor.fit_weights(),
             h=self.plant.h,

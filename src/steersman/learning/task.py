@@ -1,21 +1,179 @@
-"""Tasks: what is rewarded, and how the demonstration enters the reward."""
+"""Tasks: what is rewarded. The reward is a sum of terms, each declared once.
+
+A term is one class: name, unit, weight and formula. Environments, datasets and validation add up
+the same terms by the same kernel (docs/rewards_and_features.md).
+"""
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
-from typing import Literal
+from collections.abc import Callable
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
-from steersman.config import Component, param, register
+import numpy as np
+from pydantic import field_serializer, field_validator
+
+from steersman.config import Component, Of, param, register, required
 from steersman.kernels import reward as kernel
+from steersman.kernels.formula import Formula, Group, check, compiled, from_python, numbers_of
 from steersman.kernels.reward import RewardTable
+from steersman.kernels.vehicle import STEER
+from steersman.types import FloatArray
 
 _BLEND = {"none": kernel.NO_DEMONSTRATION, "fixed": kernel.FIXED, "adaptive": kernel.ADAPTIVE}
 # A steering difference of this size makes the normalised r_diff one.
 _DIFFERENCE = 0.1
 
 
+class Judged(NamedTuple):
+    """One control step as the reward's terms see it; the state is that after the step."""
+
+    speed: float
+    """Magnitude of the velocity [m/s]."""
+    lateral_error: float
+    """True distance of the centre of mass from the path, left positive [m]."""
+    heading_error: float
+    """Yaw less the path's tangent, in (-pi, pi] [rad]."""
+    course_error: float
+    """Direction of the velocity less the path's tangent, in (-pi, pi] [rad]."""
+    side_slip: float
+    """Angle of the velocity in the vehicle's frame, left positive [rad]."""
+    curvature: float
+    """Curvature of the path beside the vehicle, left positive [1/m]."""
+    v_x: float
+    """Longitudinal velocity [m/s]."""
+    v_y: float
+    """Lateral velocity, left positive [m/s]."""
+    yaw_rate: float
+    """Yaw rate [rad/s]."""
+    steer: float
+    """Executed steering command of the step, in [-1, 1]."""
+    previous_steer: float
+    """Executed steering command of the step before; at the start the actual steering."""
+    demonstrated_steer: float
+    """Steering command of the demonstrator for this step; 0 without one."""
+    dt: float
+    """Control period [s]."""
+
+
+_STEP = Group({name: k for k, name in enumerate(Judged._fields)})
+
+
+class RewardTerm(Component):
+    """One term of the reward.
+
+    ``value`` is a formula, see :mod:`steersman.kernels.formula`: it takes ``step``, a
+    :class:`Judged`, and returns what the term adds to the reward, its ``weight`` included.
+    """
+
+    unit: ClassVar[str] = "-"
+    """Unit of the term before it is weighted."""
+    weight: float = param(1.0, "-", "Factor on the term.", ge=0)
+    value: ClassVar[Callable[..., float]]
+
+    def formula(self) -> Formula:
+        """The compiled formula."""
+        own = Group({name: k for k, name in enumerate(numbers_of(self))})
+        return compiled(type(self).value, {"step": _STEP, "unused": Group({}), "self": own})
+
+
+@register("reward", "progress")
+class Progress(RewardTerm):
+    """Velocity along the path less that across it, less speed times error, over ``scale``.
+
+    |v cos Phi| - |v sin Phi| - |v||d| (Wu et al. 2025), with the course error as Phi.
+    """
+
+    unit = "m/s"
+    side_slip: bool = param(False, "-", "Phi is the side-slip angle, as the paper words it.")
+    scale: float = param(1.0, "m/s", "Divisor.", gt=0)
+
+    def value(self, step: Judged) -> float:
+        """r_track / scale, weighted."""
+        phi = step.side_slip if self.side_slip else step.course_error
+        along = abs(step.speed * math.cos(phi)) - abs(step.speed * math.sin(phi))
+        return self.weight * ((along - abs(step.speed * step.lateral_error)) / self.scale)
+
+
+@register("reward", "precision")
+class Precision(RewardTerm):
+    """Of size one at any speed, with a slope that does not fade near zero error.
+
+    1 - w sqrt(min(|d| / d_0, 1)) - k |d| - |sin(course error)|/2.
+    """
+
+    root_error: float = param(0.05, "m", "d_0, error at which the root is fully paid.", gt=0)
+    root_weight: float = param(0.5, "-", "w, weight of the root.", ge=0)
+    linear_weight: float = param(0.5, "1/m", "k, weight of the error itself.", ge=0)
+
+    def value(self, step: Judged) -> float:
+        """r_track, weighted."""
+        d = abs(step.lateral_error)
+        left = 1.0 - self.root_weight * math.sqrt(min(d / self.root_error, 1.0))
+        left = left - self.linear_weight * d
+        return self.weight * (left - 0.5 * abs(math.sin(step.course_error)))
+
+
+@register("reward", "imitation")
+class Imitation(RewardTerm):
+    """Minus half the squared difference from the demonstrated steering, over ``scale``."""
+
+    scale: float = param(1.0, "-", "Divisor.", gt=0)
+
+    def value(self, step: Judged) -> float:
+        """-r_diff / scale, weighted."""
+        away = step.demonstrated_steer - step.steer
+        return -self.weight * (0.5 * away * away / self.scale)
+
+
+@register("reward", "steering_change")
+class SteeringChange(RewardTerm):
+    """Minus half the squared change of the steering command."""
+
+    def value(self, step: Judged) -> float:
+        """Weighted."""
+        change = step.steer - step.previous_steer
+        return -(0.5 * self.weight * change * change)
+
+
+@register("reward", "function")
+class FunctionTerm(RewardTerm):
+    """A plain Python function of a :class:`Judged`, called at every step of every vehicle.
+
+    It costs some microseconds a step, and a training with it cannot be resumed from its YAML file.
+    """
+
+    function: Any = required("-", "Python function of the judged step.")
+
+    @field_validator("function", mode="before")
+    @classmethod
+    def _callable(cls, value: Any) -> Any:
+        if not callable(value):
+            raise ValueError(
+                "a file cannot hold a Python function; register it as a reward term "
+                "(docs/rewards_and_features.md)"
+            )
+        return value
+
+    @field_serializer("function")
+    def _named(self, function: Callable[[Judged], float]) -> str:
+        return f"{function.__module__}.{getattr(function, '__qualname__', 'function')}"
+
+    def formula(self) -> Formula:
+        """The function behind an address."""
+
+        def value(step: FloatArray) -> float:
+            return self.weight * float(self.function(Judged(*step.tolist())))
+
+        return from_python(value, kernel.N_JUDGED)
+
+
 class TaskComponent(Component):
-    """Follow a path. R = c_track r_track - c_diff r_diff - c_change/2 (change of steering)^2."""
+    """Follow a path. The reward is c_track r_track - c_diff r_diff, the change's price, and terms.
+
+    R = c_track r_track - c_diff r_diff - c_change/2 (change of steering)^2 + terms.
+    """
 
     demonstration: Literal["none", "fixed", "adaptive"] = param(
         "adaptive", "-", "Coefficients of tracking and demonstration reward."
@@ -27,25 +185,60 @@ class TaskComponent(Component):
         False, "-", "Divide r_track by v_ref and r_diff by 0.1^2/2 before sigmoid and sum."
     )
     v_ref: float = param(10.0, "m/s", "Reference speed of the normalisation.", gt=0)
+    terms: tuple[Annotated[RewardTerm, Of("reward")], ...] = param((), "-", "Further terms.")
 
     @abstractmethod
-    def table(self) -> RewardTable:
-        """The constants as the kernels read them."""
+    def tracking(self) -> RewardTerm:
+        """The tracking reward, r_track."""
 
-    def _table(
-        self, shape: int, side_slip: bool, error: tuple[float, float, float], track_scale: float
-    ) -> RewardTable:
+    def sum_of(self) -> list[RewardTerm]:
+        """All terms: tracking, demonstration (if it enters), change of steering, further ones."""
+        scale = 0.5 * _DIFFERENCE**2 if self.normalise else 1.0
+        shown = [] if self.demonstration == "none" else [Imitation(scale=scale)]
+        return [self.tracking(), *shown, SteeringChange(weight=self.c_change), *self.terms]
+
+    def table(self) -> RewardTable:
+        """The sum as the kernels read it; only for this process."""
+        terms: list[list[int]] = []
+        own: list[float] = []
+        for term in self.sum_of():
+            terms.append([term.formula().address, len(own)])
+            own += numbers_of(term).values()
         return RewardTable(
-            shape,
-            int(side_slip),
-            *error,
-            self.c_change,
+            np.array(terms, dtype=np.int64),
+            np.array(own),
             _BLEND[self.demonstration],
             self.c_track,
             self.c_diff,
-            track_scale,
-            0.5 * _DIFFERENCE**2 if self.normalise else 1.0,
         )
+
+    def rewards(
+        self,
+        states: FloatArray,
+        tracking: FloatArray,
+        steer: FloatArray,
+        demonstrated: FloatArray,
+        dt: float,
+    ) -> FloatArray:
+        """The rewards (n,) of a recorded drive of n steps.
+
+        Args:
+            states: (n + 1, N_STATE) states, the first before the first step.
+            tracking: (n + 1, N_TRACKING) where the vehicle was on its path.
+            steer: (n,) executed steering commands.
+            demonstrated: (n,) the demonstrator's.
+            dt: control period [s].
+        """
+        table, out = self.table(), np.empty((len(steer), 4))
+        step = np.empty(kernel.N_JUDGED)
+        previous = states[0, STEER]
+        for k, command in enumerate(steer):
+            place = states[k + 1], tracking[k + 1]
+            kernel.describe(*place, command, previous, demonstrated[k], dt, step)
+            kernel.judge(table, step, out[k])
+            previous = command
+        check()
+        return out[:, kernel.TOTAL].copy()
 
 
 @register("task", "paper")
@@ -56,10 +249,10 @@ class PaperTask(TaskComponent):
         "course", "-", "Phi: course error, or side-slip as the paper words it."
     )
 
-    def table(self) -> RewardTable:
-        """The constants as the kernels read them."""
+    def tracking(self) -> RewardTerm:
+        """Progress along the path."""
         scale = self.v_ref if self.normalise else 1.0
-        return self._table(kernel.PAPER, self.phi == "sideslip", (1.0, 0.0, 0.0), scale)
+        return Progress(side_slip=self.phi == "sideslip", scale=scale)
 
 
 @register("task", "precise")
@@ -73,7 +266,10 @@ class PreciseTask(TaskComponent):
     root_weight: float = param(0.5, "-", "w, weight of the root.", ge=0)
     linear_weight: float = param(0.5, "1/m", "k, weight of the error itself.", ge=0)
 
-    def table(self) -> RewardTable:
-        """The constants as the kernels read them; r_track needs no scaling here."""
-        error = (self.root_error, self.root_weight, self.linear_weight)
-        return self._table(kernel.FINITE_SLOPE, False, error, 1.0)
+    def tracking(self) -> RewardTerm:
+        """Precision; it needs no normalisation."""
+        return Precision(
+            root_error=self.root_error,
+            root_weight=self.root_weight,
+            linear_weight=self.linear_weight,
+        )

@@ -34,7 +34,7 @@ class PathFollowingVecEnv(VecEnv):
     def __init__(self, problem: Problem, n: int) -> None:
         """Make ``n`` vehicles."""
         self.driver = FleetDriver(problem, n)
-        self.mirror = problem.encoding.mirror(self.driver.world.encoding)
+        self.mirror = problem.layout.mirror
         features = self.driver.fleet.inputs.shape[1]
         super().__init__(
             n,

@@ -12,7 +12,6 @@ from steersman.episode import Episode
 from steersman.errors import DataError
 from steersman.kernels import observe
 from steersman.kernels import vehicle as car
-from steersman.kernels.reward import combine, track_reward
 from steersman.learning.datasets.trajectory import Trajectory, Who, actions_for
 from steersman.learning.problem import Problem
 from steersman.logs import Log
@@ -146,7 +145,7 @@ def along(problem: Problem, drive: Drive, path: PathComponent) -> Trajectory:
         steer=steer,
         demonstrated_steer=steer if shown else nobody,
         driver=np.full(len(steer), drive.who, dtype=np.int8),
-        rewards=_rewards(problem, drive, tracking),
+        rewards=problem.task.rewards(drive.states, tracking, steer, steer, problem.plant.dt),
         terminated=bool(abs(tracking[-1, observe.D]) > problem.corridor),
     )
 
@@ -174,22 +173,3 @@ def _observed(
             rows[k],
         )
     return rows, tracking
-
-
-def _rewards(problem: Problem, drive: Drive, tracking: FloatArray) -> FloatArray:
-    """The task's reward of each step; the driver counts as the one who demonstrates."""
-    table = problem.task.table()
-    steer = np.concatenate((drive.states[:1, car.STEER], drive.steer[:-1]))
-    out = np.empty(len(drive.steer) - 1)
-    for k in range(len(out)):
-        v_x, v_y = drive.states[k + 1, car.VX], drive.states[k + 1, car.VY]
-        place = tracking[k + 1]
-        r_track = track_reward(
-            table,
-            math.hypot(v_x, v_y),
-            place[observe.D],
-            place[observe.COURSE],
-            math.atan2(v_y, v_x),
-        )
-        out[k] = combine(table, r_track, steer[k + 1], steer[k], steer[k + 1])[0]
-    return out

@@ -102,7 +102,7 @@ def _fill(data: FilePath, dataset_id: str, stored: Stored) -> None:
     from minari.dataset.minari_storage import MinariStorage
 
     problem = stored.problem
-    names = problem.encoding.names(problem.layout)
+    names = problem.layout.names
     storage = MinariStorage.new(
         data,
         observation_space=spaces.Box(-FEATURE_LIMIT, FEATURE_LIMIT, (len(names),), np.float32),

@@ -76,8 +76,8 @@ def features(problem: Problem, rows: FloatArray, steer: FloatArray) -> NDArray[n
         rows: (n, 7 + 2 waypoints) observations one control period apart.
         steer: (n - 1,) or more: the steering executed after each of them.
     """
-    table = problem.layout
-    scale = problem.encoding.scale(table)
+    layout = problem.layout
+    table, scale = layout.table, layout.scale
     memory = np.zeros(enc.memory_size(table))
     line = np.zeros(enc.feature_count(table))
     out = np.empty((len(rows), len(line)), np.float32)
@@ -85,7 +85,7 @@ def features(problem: Problem, rows: FloatArray, steer: FloatArray) -> NDArray[n
     for k, row in enumerate(rows):
         enc.encode(table, row, memory, line)
         if base is not None:
-            enc.tell_base(memory, base[k], line)
+            enc.tell_base(table, row, memory, base[k], line)
         enc.normalise(line, scale)
         out[k] = line
         if k + 1 < len(rows):

@@ -123,7 +123,7 @@ class _Imitation:
         self.config, self.source, self.out, self.say = config, source, out, say
         self.reporter, self.tick = reporter, tick if tick is not None else _silent
         problem = config.problem
-        mirror = problem.encoding.mirror(problem.layout)
+        mirror = problem.layout.mirror
         self.regression = Regression(config.fit, mirror, self._seed(0, _INITIAL))
         self.validator = Validator(problem, config.validation, source.shared)
         self.data = Dataset.empty(len(mirror))
