@@ -12,7 +12,7 @@ from steersman.config import resolve
 from steersman.kernels import reward as kernel
 from steersman.kernels import speed as speeds
 from steersman.learning.schedules import Cyclical, HoldThenDecay, Linear
-from steersman.learning.task import PaperTask, PreciseTask
+from steersman.learning.task import PaperTask, PreciseTask, TaskComponent
 from steersman.profiles import stack_profiles
 from steersman.sensing import WaypointSensor, track
 from steersman.speed import ConstantSpeed
@@ -90,15 +90,24 @@ def speed_cap() -> dict[str, Any]:
     return {"title": title, "x": "arc length [m]", "y": "target [m/s]", "lines": lines}
 
 
+def _judged(task: TaskComponent, speed: float, error: float, course: float = 0.0) -> Any:
+    """Reward, r_track, c_track and c_diff of a step 0.1 off the demonstrated steering."""
+    step, out = np.zeros(kernel.N_JUDGED), np.empty(4)
+    step[kernel.SPEED], step[kernel.LATERAL_ERROR] = speed, error
+    step[kernel.COURSE_ERROR], step[kernel.DEMONSTRATED_STEER] = course, 0.1
+    kernel.judge(task.table(), step, out)
+    return out
+
+
 def track_rewards() -> dict[str, Any]:
     """Both tracking rewards over the error."""
     d = np.linspace(0.0, 0.5, 201)
     lines = []
-    for name, table, scale in (
-        ("paper, over v", PaperTask().table(), 10.0),
-        ("precise", PreciseTask().table(), 1.0),
+    for name, task, scale in (
+        ("paper, over v", PaperTask(), 10.0),
+        ("precise", PreciseTask(), 1.0),
     ):
-        values = [kernel.track_reward(table, 10.0, e, 0.0, 0.0) / scale for e in d]
+        values = [_judged(task, 10.0, e)[kernel.R_TRACK] / scale for e in d]
         lines.append({"name": name, "x": d, "y": values})
     title = "Tracking reward at 10 m/s along the road"
     return {"title": title, "x": "|lateral error| [m]", "y": "r_track", "lines": lines}
@@ -109,17 +118,10 @@ def adaptive() -> dict[str, Any]:
     d = np.linspace(0.0, 1.5, 151)
     lines = []
     for speed in (1.0, 5.0, 15.0):
-        table = PaperTask().table()
-        shares = [
-            kernel.combine(table, kernel.track_reward(table, speed, e, 0.3, 0.0), 0.0, 0.0, 0.1)[1]
-            for e in d
-        ]
+        shares = [_judged(PaperTask(), speed, e, course=0.3)[kernel.C_TRACK] for e in d]
         lines.append({"name": f"to the letter, {speed:.0f} m/s", "x": d, "y": shares})
-    table = PaperTask(normalise=True).table()
-    shares = [
-        kernel.combine(table, kernel.track_reward(table, 5.0, e, 0.3, 0.0), 0.0, 0.0, 0.1)[1]
-        for e in d
-    ]
+    normalised = PaperTask(normalise=True)
+    shares = [_judged(normalised, 5.0, e, course=0.3)[kernel.C_TRACK] for e in d]
     lines.append({"name": "normalised, 5 m/s", "x": d, "y": shares})
     title = "c_track, course error 0.3 rad, steering 0.1 off the demonstration"
     return {"title": title, "x": "|lateral error| [m]", "y": "c_track", "lines": lines}
