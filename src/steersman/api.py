@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from steersman.episode import Episode
     from steersman.rollout import Attempt
     from steersman.studies.compare.results import DriveCompareResult, ScenarioCompareResult
+    from steersman.studies.findings import FalsifyResult
     from steersman.studies.identify.identify import Identified
     from steersman.vehicles import Vehicle
 
@@ -297,7 +298,7 @@ def falsify(
     out: _Folder,
     progress: Callable[[int, int, str], None] | None = None,
     **settings: Any,
-) -> dict[str, Any]:
+) -> FalsifyResult:
     """Search for the mildest disturbance under which a controller leaves the road.
 
     ``sm.falsify("controller=lqr", path="figure_eight", out="runs/lqr")``. The same call goes on

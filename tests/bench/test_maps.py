@@ -59,7 +59,7 @@ def test_ways_on_each_map(folder: FilePath, maps: list[Map]) -> None:
     assert knot.courses == {}
     assert knot.sharp_km == knot.lanes_km > 0.0
     assert knot.why_not.startswith("no way of 500 m was found that takes no lane twice and bends")
-    json.dumps([each.plain() for each in found.values()], allow_nan=False)
+    json.dumps([each.record().plain() for each in found.values()], allow_nan=False)
     assert knot.told().startswith(
         "knot.xodr: left out, no course; 0.03 of 0.03 km of lanes are left out: they bend below 6 m"
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -14,6 +13,7 @@ from steersman.errors import ConfigError, DataError
 from steersman.rollout import RunConfig, run
 from steersman.speed import SpeedTracking
 from steersman.studies.falsify import FalsifyConfig, falsify
+from steersman.studies.findings import FalsifyResult
 from steersman.studies.hunt import most_drives
 from steersman.studies.perturbation import Ranges, scaled
 
@@ -35,51 +35,52 @@ def config(**changes: Any) -> FalsifyConfig:
     return build(FalsifyConfig, BASE | changes)
 
 
-def without_origin(result: dict[str, Any]) -> dict[str, Any]:
-    return {k: v for k, v in result.items() if k not in ("versions", "commit")}
+def without_origin(result: FalsifyResult) -> dict[str, Any]:
+    return {k: v for k, v in result.plain().items() if k not in ("versions", "commit")}
 
 
 def test_no_gain_is_falsified_by_the_nominal(tmp_path: FilePath) -> None:
     result = falsify(config(controller=ZERO, ranges={}), tmp_path)
-    assert result["falsified"]
-    assert result["nominal_failed"]
-    assert len(result["drives"]) == 1
-    assert (result["mildest"]["norm"], result["safe_radius"]) == (0.0, 0.0)
-    assert (result["tried_within"], result["singles"]) == (0, [])
-    assert result["ends"] == {"off_track": 1}
-    assert result == json.loads((tmp_path / "falsify.json").read_text())
+    assert result.falsified
+    assert result.nominal_failed
+    assert len(result.drives) == 1
+    assert (result.mildest and result.mildest.norm, result.safe_radius) == (0.0, 0.0)
+    assert (result.tried_within, result.singles) == (0, [])
+    assert result.ends == {"off_track": 1}
+    assert result == FalsifyResult.read(tmp_path / "falsify.json")
 
 
 def test_bisection_agrees_with_a_fine_scan(tmp_path: FilePath) -> None:
     ranges = NONE | {"delay": 0.4}
     one = config(ranges=ranges, trials=0, checks=0, bisections=4)
-    (single,) = falsify(one, tmp_path)["singles"]
+    (single,) = falsify(one, tmp_path).singles
     grid = [k / 16 for k in range(17)]
     failed = [not run(one.ranges.disturbed(one.run(), {"delay": u})).completed for u in grid]
     first = failed.index(True)
     assert 0 < first < 16
-    assert (single["failing"], single["holding"]) == (grid[first], grid[first - 1])
-    assert single["failing_value"] == pytest.approx(0.4 * grid[first])
+    assert (single.failing, single.holding) == (grid[first], grid[first - 1])
+    assert single.failing_value == pytest.approx(0.4 * grid[first])
 
 
 def test_the_mildest_is_no_worse_than_any_and_all_milder_ones_held(tmp_path: FilePath) -> None:
     seen: list[tuple[int, int]] = []
     result = falsify(config(trials=12), tmp_path, lambda done, most, _: seen.append((done, most)))
-    mildest, drives = result["mildest"], result["drives"]
-    assert result["falsified"]
-    assert not result["nominal_failed"]
-    assert mildest["norm"] == min(row["norm"] for row in drives if row["failed"])
-    assert mildest["norm"] == pytest.approx(np.linalg.norm(list(mildest["point"].values())))
-    alone = [abs(one["failing"]) for one in result["singles"] if one["failing"] is not None]
-    assert mildest["norm"] <= min(alone)
-    below = [row for row in drives if row["norm"] < result["safe_radius"]]
-    assert result["tried_within"] == len(below)
-    assert not any(row["failed"] for row in below)
+    mildest, drives = result.mildest, result.drives
+    assert mildest is not None
+    assert result.falsified
+    assert not result.nominal_failed
+    assert mildest.norm == min(row.norm for row in drives if row.failed)
+    assert mildest.norm == pytest.approx(np.linalg.norm(list(mildest.point.values())))
+    alone = [abs(one.failing) for one in result.singles if one.failing is not None]
+    assert mildest.norm <= min(alone)
+    below = [row for row in drives if row.norm < result.safe_radius]
+    assert result.tried_within == len(below)
+    assert not any(row.failed for row in below)
     one = config()
-    again = run(one.ranges.disturbed(one.run(), mildest["point"]))
-    assert again.end == mildest["end"]
-    assert mildest["values"]["delay_s"] == pytest.approx(
-        0.4 * mildest["point"]["delay"], abs=0.005
+    again = run(one.ranges.disturbed(one.run(), mildest.point))
+    assert again.end == mildest.end
+    assert mildest.values["delay_s"] == pytest.approx(
+        0.4 * mildest.point["delay"], abs=0.005
     )  # whole substeps of 10 ms
     assert {most for _, most in seen} == {most_drives(config(trials=12))}
     assert [done for done, _ in seen] == sorted(done for done, _ in seen)
@@ -88,11 +89,11 @@ def test_the_mildest_is_no_worse_than_any_and_all_milder_ones_held(tmp_path: Fil
 def test_where_nothing_fails_it_says_how_far_was_tried(tmp_path: FilePath) -> None:
     tame = config(controller="mpc_pid", ranges=NONE | {"mass": 0.05, "speed": 0.05})
     result = falsify(tame, tmp_path)
-    assert not result["falsified"]
-    assert result["mildest"] is None
-    assert result["safe_radius"] == max(row["norm"] for row in result["drives"])
-    assert result["tried_within"] == len(result["drives"])
-    assert [one["failing"] for one in result["singles"]] == [None] * 4
+    assert not result.falsified
+    assert result.mildest is None
+    assert result.safe_radius == max(row.norm for row in result.drives)
+    assert result.tried_within == len(result.drives)
+    assert [one.failing for one in result.singles] == [None] * 4
 
 
 def test_same_seed_same_result_also_after_interruptions(tmp_path: FilePath) -> None:
@@ -112,7 +113,7 @@ def test_same_seed_same_result_also_after_interruptions(tmp_path: FilePath) -> N
             stream.write('{"stage": "sea')  # torn
     assert without_origin(falsify(config(), cut)) == whole
     other = falsify(config(seed=1), tmp_path / "other")
-    assert other["drives"] != whole["drives"]
+    assert other.plain()["drives"] != whole["drives"]
 
 
 def test_a_finished_search_drives_nothing_again(

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import time
-from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -13,9 +11,11 @@ import pytest
 from steersman.config import build, override, read_yaml
 from steersman.errors import ConfigError
 from steersman.metrics.driving import rms_lateral_error, steer_change_rms
-from steersman.rollout import RunConfig, run
+from steersman.rollout import Attempt, Interrupted, RunConfig, run
+from steersman.studies import objective
 from steersman.studies import tune as tuning
 from steersman.studies.objective import RunCost, measure
+from steersman.studies.trials import TuneResult, TuningTrials, front
 from steersman.studies.tune import TuneConfig, cost, tune
 
 RUN = {
@@ -23,6 +23,8 @@ RUN = {
     "speed": {"kind": "constant_speed", "speed": 8.0},
     "duration": 3.0,
 }
+
+ROOT = FilePath(__file__).parents[2]
 
 
 def study(**changes: Any) -> TuneConfig:
@@ -36,10 +38,10 @@ def run_cost(controller: Any, **changes: Any) -> float:
 def test_the_result_is_never_worse_than_the_start(tmp_path: FilePath) -> None:
     best = tune(study(), tmp_path)
     assert run_cost(best) <= run_cost("pid")
-    result = json.loads((tmp_path / "result.json").read_text())
-    assert result["trials"] == 6
-    assert result["cost_m"] == pytest.approx(run_cost(best))
-    assert result["cost_of_first_trial_m"] == pytest.approx(run_cost("pid"))
+    result = TuneResult.read(tmp_path / "result.json")
+    assert result.trials == 6
+    assert result.cost_m == pytest.approx(run_cost(best))
+    assert result.cost_of_first_trial_m == pytest.approx(run_cost("pid"))
 
 
 def test_tuned_values_stay_in_their_ranges_and_read_back(tmp_path: FilePath) -> None:
@@ -146,27 +148,27 @@ def test_a_study_goes_on_although_its_file_lacks_a_newer_field(tmp_path: FilePat
     assert tune(study(trials=2), tmp_path) == best
 
 
-def trade_of(folder: FilePath) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads((folder / "pareto.json").read_text())
-    return found
+def trade_of(folder: FilePath) -> TuningTrials:
+    return TuningTrials.read(folder / "pareto.json")
 
 
 def test_the_objective_is_told_apart_for_each_trial(tmp_path: FilePath) -> None:
     best = tune(study(trials=3), tmp_path)
     trade = trade_of(tmp_path)
-    assert len(trade["trials"]) == trade["measured"] == 3
-    for row in trade["trials"]:
-        parts = row["tracking_m"] + row["smoothness_m"] + row["failure_m"]
-        assert parts == pytest.approx(row["cost_m"])
-        assert row["simulated_seconds"] == pytest.approx(3.0) or row["failures"] == 1
-    (chosen,) = (row for row in trade["trials"] if row["chosen"])
+    assert len(trade.trials) == trade.measured == 3
+    for row in trade.trials:
+        parts = (row.tracking_m or 0.0) + (row.smoothness_m or 0.0) + (row.failure_m or 0.0)
+        assert parts == pytest.approx(row.cost_m)
+        assert row.simulated_seconds == pytest.approx(3.0) or row.failures == 1
+    (chosen,) = (row for row in trade.trials if row.chosen)
     episode = run(build(RunConfig, RUN | {"controller": best}))
-    assert chosen["rms_error_m"] == pytest.approx(rms_lateral_error(episode))
+    assert chosen.rms_error_m == pytest.approx(rms_lateral_error(episode))
     change = steer_change_rms(episode)
-    assert chosen["steer_change_rms"] == pytest.approx(change)
-    result = json.loads((tmp_path / "result.json").read_text())
-    assert result["chosen"]["number"] == chosen["number"]
-    assert result["simulated_seconds"] == sum(r["simulated_seconds"] for r in trade["trials"])
+    assert chosen.steer_change_rms == pytest.approx(change)
+    result = TuneResult.read(tmp_path / "result.json")
+    assert result.chosen is not None
+    assert result.chosen.number == chosen.number
+    assert result.simulated_seconds == sum(r.simulated_seconds or 0.0 for r in trade.trials)
     stored = (tmp_path / "study.jsonl").read_text()
     assert all(stored.count(f'"{name}"') == 3 for name in ("rms_error_m", "simulated_seconds"))
 
@@ -189,7 +191,7 @@ def test_an_interrupted_study_ends_as_if_it_had_not_been(
             tune(config, tmp_path / "cut")
     monkeypatch.setattr(tuning, "measure", real)
     assert tune(config, tmp_path / "cut") == whole
-    costs = [[r["cost_m"] for r in trade_of(tmp_path / n)["trials"]] for n in ("whole", "cut")]
+    costs = [[r.cost_m for r in trade_of(tmp_path / n).trials] for n in ("whole", "cut")]
     assert costs[0] == costs[1]
 
 
@@ -203,10 +205,10 @@ def test_a_study_from_before_the_figures_goes_on(tmp_path: FilePath) -> None:
     file.write_text("\n".join(kept) + "\n")
     tune(study(trials=4), tmp_path)
     trade = trade_of(tmp_path)
-    assert [row["rms_error_m"] is None for row in trade["trials"]] == [True, True, True, False]
-    result = json.loads((tmp_path / "result.json").read_text())
-    assert trade["measured"] == result["simulated_trials"] == 1
-    assert [row["on_front"] for row in trade["trials"]] == [False, False, False, True]
+    assert [row.rms_error_m is None for row in trade.trials] == [True, True, True, False]
+    result = TuneResult.read(tmp_path / "result.json")
+    assert trade.measured == result.simulated_trials == 1
+    assert [row.on_front for row in trade.trials] == [False, False, False, True]
 
 
 def test_a_controller_that_raises_is_a_failure() -> None:
@@ -224,7 +226,22 @@ def test_a_controller_that_raises_is_a_failure() -> None:
 
 def test_an_interrupted_run_is_no_result(monkeypatch: pytest.MonkeyPatch) -> None:
     config = build(RunConfig, RUN | {"controller": "pid"})
-    episode = replace(run(config), end="interrupted")
-    monkeypatch.setattr("steersman.studies.objective.run", lambda _: episode)
+
+    def cut(_: RunConfig) -> Attempt:
+        raise Interrupted(run(config))
+
+    monkeypatch.setattr(objective, "attempt", cut)
     with pytest.raises(KeyboardInterrupt):
         measure(config, 0.05)
+
+
+@pytest.mark.parametrize("folder", sorted((ROOT / "results" / "tune").iterdir()), ids=str)
+def test_studies_of_earlier_versions_load(folder: FilePath) -> None:
+    result = TuneResult.read(folder / "result.json")
+    if (folder / "pareto.json").exists():  # not in the oldest
+        trials = TuningTrials.read(folder / "pareto.json")
+        assert result.chosen is not None
+        assert trials.chosen().number == result.chosen.number
+        assert result.cost_m == trials.chosen().cost_m
+        best = [row.number for row in trials.trials if row.on_front]
+        assert [trials.trials[i].number for i in front(trials.trials)] == best

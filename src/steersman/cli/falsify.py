@@ -61,9 +61,9 @@ def falsify(
     if not write_falsification(result, folder / "report.html"):
         note("no report.html: it needs the extra 'report': pip install 'steersman[report]'")
     if as_json:
-        show_json(result)
+        show_json(result.plain())
         return
-    if result["singles"]:
+    if result.singles:
         show(_table(single_rows(result)), "")
     show(*sentences(result), f"written to {folder}")
 

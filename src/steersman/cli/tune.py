@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path as FilePath
 from typing import Annotated
 
@@ -68,8 +67,9 @@ def tune(
 def _tell(folder: FilePath) -> None:
     """Write the drawing and the page, and say what was chosen at what price."""
     from steersman.report.tuning import chosen_words, spent_words, write_tuning
+    from steersman.studies.trials import TuningTrials
 
-    trade = json.loads((folder / "pareto.json").read_text(encoding="utf-8"))
+    trade = TuningTrials.read(folder / "pareto.json")
     if not write_tuning(trade, folder):
         note("no report.html: it needs the extra 'report': pip install 'steersman[report]'")
     note(chosen_words(trade))

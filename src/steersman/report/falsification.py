@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path as FilePath
 from typing import Any
 
 from steersman.report.article import write_article
 from steersman.report.tables import text
+from steersman.studies.findings import FalsifyResult, SingleFailure
 
 _MM = 1e3
 _NAMES = {
@@ -27,11 +27,11 @@ _PHRASES = {
 }
 
 
-def write_falsification(result: Mapping[str, Any], out: FilePath) -> bool:
+def write_falsification(result: FalsifyResult, out: FilePath) -> bool:
     """Write the page, and its figure as a file into ``plots/`` beside it.
 
     Args:
-        result: the content of ``falsify.json``.
+        result: of the search.
         out: file of the page.
 
     Returns:
@@ -42,41 +42,41 @@ def write_falsification(result: Mapping[str, Any], out: FilePath) -> bool:
     """
     if find_spec("jinja2") is None:
         return False
-    kind = result["config"]["controller"]["kind"]
+    kind = result.config["controller"]["kind"]
     sections: list[dict[str, Any]] = [
         {
             "title": "The mildest failure",
             "text": [*sentences(result), _explained(result)],
-            "tables": [_mildest(result)] if result["mildest"] else [],
+            "tables": [_mildest(result)] if result.mildest else [],
         },
         {"title": "One disturbance at a time", "text": [], "tables": [_singles(result)]},
         {"title": "What was tried", "text": [], "figures": [_figure(result)]},
     ]
-    if not result["singles"]:
+    if not result.singles:
         del sections[1]
     write_article(sections, out, f"Falsification of {kind}")
     return True
 
 
-def sentences(result: Mapping[str, Any]) -> list[str]:
+def sentences(result: FalsifyResult) -> list[str]:
     """What was found, in words."""
-    drives, kind = len(result["drives"]), result["config"]["controller"]["kind"]
-    spent = f"{drives} drives, {result['simulated_seconds']:.0f} simulated seconds."
-    within, radius = result["tried_within"], text(result["safe_radius"], 3)
-    mildest = result["mildest"]
+    drives, kind = len(result.drives), result.config["controller"]["kind"]
+    spent = f"{drives} drives, {result.simulated_seconds:.0f} simulated seconds."
+    within, radius = result.tried_within, text(result.safe_radius, 3)
+    mildest = result.mildest
     if mildest is None:
         return [
             f"{kind} did not fail in any of {within} drives, up to a norm of {radius}. That does"
             " not prove that it never does.",
             spent,
         ]
-    end = mildest["end"].replace("_", " ")
-    if result["nominal_failed"]:
+    end = mildest.end.replace("_", " ")
+    if result.nominal_failed:
         return [f"{kind} fails without any disturbance: {end}.", spent]
     values = ", ".join(
         _PHRASES[name].format(value)
         for name, value in mildest_values(result).items()
-        if mildest["point"][name]
+        if mildest.point[name]
     )
     return [
         f"{kind} fails at norm {radius} ({end}): {values}.",
@@ -86,37 +86,39 @@ def sentences(result: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def mildest_values(result: Mapping[str, Any]) -> dict[str, str]:
+def mildest_values(result: FalsifyResult) -> dict[str, str]:
     """The values of the mildest failure as text, by quantity."""
-    mildest = result["mildest"]
-    values = mildest["values"].values()  # in the order of the point, with units in their names
-    return {name: text(v, 4) for name, v in zip(mildest["point"], values, strict=True)}
+    mildest = result.mildest
+    if mildest is None:
+        return {}
+    values = mildest.values.values()  # in the order of the point, with units in their names
+    return {name: text(v, 4) for name, v in zip(mildest.point, values, strict=True)}
 
 
-def single_rows(result: Mapping[str, Any]) -> list[dict[str, str]]:
+def single_rows(result: FalsifyResult) -> list[dict[str, str]]:
     """Each disturbance alone: ``name``, ``holds`` and ``fails``, values as text, ``norm``."""
     rows = []
-    for one in result["singles"]:
-        side = "" if one["name"] not in ("mass", "speed") else _side(one["holding_value"], one)
-        failing = one["failing"]
+    for one in result.singles:
+        side = "" if one.name not in ("mass", "speed") else _side(one.holding_value, one)
+        failing = one.failing
         rows.append(
             {
-                "name": _NAMES[one["name"]] + side,
-                "holds": text(one["holding_value"], 4),
-                "fails": "not found" if failing is None else text(one["failing_value"], 4),
+                "name": _NAMES[one.name] + side,
+                "holds": text(one.holding_value, 4),
+                "fails": "not found" if failing is None else text(one.failing_value, 4),
                 "norm": "-" if failing is None else text(abs(failing), 3),
             }
         )
     return rows
 
 
-def _side(holding: float, one: Mapping[str, Any]) -> str:
-    value = holding if one["failing_value"] is None else one["failing_value"]
+def _side(holding: float, one: SingleFailure) -> str:
+    value = holding if one.failing_value is None else one.failing_value
     return ", more" if value > 1.0 else ", less"
 
 
-def _explained(result: Mapping[str, Any]) -> str:
-    ranges = result["config"]["ranges"]
+def _explained(result: FalsifyResult) -> str:
+    ranges = result.config["ranges"]
     return (
         "Each quantity is measured in shares of its range, and the norm is the Euclidean norm of"
         f" the shares: 1 is a mass {text(100 * ranges['mass'], 3)} % off, or a friction"
@@ -127,17 +129,18 @@ def _explained(result: Mapping[str, Any]) -> str:
     )
 
 
-def _mildest(result: Mapping[str, Any]) -> dict[str, Any]:
-    mildest = result["mildest"]
+def _mildest(result: FalsifyResult) -> dict[str, Any]:
+    mildest = result.mildest
+    assert mildest is not None
     rows = [
-        {"name": _NAMES[name], "value": value, "share": mildest["point"][name]}
+        {"name": _NAMES[name], "value": value, "share": mildest.point[name]}
         for name, value in mildest_values(result).items()
     ]
     columns = {"name": "quantity", "value": "value", "share": "share of its range"}
     return {"title": "Its disturbance", "columns": columns, "rows": rows}
 
 
-def _singles(result: Mapping[str, Any]) -> dict[str, Any]:
+def _singles(result: FalsifyResult) -> dict[str, Any]:
     columns = {
         "name": "disturbance",
         "holds": "holds at",
@@ -147,14 +150,14 @@ def _singles(result: Mapping[str, Any]) -> dict[str, Any]:
     return {"title": "By bisection", "columns": columns, "rows": single_rows(result)}
 
 
-def _figure(result: Mapping[str, Any]) -> dict[str, Any]:
-    drives = result["drives"]
+def _figure(result: FalsifyResult) -> dict[str, Any]:
+    drives = result.drives
     lines = [
         {
             "name": name,
             "dots": 3.0,
-            "x": [row["norm"] for row in drives if row["failed"] is failed],
-            "y": [_MM * row["max_error_m"] for row in drives if row["failed"] is failed],
+            "x": [row.norm for row in drives if row.failed is failed],
+            "y": [_MM * row.max_error_m for row in drives if row.failed is failed],
         }
         for name, failed in (("stayed on the road", False), ("failed", True))
     ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path as FilePath
 from typing import Any
@@ -11,17 +11,18 @@ from steersman.files import write_text
 from steersman.report.article import write_article
 from steersman.report.svg import line_plot
 from steersman.report.tables import text
+from steersman.studies.trials import TRADED, TuningTrial, TuningTrials
 
 _MM, _PER_MILLE, _MINUTE = 1e3, 1e3, 60.0
 # Trials worse than the chosen one by more than this factor are left out of the drawing.
 _FAR = 10.0
 
 
-def write_tuning(trade: Mapping[str, Any], folder: FilePath) -> bool:
+def write_tuning(trade: TuningTrials, folder: FilePath) -> bool:
     """Write ``pareto.svg`` and, if the extra ``report`` is there, ``report.html``.
 
     Args:
-        trade: the content of ``pareto.json``.
+        trade: the trials.
         folder: where to write.
 
     Returns:
@@ -40,84 +41,88 @@ def write_tuning(trade: Mapping[str, Any], folder: FilePath) -> bool:
         "tables": [_table(trade)],
         "figures": [figure],
     }
-    title = f"Tuning of {trade['controller']}"
+    title = f"Tuning of {trade.controller}"
     write_article([section], folder / "report.html", title, plots=".")
     return True
 
 
-def pareto_figure(trade: Mapping[str, Any]) -> dict[str, Any]:
+def pareto_figure(trade: TuningTrials) -> dict[str, Any]:
     """The trials as :func:`steersman.report.svg.line_plot` takes them; far ones are left out."""
-    rows = [row for row in trade["trials"] if row["rms_error_m"] is not None]
+    rows = [row for row in trade.trials if row.rms_error_m is not None]
     kept = _near(rows)
     return {
         "file": "pareto",
-        "title": f"Trials of {trade['controller']}",
+        "title": f"Trials of {trade.controller}",
         "x": "steering activity: RMS change of the command in a step [1/1000]",
         "y": "RMS lateral error [mm]",
         "log": True,
         "log_x": True,
         "lines": [
-            _dots("trials", 2.5, kept, lambda row: not row["on_front"]),
-            _dots("Pareto front", 4.0, kept, lambda row: row["on_front"]),
-            _dots("chosen", 6.0, kept, lambda row: row["chosen"]),
+            _dots("trials", 2.5, kept, lambda row: not row.on_front),
+            _dots("Pareto front", 4.0, kept, lambda row: row.on_front),
+            _dots("chosen", 6.0, kept, lambda row: row.chosen),
         ],
     }
 
 
-def _near(rows: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    chosen = next((row for row in rows if row["chosen"]), None)
+def _near(rows: Sequence[TuningTrial]) -> list[TuningTrial]:
+    chosen = next((row for row in rows if row.chosen), None)
     if chosen is None:
         return list(rows)
-    names = ("rms_error_m", "steer_change_rms")
     return [
         row
         for row in rows
-        if row["on_front"] or all(row[k] <= _FAR * chosen[k] or not chosen[k] for k in names)
+        if row.on_front or all(_near_chosen(row, chosen, name) for name in TRADED)
     ]
+
+
+def _near_chosen(row: TuningTrial, chosen: TuningTrial, name: str) -> bool:
+    most = getattr(chosen, name)
+    return not most or bool(getattr(row, name) <= _FAR * most)
 
 
 def _dots(
     name: str,
     size: float,
-    rows: Sequence[Mapping[str, Any]],
-    wanted: Callable[[Mapping[str, Any]], bool],
+    rows: Sequence[TuningTrial],
+    wanted: Callable[[TuningTrial], bool],
 ) -> dict[str, Any]:
     mine = [row for row in rows if wanted(row)]
     return {
         "name": name,
         "dots": size,
-        "x": [_PER_MILLE * row["steer_change_rms"] for row in mine],
-        "y": [_MM * row["rms_error_m"] for row in mine],
+        "x": [_PER_MILLE * (row.steer_change_rms or 0.0) for row in mine],
+        "y": [_MM * (row.rms_error_m or 0.0) for row in mine],
     }
 
 
-def chosen_words(trade: Mapping[str, Any]) -> str:
+def chosen_words(trade: TuningTrials) -> str:
     """What was chosen, with its error and steering activity, as a sentence."""
-    row = next(row for row in trade["trials"] if row["chosen"])
-    words = f"Trial {row['number']} of {trade['controller']} was chosen, cost {_mm(row['cost_m'])}"
-    if row["rms_error_m"] is None:
+    row = trade.chosen()
+    words = f"Trial {row.number} of {trade.controller} was chosen, cost {_mm(row.cost_m)}"
+    if row.rms_error_m is None:
         return f"{words}; it is from before errors and steering activity were kept."
-    front = "on" if row["on_front"] else "off"
+    front = "on" if row.on_front else "off"
     parts = (
-        f"{_mm(row['tracking_m'])} tracking, {_mm(row['smoothness_m'])} smoothness,"
-        f" {_mm(row['failure_m'])} failures"
+        f"{_mm(row.tracking_m)} tracking, {_mm(row.smoothness_m)} smoothness,"
+        f" {_mm(row.failure_m)} failures"
     )
     return (
-        f"{words} ({parts}), {front} the Pareto front: RMS error {_mm(row['rms_error_m'])},"
-        f" steering {text(_PER_MILLE * row['steer_change_rms'], 3)}/1000 a step,"
-        f" failures {row['failures']}."
+        f"{words} ({parts}), {front} the Pareto front: RMS error {_mm(row.rms_error_m)},"
+        f" steering {text(_PER_MILLE * (row.steer_change_rms or 0.0), 3)}/1000 a step,"
+        f" failures {row.failures}."
     )
 
 
-def spent_words(trade: Mapping[str, Any]) -> str:
+def spent_words(trade: TuningTrials) -> str:
     """The tuning's cost in simulated time, as a sentence."""
-    seconds, trials, known = trade["simulated_seconds"], len(trade["trials"]), trade["measured"]
+    seconds, trials, known = trade.simulated_seconds, len(trade.trials), trade.measured
     words = f"{seconds:.0f} s ({seconds / _MINUTE:.4g} min) were simulated in {known} trials"
     left_out = trials - known
     return f"{words}; {left_out} older ones were not counted." if left_out else f"{words}."
 
 
-def _explained(trade: Mapping[str, Any]) -> str:
+def _explained(trade: TuningTrials) -> str:
     return (
         f"{spent_words(trade)} The front has the trials to which none is better in one of RMS error"
         " and steering activity and as good in the other, among those with the fewest failed runs."
@@ -126,8 +131,8 @@ def _explained(trade: Mapping[str, Any]) -> str:
     )
 
 
-def _table(trade: Mapping[str, Any]) -> dict[str, Any]:
-    shown = [row for row in trade["trials"] if row["on_front"] or row["chosen"]]
+def _table(trade: TuningTrials) -> dict[str, Any]:
+    shown = [row for row in trade.trials if row.on_front or row.chosen]
     columns = {
         "number": "trial",
         "mark": "",
@@ -138,19 +143,17 @@ def _table(trade: Mapping[str, Any]) -> dict[str, Any]:
     }
     rows = [
         {
-            "number": row["number"],
-            "mark": "chosen" if row["chosen"] else "",
-            "cost": _MM * row["cost_m"],
-            "error": None if row["rms_error_m"] is None else _MM * row["rms_error_m"],
-            "change": None
-            if row["steer_change_rms"] is None
-            else _PER_MILLE * row["steer_change_rms"],
-            "failures": row["failures"],
+            "number": row.number,
+            "mark": "chosen" if row.chosen else "",
+            "cost": _MM * row.cost_m,
+            "error": None if row.rms_error_m is None else _MM * row.rms_error_m,
+            "change": None if row.steer_change_rms is None else _PER_MILLE * row.steer_change_rms,
+            "failures": row.failures,
         }
-        for row in sorted(shown, key=lambda row: row["cost_m"])
+        for row in sorted(shown, key=lambda row: row.cost_m)
     ]
     return {"title": "The front and the chosen trial", "columns": columns, "rows": rows}
 
 
-def _mm(value: float) -> str:
-    return f"{text(_MM * value, 3)} mm"
+def _mm(value: float | None) -> str:
+    return f"{text(_MM * (value or 0.0), 3)} mm"

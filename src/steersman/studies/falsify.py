@@ -1,31 +1,30 @@
 """Search for the mildest disturbance that takes a controller off the road.
 
 What is disturbed, and what mild means, :mod:`steersman.studies.perturbation` defines. A search can
-prove that a controller fails; that it never does, it cannot: a point that nobody drove may fail.
+prove that a controller fails, but never that it does not: a point that was not driven may fail.
 """
 
 from __future__ import annotations
 
-import json
 from pathlib import Path as FilePath
 from typing import Annotated, Any
 
 from pydantic import model_validator
 
-from steersman.config import Of, Settings, build, dump, param
+from steersman.config import Of, Settings, build, param
 from steersman.controllers.base import ControllerComponent
 from steersman.controllers.mpc_pid import MpcPid
 from steersman.errors import ConfigError
-from steersman.files import alone, make_folder, write_text
+from steersman.files import alone, make_folder
 from steersman.paths.base import PathComponent
 from steersman.plants.base import PlantComponent, has_one_car
 from steersman.plants.simulator import SimulatorConfig
 from steersman.rollout import RunConfig
 from steersman.sensing import WaypointSensor
 from steersman.speed import ConstantSpeed, SpeedComponent
-from steersman.studies.findings import findings
+from steersman.studies.findings import FalsifyResult, findings
 from steersman.studies.folder import same_study
-from steersman.studies.hunt import Progress, Search
+from steersman.studies.hunt import Bracket, Progress, Search
 from steersman.studies.perturbation import Ranges, scaled_fields
 from steersman.studies.tried import Kept
 from steersman.vehicles import CarlaModel3, Vehicle
@@ -51,7 +50,7 @@ class FalsifyConfig(Settings):
         ConstantSpeed(), "-", "Source of throttle and brake, undisturbed."
     )
     vehicle: Annotated[Vehicle, Of("vehicle")] = param(
-        CarlaModel3(), "-", "Vehicle, undisturbed; the controller is told of this one."
+        CarlaModel3(), "-", "Vehicle, undisturbed; the controller's model is of this one."
     )
     plant: Annotated[PlantComponent, Of("plant")] = param(
         SimulatorConfig(), "-", "What is driven; only the simulator's cars can be disturbed."
@@ -109,8 +108,8 @@ def for_one_car(plant: Any) -> list[str]:
 @alone("out")
 def falsify(
     config: FalsifyConfig, out: FilePath, progress: Progress | None = None
-) -> dict[str, Any]:
-    """Search; returns what is written to ``falsify.json``.
+) -> FalsifyResult:
+    """Search for the mildest failure; the result is also written to ``falsify.json``.
 
     The undisturbed run comes first; if it fails, that is the result. Then each quantity is
     disturbed alone and its failing value is found by bisection; a sampler that learns (TPE,
@@ -124,10 +123,7 @@ def falsify(
     Args:
         config: what is driven, and how far it is disturbed.
         out: folder of the study.
-        progress: told of each drive.
-
-    Returns:
-        The findings, of :func:`steersman.studies.findings.findings`.
+        progress: called after each drive.
 
     Raises:
         ConfigError: ``out`` holds another study, or the parts of the run do not fit together.
@@ -136,13 +132,12 @@ def falsify(
     make_folder(out)
     same_study(config, out, _BUDGET)
     search = Search(config, Kept(out / "drives.jsonl", config.ranges.names()), progress)
-    singles: list[dict[str, Any]] = []
+    singles: list[Bracket] = []
     if not search.nominal().failed:
         singles = search.singles()
         search.explore()
         search.pull_in()
         search.check()
-    result = findings(config.ranges, config.run(), list(search.tried.values()), singles)
-    result |= {"config": dump(config), "plant": config.plant.source()}
-    write_text(out / "falsify.json", json.dumps(result, indent=1, allow_nan=False) + "\n")
+    result = findings(config, list(search.tried.values()), singles)
+    result.write(out / "falsify.json")
     return result

@@ -2,64 +2,101 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
+from steersman.config import dump
 from steersman.provenance import provenance
-from steersman.rollout import RunConfig
-from steersman.studies.perturbation import AXES, Ranges, shown
+from steersman.stored import Sourced, Stored
+from steersman.studies.hunt import Bracket
+from steersman.studies.perturbation import AXES, shown
 from steersman.studies.tried import Tried
+
+if TYPE_CHECKING:
+    from steersman.studies.falsify import FalsifyConfig
+
+
+class MildestFailure(Tried):
+    """The failure with the smallest norm."""
+
+    values: dict[str, float]
+    """Physical values of the quantities, under names with their units."""
+
+
+class SingleFailure(Stored):
+    """A quantity disturbed alone, to one of its sides; None where nothing failed."""
+
+    name: str
+    failing: float | None
+    """Smallest coordinate that was found to fail."""
+    holding: float
+    """Nearest coordinate below it that does not fail."""
+    failing_value: float | None
+    holding_value: float
+    unit: str
+    """Of the two values."""
+
+
+class FalsifyResult(Sourced):
+    """The content of ``falsify.json``."""
+
+    falsified: bool
+    """Whether anything failed."""
+    nominal_failed: bool
+    """Whether the undisturbed drive failed."""
+    mildest: MildestFailure | None
+    safe_radius: float
+    """Largest norm below which nothing that was tried failed; the farthest tried, if none did."""
+    tried_within: int
+    """Drives below it."""
+    singles: list[SingleFailure]
+    failures: int
+    simulated_seconds: float
+    ends: dict[str, int]
+    """Failures by how the drives ended."""
+    drives: list[Tried]
+    """The nominal drive first."""
+    config: dict[str, Any]
+    plant: str
 
 
 def findings(
-    ranges: Ranges,
-    run: RunConfig,
-    tried: Sequence[Tried],
-    singles: Sequence[Mapping[str, Any]],
-) -> dict[str, Any]:
-    """The content of ``falsify.json``, its configuration apart.
-
-    Args:
-        ranges: how far was disturbed.
-        run: the undisturbed one.
-        tried: everything that was driven, the nominal first.
-        singles: of :meth:`steersman.studies.hunt.Search.singles`.
-
-    Returns:
-        ``falsified``: whether anything failed; ``mildest``: the failure with the smallest norm
-        (None without one) with coordinates and physical values; ``safe_radius``: the largest norm
-        below which nothing that was tried failed, without a failure that of the farthest point
-        tried; ``tried_within``: drives below it; ``singles``: each quantity alone, with failing
-        and holding values; ``drives``: all of them; ``simulated_seconds``; versions and commit.
-    """
+    config: FalsifyConfig, tried: Sequence[Tried], singles: Sequence[Bracket]
+) -> FalsifyResult:
+    """The result of a search from everything that was driven, the nominal drive first."""
     failed = [row for row in tried if row.failed]
     mildest = min(failed, key=lambda row: row.norm, default=None)
     radius = max(row.norm for row in tried) if mildest is None else mildest.norm
-    within = sum(row.norm < radius or mildest is None for row in tried)
-    return {
-        "falsified": mildest is not None,
-        "nominal_failed": tried[0].failed,
-        "mildest": None if mildest is None else _described(mildest, ranges, run),
-        "safe_radius": radius,
-        "tried_within": within,
-        "singles": [_single(one, ranges, run) for one in singles],
-        "failures": len(failed),
-        "simulated_seconds": sum(row.seconds for row in tried),
-        "ends": {end: sum(r.end == end for r in failed) for end in sorted({r.end for r in failed})},
-        "drives": [row._asdict() for row in tried],
+    ends = sorted({row.end for row in failed})
+    return FalsifyResult(
+        falsified=mildest is not None,
+        nominal_failed=tried[0].failed,
+        mildest=None if mildest is None else _described(mildest, config),
+        safe_radius=radius,
+        tried_within=sum(row.norm < radius or mildest is None for row in tried),
+        singles=[_single(one, config) for one in singles],
+        failures=len(failed),
+        simulated_seconds=sum(row.seconds for row in tried),
+        ends={end: sum(row.end == end for row in failed) for end in ends},
+        drives=list(tried),
         **provenance(),
-    }
+        config=dump(config) or {},
+        plant=config.plant.source(),
+    )
 
 
-def _described(row: Tried, ranges: Ranges, run: RunConfig) -> dict[str, Any]:
-    values = ranges.values(row.point, run)
-    return {**row._asdict(), "values": shown(values)}
+def _described(row: Tried, config: FalsifyConfig) -> MildestFailure:
+    values = config.ranges.values(row.point, config.run())
+    return MildestFailure(**row.model_dump(), values=shown(values))
 
 
-def _single(one: Mapping[str, Any], ranges: Ranges, run: RunConfig) -> dict[str, Any]:
-    name = str(one["name"])
-    values = {
-        f"{key}_value": None if one[key] is None else ranges.values({name: one[key]}, run)[name]
-        for key in ("failing", "holding")
-    }
-    return {**one, **values, "unit": AXES[name].unit}
+def _single(one: Bracket, config: FalsifyConfig) -> SingleFailure:
+    def value(coordinate: float) -> float:
+        return config.ranges.values({one.name: coordinate}, config.run())[one.name]
+
+    return SingleFailure(
+        **one._asdict(),
+        failing_value=None if one.failing is None else value(one.failing),
+        holding_value=value(one.holding),
+        unit=AXES[one.name].unit,
+    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -15,15 +15,25 @@ from steersman.studies.tried import Kept, Key, Tried, drive
 if TYPE_CHECKING:
     from steersman.studies.falsify import FalsifyConfig
 
-# Told of each drive: drives done, drives planned at most, what was found so far.
+# Called after each drive with: drives done, drives planned at most, what was found so far.
 Progress: TypeAlias = Callable[[int, int, str], None]
 
 # Share of a failure's norm at which its ray is tried for a milder one.
 _BELOW = 0.98
 
 
+class Bracket(NamedTuple):
+    """A quantity that is disturbed alone, to one of its sides."""
+
+    name: str
+    failing: float | None
+    """Smallest coordinate that was found to fail; None if the end of the range does not."""
+    holding: float
+    """Nearest coordinate below it that does not fail."""
+
+
 class Search:
-    """The stages of a search, and every point that it has asked for."""
+    """The stages of a search, and every point that they have driven."""
 
     def __init__(self, config: FalsifyConfig, kept: Kept, progress: Progress | None) -> None:
         """Nothing is driven yet; drives that ``kept`` holds are not repeated."""
@@ -54,14 +64,8 @@ class Search:
         """The undisturbed run."""
         return self.drive(self._point())
 
-    def singles(self) -> list[dict[str, Any]]:
-        """Each quantity disturbed alone, to each of its sides.
-
-        Returns:
-            For each: ``name``, ``failing``, the coordinate with the smallest size that was found
-            to fail (None if the end of the range does not), and ``holding``, the nearest one
-            below it that does not.
-        """
+    def singles(self) -> list[Bracket]:
+        """Each quantity disturbed alone, to each of its sides."""
         sides = [(name, side) for name in self.names for side in AXES[name].sides]
         self._begin("single", len(sides) * (1 + self.config.bisections))
         out = []
@@ -71,14 +75,13 @@ class Search:
                 low, high = self._bisect(self._point(), self._point(**{name: side}))
             holding = side if high is None else side * low
             failing = None if high is None else side * high
-            out.append({"name": name, "failing": failing, "holding": holding})
+            out.append(Bracket(name, failing, holding))
         return out
 
     def explore(self) -> None:
         """All quantities at once: the sampler learns from what was driven so far.
 
-        What is not milder than the mildest single failure is of no interest: points beyond it are
-        drawn in along their ray.
+        Points that are not milder than the mildest single failure are drawn in along their ray.
         """
         import optuna
         from optuna.distributions import FloatDistribution

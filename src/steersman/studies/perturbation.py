@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from pydantic import model_validator
 
@@ -147,7 +147,7 @@ def norm(point: Mapping[str, float]) -> float:
     return math.hypot(*point.values())
 
 
-def shown(values: Mapping[str, float]) -> dict[str, Any]:
+def shown(values: Mapping[str, float]) -> dict[str, float]:
     """Physical values by names that tell their unit."""
     suffix = {"s": "_s", "m": "_m", "-": ""}
     return {f"{name}{suffix[AXES[name].unit]}": value for name, value in values.items()}

@@ -6,22 +6,23 @@ import json
 import os
 from collections.abc import Sequence
 from pathlib import Path as FilePath
-from typing import Any, NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from steersman.errors import DataError
 from steersman.rollout import RunConfig, attempt
+from steersman.stored import Stored
 from steersman.studies.perturbation import Point, norm
 
 Key: TypeAlias = tuple[float, ...]
 
 
-class Tried(NamedTuple):
+class Tried(Stored):
     """A disturbance that was driven."""
 
     stage: str
-    """The part of the search that asked for it."""
+    """The part of the search that it belongs to."""
     point: Point
     """Coordinates of :mod:`steersman.studies.perturbation`."""
     norm: float
@@ -45,16 +46,15 @@ def drive(stage: str, point: Point, config: RunConfig) -> Tried:
     """
     tried = attempt(config)
     episode = tried.of_controller()
-    failed = not episode.completed
     largest = float(np.max(np.abs(episode["lateral_error"]), initial=0.0))
     return Tried(
-        stage,
-        point,
-        norm(point),
-        failed,
-        episode.end,
-        config.corridor if tried.outcome == "left_road" else largest,
-        len(episode) * episode.dt,
+        stage=stage,
+        point=point,
+        norm=norm(point),
+        failed=not episode.completed,
+        end=episode.end,
+        max_error_m=config.corridor if tried.outcome == "left_road" else largest,
+        seconds=len(episode) * episode.dt,
     )
 
 
@@ -76,7 +76,7 @@ class Kept:
         whole = text[: text.rfind(b"\n") + 1]
         for number, line in enumerate(whole.splitlines(), start=1):
             try:
-                row = Tried(**json.loads(line))
+                row = Tried.model_validate_json(line)
                 self.found[self.key(row.point)] = row
             except (ValueError, TypeError, KeyError):
                 raise DataError(f"{file}, line {number}: not a drive of a falsification") from None
@@ -94,10 +94,9 @@ class Kept:
             DataError: the file cannot be written.
         """
         self.found[self.key(row.point)] = row
-        data: dict[str, Any] = row._asdict()
         try:
             with self.file.open("a", encoding="utf-8") as stream:
-                stream.write(json.dumps(data, allow_nan=False) + "\n")
+                stream.write(json.dumps(row.plain(), allow_nan=False) + "\n")
                 stream.flush()
                 os.fsync(stream.fileno())
         except OSError as error:

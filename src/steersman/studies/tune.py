@@ -5,7 +5,6 @@ What a trial costs, and of what parts, :mod:`steersman.studies.objective` define
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import Annotated, Any
@@ -25,7 +24,7 @@ from steersman.provenance import provenance
 from steersman.rollout import RunConfig
 from steersman.studies.folder import same_study
 from steersman.studies.objective import TrialCost, measure, together
-from steersman.studies.pareto import trade
+from steersman.studies.trials import TrialFigures, TuneResult, trade
 
 
 class TuneConfig(Settings):
@@ -87,7 +86,7 @@ def tune(
 
     Writes ``study.jsonl`` (Optuna's journal, from which an interrupted study goes on and ends as
     if it had not been), ``tuned.yaml`` (the controller, as ``steersman drive`` reads it),
-    ``config.yaml``, ``pareto.json`` (of :func:`steersman.studies.pareto.trade`) and
+    ``config.yaml``, ``pareto.json`` (of :class:`steersman.studies.trials.TuningTrials`) and
     ``result.json``. The first trial is the controller as it is, so the result is never worse on
     the suite.
 
@@ -197,21 +196,20 @@ def _write(config: TuneConfig, out: FilePath, best: ControllerComponent, study: 
     text = yaml.safe_dump({"controller": dump(best)}, sort_keys=False)
     write_text(out / "tuned.yaml", f"# Tuned on: {config.plant.source()}\n{text}")
     traded = trade(config.controller.kind, _finished(study))
-    write_text(out / "pareto.json", json.dumps(traded, indent=1) + "\n")
-    chosen = next(row for row in traded["trials"] if row["chosen"])
-    result = {
-        "controller": dump(best),
-        "start": dump(config.controller),
-        "cost_m": study.best_value,
-        "cost_of_first_trial_m": traded["trials"][0]["cost_m"],
-        "trials": len(traded["trials"]),
-        "chosen": {name: chosen[name] for name in ("number", *TrialCost._fields, "on_front")},
-        "simulated_seconds": traded["simulated_seconds"],
-        "simulated_trials": traded["measured"],
-        "plant": config.plant.source(),
-        "suite": [dump(r) for r in config.suite],
-        "smoothness": config.smoothness,
-        "seed": config.seed,
+    traded.write(out / "pareto.json")
+    figures = {name: getattr(traded.chosen(), name) for name in TrialFigures.model_fields}
+    TuneResult(
+        controller=dump(best) or {},
+        start=dump(config.controller) or {},
+        cost_m=study.best_value,
+        cost_of_first_trial_m=traded.trials[0].cost_m,
+        trials=len(traded.trials),
+        chosen=TrialFigures(**figures),
+        simulated_seconds=traded.simulated_seconds,
+        simulated_trials=traded.measured,
+        plant=config.plant.source(),
+        suite=[dump(r) or {} for r in config.suite],
+        smoothness=config.smoothness,
+        seed=config.seed,
         **provenance(),
-    }
-    write_text(out / "result.json", json.dumps(result, indent=1) + "\n")
+    ).write(out / "result.json")

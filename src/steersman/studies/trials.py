@@ -1,0 +1,126 @@
+"""The trials of a tuning: error against steering activity, their front, the chosen one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from pydantic import Field
+
+from steersman.stored import Sourced, Stored
+from steersman.studies.objective import TrialCost
+
+# The two figures of which a trial on the front cannot have less of both.
+TRADED = ("rms_error_m", "steer_change_rms")
+
+
+class TrialFigures(Stored):
+    """The figures of :class:`TrialCost`; all but the cost are None in studies of before them."""
+
+    number: int
+    cost_m: float
+    tracking_m: float | None = None
+    smoothness_m: float | None = None
+    failure_m: float | None = None
+    rms_error_m: float | None = None
+    steer_change_rms: float | None = None
+    failures: int | None = None
+    simulated_seconds: float | None = None
+    on_front: bool = False
+
+
+class TuningTrial(TrialFigures):
+    """A trial with the values that it tried."""
+
+    parameters: dict[str, float]
+    chosen: bool = False
+
+
+class TuningTrials(Stored):
+    """The content of ``pareto.json``."""
+
+    controller: str
+    """The controller's kind."""
+    traded: list[str] = Field(list(TRADED))
+    failures: int | None
+    """The fewest failed drives of a trial."""
+    measured: int
+    """Trials with figures."""
+    simulated_seconds: float
+    """Of the measured trials."""
+    trials: list[TuningTrial]
+
+    def chosen(self) -> TuningTrial:
+        """The trial with the least cost."""
+        return next(row for row in self.trials if row.chosen)
+
+
+class TuneResult(Sourced):
+    """The content of ``result.json``."""
+
+    controller: dict[str, Any]
+    """As tuned."""
+    start: dict[str, Any]
+    """As it was before."""
+    cost_m: float
+    cost_of_first_trial_m: float
+    trials: int
+    chosen: TrialFigures | None = None
+    simulated_seconds: float | None = None
+    simulated_trials: int | None = None
+    plant: str | None = None
+    suite: list[dict[str, Any]]
+    smoothness: float
+    seed: int
+
+
+def front(rows: Sequence[TrialFigures]) -> list[int]:
+    """Places of the rows to which no other is better in one figure and as good in the other.
+
+    A run that leaves the road steers less because it drives less, so only the rows with the
+    fewest failures are compared. Rows without figures (of older studies) are left out.
+
+    >>> def row(error, change, failures=0):
+    ...     figures = {"rms_error_m": error, "steer_change_rms": change, "failures": failures}
+    ...     return TrialFigures(number=0, cost_m=0.0, **figures)
+    >>> bad = row(9.0, 0.1, failures=1)
+    >>> front([row(1.0, 3.0), row(2.0, 1.0), row(2.0, 2.0), bad, row(None, None, None)])
+    [0, 1]
+    """
+    known = {
+        i: (row.rms_error_m, row.steer_change_rms, row.failures or 0)
+        for i, row in enumerate(rows)
+        if row.rms_error_m is not None and row.steer_change_rms is not None
+    }
+    fewest = min((failures for *_, failures in known.values()), default=0)
+    kept = [i for i, figures in known.items() if figures[2] == fewest]
+    found, least = [], float("inf")
+    for i in sorted(kept, key=lambda i: known[i]):
+        if known[i][1] < least:
+            least = known[i][1]
+            found.append(i)
+    return sorted(found)
+
+
+def trade(kind: str, trials: Sequence[Any]) -> TuningTrials:
+    """The trials of a controller's study, from Optuna's finished trials."""
+    rows = [_row(trial) for trial in trials]
+    chosen = min(range(len(rows)), key=lambda i: rows[i].cost_m)
+    best = front(rows)
+    rows = [
+        row.model_copy(update={"on_front": i in best, "chosen": i == chosen})
+        for i, row in enumerate(rows)
+    ]
+    return TuningTrials(
+        controller=kind,
+        failures=min((row.failures for row in rows if row.failures is not None), default=None),
+        measured=sum(row.simulated_seconds is not None for row in rows),
+        simulated_seconds=sum(row.simulated_seconds or 0.0 for row in rows),
+        trials=rows,
+    )
+
+
+def _row(trial: Any) -> TuningTrial:
+    figures = {name: trial.user_attrs.get(name) for name in TrialCost._fields}
+    figures["cost_m"] = trial.value
+    return TuningTrial(number=trial.number, parameters=dict(trial.params), **figures)
