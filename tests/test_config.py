@@ -8,7 +8,7 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from pydantic import ValidationError, field_validator
 
-from steersman import config, core_yaml
+from steersman import core_yaml, registry
 from steersman.config import (
     Component,
     Of,
@@ -264,9 +264,9 @@ class FakeEntryPoint:
 
 
 def test_entry_points_of_other_packages(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(config._REGISTRY, "gadget", {})
+    monkeypatch.setitem(registry._REGISTRY, "gadget", {})
     points = [FakeEntryPoint(fails=True)]
-    monkeypatch.setattr(config, "entry_points", lambda group: points)
+    monkeypatch.setattr(registry, "entry_points", lambda group: points)
     with pytest.raises(ConfigError, match=r"gadget\.mine = mine:Gadget cannot be loaded: no mod"):
         components("gadget")
     points[:] = [FakeEntryPoint(fails=False)]

@@ -469,8 +469,6 @@ def identify(
 
 def vehicle_of(word: Any) -> Vehicle:
     """A vehicle by name, or from a file."""
-    if isinstance(word, str) and word.endswith(_YAML):
-        word = {"kind": "file", "file": word}
     return cast("Vehicle", make("vehicle", word))
 
 

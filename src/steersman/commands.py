@@ -14,7 +14,8 @@ from typing import Any, NamedTuple, TypeAlias, TypeVar
 from pydantic import BaseModel
 
 from steersman import presets, tuned
-from steersman.config import Component, build, lay_over, override, read_yaml
+from steersman import words as words_
+from steersman.config import Component, Of, build, lay_over, merge, override, read_yaml, resolve
 from steersman.errors import ConfigError, DataError, suggestion
 
 M = TypeVar("M", bound=BaseModel)
@@ -101,7 +102,10 @@ def configuration(
     for key, value in more.items():
         tree = lay_over(tree, key, value)
     tree = _for_one_car(command, override(tree, assignments), [*assignments, *more], notify)
-    return build(cls, tree)
+    try:
+        return build(cls, tree)
+    except ConfigError as error:
+        raise _hinted(error, command, tree) from None
 
 
 def _of_problem(word: str) -> str:
@@ -116,18 +120,14 @@ def split(words: Sequence[str]) -> tuple[str | None, list[str]]:
         ConfigError: there is a second word without "=", or an assignment undoes another.
     """
     names = [word for word in words if "=" not in word]
-    _at_most_one(names)
-    assignments = [word for word in words if "=" in word]
-    check_order(assignments)
-    return (names[0] if names else None), assignments
-
-
-def _at_most_one(names: Sequence[str]) -> None:
     if len(names) > 1:
         raise ConfigError(
             f"{names[1]!r} is neither key=value nor the first name ({names[0]!r} is);"
             " write key=value"
         )
+    assignments = [word for word in words if "=" in word]
+    check_order(assignments)
+    return (names[0] if names else None), assignments
 
 
 def check_order(assignments: Sequence[str]) -> None:
@@ -153,31 +153,86 @@ def key(word: str) -> str:
 
 
 def _named(command: str, names: Sequence[str]) -> dict[str, Any]:
-    """The fields that the words without "=" give."""
-    _at_most_one(names)
-    if not names:
-        return {}
-    name = names[0]
+    """The fields that the words without "=" give: the first may be a whole configuration."""
+    tree: dict[str, Any] = {}
+    taken: dict[str, str] = {}
+    for place, name in enumerate(names):
+        found = _whole(command, name) if place == 0 else None
+        if found is not None:
+            tree = found
+            continue
+        field = _field_for(command, name)
+        if field in taken:
+            raise ConfigError(f"{taken[field]!r} and {name!r} are both a {field}; give one of them")
+        taken[field] = name
+        tree = lay_over(tree, field, name)
+    return tree
+
+
+def _whole(command: str, name: str) -> dict[str, Any] | None:
+    """The configuration that a preset, a file or a command's folder holds; None if it is none."""
+    place = FilePath(name)
     if COMMANDS[command].presets and not _is_file(name):
         file = presets.locate(name)
         if file is None:
             raise ConfigError(f"unknown preset {name!r}{suggestion(name, presets.names())}")
+    elif place.is_dir():
+        file = place / "config.yaml"
+        results = not COMMANDS[command].presets and words_.means("controller", name)
+        if results or not file.is_file():
+            return None
+    elif place.suffix in words_.YAML and not name.startswith("tuned/"):
+        file = existing(name)
     else:
-        file = existing(name, "; settings are written key=value")
+        return None
     tree = read_yaml(file)
+    whole = "kind" not in tree and set(tree) & set(settings_of(command).model_fields)
+    if not whole and _families_of(command, name):  # a component alone
+        return None
     if command == "imitate" and "agent" in tree:
         return {name: tree[name] for name in _SHARED if name in tree}
-    _check_command(name, tree, command)
+    _check_command(str(file), tree, command)
     return tree
 
 
 def _is_file(name: str) -> bool:
     file = FilePath(name)
-    return file.suffix in {".yaml", ".yml"} or file.name != name or file.is_file()
+    return file.suffix in words_.YAML or file.name != name or file.exists()
 
 
-def existing(name: str, hint: str = "") -> FilePath:
-    """A file that is there, or ``tuned/NAME`` of the package; ``hint`` ends the message if not.
+def component_fields(command: str) -> dict[str, str]:
+    """The family of each field of a command's configuration that holds one component."""
+    fields = settings_of(command).model_fields.items()
+    marks = {name: [m for m in field.metadata if isinstance(m, Of)] for name, field in fields}
+    return {name: found[0].family for name, found in marks.items() if found}
+
+
+def _families_of(command: str, name: str) -> list[str]:
+    """The fields that a word may be for: the first of each family that knows it."""
+    first = {family: field for field, family in reversed(component_fields(command).items())}
+    return [field for family, field in first.items() if words_.means(family, name)]
+
+
+def _field_for(command: str, name: str) -> str:
+    """The field that a word without "=" is for, by the families that know the word."""
+    found = _families_of(command, name)
+    if len(found) == 1:
+        return found[0]
+    if found:
+        ways = " or ".join(f"{field}={name}" for field in sorted(found))
+        raise ConfigError(f"{name!r} may be a {' or a '.join(sorted(found))}; write {ways}")
+    if FilePath(name).is_dir():
+        raise DataError(f"{name}: is a folder without config.yaml, policy.onnx or tuned.yaml")
+    families = set(component_fields(command).values())
+    every = [word for family in families for word in words_.known(family)]
+    near = suggestion(name, every)
+    near = near if near.startswith("; did you") else ""
+    what = f"{name!r} is neither a file nor the name of a component"
+    raise ConfigError(f"{what}{near or '; settings are written key=value'}")
+
+
+def existing(name: str) -> FilePath:
+    """A file that is there, or ``tuned/NAME`` of the package.
 
     Raises:
         DataError: it is not.
@@ -190,8 +245,22 @@ def existing(name: str, hint: str = "") -> FilePath:
         raise DataError(f"{name}: is a folder, expected a file")
     if not file.exists():
         near = suggestion(name, tuned.names()) if name.startswith("tuned/") else ""
-        raise DataError(f"{name}: no such file{near}{hint}")
+        raise DataError(f"{name}: no such file{near}")
     return file
+
+
+def _hinted(error: ConfigError, command: str, tree: Mapping[str, Any]) -> ConfigError:
+    """The error about an unknown field, with the part that has such a field."""
+    if len(error.where) != 1 or not error.what.startswith("unknown field; allowed"):
+        return error
+    name, cls = error.where[0], settings_of(command)
+    for field, family in component_fields(command).items():
+        default = cls.model_fields[field].get_default(call_default_factory=True)
+        value = merge({field: default}, {field: tree[field]})[field] if field in tree else default
+        found = resolve(family, value, optional=True)
+        if found is not None and name in type(found).model_fields:
+            return ConfigError(f"unknown field; did you mean '{field}.{name}'?", error.where)
+    return error
 
 
 def _check_command(name: str, tree: Mapping[str, Any], command: str) -> None:

@@ -7,16 +7,11 @@ another component is annotated ``Annotated[SomeProtocol, Of("family")]``.
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cache, partial
-from importlib.metadata import entry_points
-from pathlib import Path as FilePath
+from functools import partial
 from typing import Any, ClassVar, TypeVar, get_args
 
-import yaml
 from pydantic import (
     BaseModel,
     ConfigDict,
@@ -28,9 +23,11 @@ from pydantic import (
 )
 from pydantic_core import PydanticKnownError, core_schema
 
-from steersman import core_yaml, tuned
-from steersman.errors import ConfigError, DataError, suggestion
+from steersman import core_yaml, words
+from steersman.core_yaml import read_yaml
+from steersman.errors import ConfigError
 from steersman.messages import config_error, field_unit
+from steersman.registry import ENTRY_POINT_GROUP, FAMILIES, components, families, register
 
 __all__ = [
     "ENTRY_POINT_GROUP",
@@ -55,30 +52,7 @@ __all__ = [
     "to_yaml",
 ]
 
-C = TypeVar("C", bound="Component")
 M = TypeVar("M", bound=BaseModel)
-
-# The family whose members come with the package as tuned, too.
-_CONTROLLER = "controller"
-ENTRY_POINT_GROUP = "steersman.components"
-# Where each family's components live; importing the module (or all modules of the package)
-# registers them. Entry points of other packages add to this.
-FAMILIES: dict[str, str] = {
-    "path": "steersman.paths",
-    "vehicle": "steersman.vehicles",
-    "plant": "steersman.plants",
-    "controller": "steersman.controllers",
-    "speed": "steersman.speed",
-    "sensor": "steersman.sensing",
-    "feature": "steersman.features",
-    "encoding": "steersman.encoding",
-    "reward": "steersman.learning.task",
-    "task": "steersman.learning.task",
-    "agent": "steersman.learning.algorithms",
-    "schedule": "steersman.learning.schedules",
-    "metric": "steersman.metrics",
-}
-_REGISTRY: dict[str, dict[str, type[Component]]] = {family: {} for family in FAMILIES}
 
 
 class Settings(BaseModel):
@@ -126,6 +100,8 @@ class Component(Settings):
 
     family: ClassVar[str] = ""
     kind: ClassVar[str] = ""
+    suffixes: ClassVar[tuple[str, ...]] = ()
+    """Endings of files that stand for the component on their own: ``file`` is then such a file."""
 
 
 def param(default: Any, unit: str, meaning: str, **bounds: Any) -> Any:
@@ -138,58 +114,9 @@ def required(unit: str, meaning: str, **bounds: Any) -> Any:
     return Field(description=meaning, json_schema_extra={"unit": unit}, **bounds)
 
 
-def register(family: str, kind: str) -> Callable[[type[C]], type[C]]:
-    """Class decorator: make the component known as ``family=kind``."""
-
-    def add(cls: type[C]) -> type[C]:
-        other = _REGISTRY.setdefault(family, {}).get(kind)
-        # The same name is the same class, loaded anew.
-        if other is not None and _full_name(other) != _full_name(cls):
-            raise ConfigError(
-                f"{family} {kind!r} is declared twice: {_full_name(other)} and {_full_name(cls)}"
-            )
-        cls.family, cls.kind = family, kind
-        _REGISTRY[family][kind] = cls
-        return cls
-
-    return add
-
-
-def _full_name(cls: type) -> str:
-    return f"{cls.__module__}.{cls.__qualname__}"
-
-
-@cache
-def _import_family(family: str) -> None:
-    module = importlib.import_module(FAMILIES[family]) if family in FAMILIES else None
-    for info in pkgutil.iter_modules(getattr(module, "__path__", ())):
-        if module is not None and not info.name.startswith("_"):
-            importlib.import_module(f"{module.__name__}.{info.name}")
-    for point in entry_points(group=ENTRY_POINT_GROUP):
-        if point.name == family or point.name.startswith(f"{family}."):
-            try:
-                point.load()
-            except Exception as error:  # another package's code may raise anything
-                raise ConfigError(
-                    f"entry point {point.name} = {point.value} cannot be loaded: {error}"
-                ) from error
-
-
-def families() -> list[str]:
-    """Every family of components."""
-    return sorted(_REGISTRY)
-
-
-def components(family: str) -> dict[str, type[Component]]:
-    """All registered kinds of a family.
-
-    Raises:
-        ConfigError: the family is unknown.
-    """
-    if family not in _REGISTRY:
-        raise ConfigError(f"unknown kind of component {family!r}{suggestion(family, _REGISTRY)}")
-    _import_family(family)
-    return dict(sorted(_REGISTRY[family].items()))
+def _a(noun: str) -> str:
+    """The noun with its article."""
+    return f"{'an' if noun[:1] in 'aeiou' else 'a'} {noun}"
 
 
 def lookup(family: str, kind: str) -> type[Component]:
@@ -200,22 +127,14 @@ def lookup(family: str, kind: str) -> type[Component]:
     """
     known = components(family)
     if kind not in known:
-        more = tuned.names() if family == _CONTROLLER else []
-        if more and kind.strip("/") == "tuned":
-            raise ConfigError(f"unknown {family} {kind!r}; write one of {', '.join(more)}")
-        raise ConfigError(f"unknown {family} {kind!r}{suggestion(kind, [*known, *more])}")
+        raise words.unknown(family, kind)
     return known[kind]
 
 
-def _a(noun: str) -> str:
-    """The noun with its article."""
-    return f"{'an' if noun[:1] in 'aeiou' else 'a'} {noun}"
-
-
 def resolve(family: str, value: Any, *, optional: bool = False) -> Component | None:
-    """A component from its name, its mapping (``kind`` and fields) or itself.
+    """A component from a word, its mapping (``kind`` and fields) or itself.
 
-    ``tuned/NAME`` stands for a controller of the package with its fields as tuned.
+    :mod:`steersman.words` says which words there are; ``kind`` may be any of them.
     """
     if value is None and optional:
         return None
@@ -231,12 +150,9 @@ def resolve(family: str, value: Any, *, optional: bool = False) -> Component | N
             f"{_a(family)} is a name, or fields among them 'kind'; given {value!r};"
             f" names: {', '.join(components(family))}"
         )
-    kind, fields = str(value["kind"]), {k: v for k, v in value.items() if k != "kind"}
-    file = tuned.locate(kind) if family == _CONTROLLER else None
-    if file is not None:
-        base = read_yaml(file)["controller"]
-        kind, fields = base.pop("kind"), merge(base, fields)
-    return build(lookup(family, kind), fields)
+    base = words.fields_of(family, str(value["kind"]))
+    kind = str(base.pop("kind"))
+    return build(lookup(family, kind), merge(base, {k: v for k, v in value.items() if k != "kind"}))
 
 
 @dataclass(frozen=True)
@@ -330,30 +246,6 @@ def override(tree: Mapping[str, Any], assignments: Iterable[str]) -> dict[str, A
             raise ConfigError(f"{text!r} is not an assignment; write key=value or key.field=value")
         out = lay_over(out, key, core_yaml.value(raw))
     return out
-
-
-def read_yaml(file: FilePath) -> dict[str, Any]:
-    """A YAML file that holds one mapping.
-
-    Raises:
-        DataError: the file is missing, not YAML, or not a mapping.
-    """
-    try:
-        data = core_yaml.load(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error.strerror})") from None
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        line = f"line {mark.line + 1}: " if mark is not None else ""
-        raise DataError(f"{file}: {line}not valid YAML: {error.problem}") from None
-    except (yaml.YAMLError, ValueError) as error:  # not UTF-8, or control characters
-        line = " ".join(str(error).split())
-        raise DataError(f"{file}: not valid YAML: {line}") from None
-    if data is None:
-        return {}
-    if not isinstance(data, dict):
-        raise DataError(f"{file}: holds a {type(data).__name__}, expected key: value pairs")
-    return data
 
 
 def to_yaml(model: BaseModel) -> str:

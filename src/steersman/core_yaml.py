@@ -8,9 +8,12 @@ and a key that stands twice silently counts once; here it is an error.
 from __future__ import annotations
 
 import re
+from pathlib import Path as FilePath
 from typing import Any, TypeVar
 
 import yaml
+
+from steersman.errors import DataError
 
 _TAG = "tag:yaml.org,2002:"
 _CORE = [
@@ -102,3 +105,27 @@ def value(text: str) -> Any:
     if tag == f"{_TAG}merge":  # means something as a key only
         return text
     return loader.construct_object(yaml.ScalarNode(tag, text))
+
+
+def read_yaml(file: FilePath | str) -> dict[str, Any]:
+    """A YAML file that holds one mapping.
+
+    Raises:
+        DataError: the file is missing, not YAML, or not a mapping.
+    """
+    try:
+        data = load(FilePath(file).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise DataError(f"{file}: cannot be read ({error.strerror})") from None
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        line = f"line {mark.line + 1}: " if mark is not None else ""
+        raise DataError(f"{file}: {line}not valid YAML: {error.problem}") from None
+    except (yaml.YAMLError, ValueError) as error:  # not UTF-8, or control characters
+        line = " ".join(str(error).split())
+        raise DataError(f"{file}: not valid YAML: {line}") from None
+    if data is None:
+        return {}
+    if not isinstance(data, dict):
+        raise DataError(f"{file}: holds a {type(data).__name__}, expected key: value pairs")
+    return data

@@ -6,7 +6,7 @@ import math
 from abc import abstractmethod
 from importlib.resources import files
 from pathlib import Path as FilePath
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -212,6 +212,8 @@ def _without_standstill(times: FloatArray, speeds: FloatArray) -> tuple[FloatArr
 @register("speed", "csv")
 class SpeedCsv(SpeedTracking):
     """A profile from a CSV file with the columns time_s and speed_m_s (or speed_km_h)."""
+
+    suffixes: ClassVar[tuple[str, ...]] = (".csv",)
 
     file: str = required("-", "CSV file with a header line.")
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import field_validator, model_validator
@@ -285,6 +285,8 @@ class VehicleFile(Vehicle):
 
     Values given beside ``file`` in the configuration win over those in the file.
     """
+
+    suffixes: ClassVar[tuple[str, ...]] = (".yaml", ".yml")
 
     file: str = required("-", "YAML file with the vehicle's figures.")
 

@@ -27,7 +27,7 @@ SHOW_EXAMPLES = (
     "  steersman show train"
 )
 # Whole commands whose settings can be shown, beside the components.
-_COMMANDS = ("drive", "train", "imitate", "tune", "falsify")
+_COMMANDS = ("drive", "train", "imitate", "tune", "falsify", "bench")
 
 
 def list_components(
@@ -37,7 +37,7 @@ def list_components(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """List the components that can be named in a configuration."""
-    from steersman import tuned
+    from steersman import policies, tuned
     from steersman.config import components, families
 
     wanted = families() if kind is None else [kind]
@@ -48,6 +48,7 @@ def list_components(
     if "controller" in found:
         text = "With the gains that were found for it on the suite 'tuning'."
         found["controller"] |= dict.fromkeys(tuned.names(), text)
+        found["controller"] |= dict.fromkeys(policies.names(), "A trained policy of the package.")
     if as_json:
         show_json(found)
         return
@@ -88,47 +89,25 @@ def show_component(
 
 
 def _find(kind: str, name: str | None) -> tuple[type[BaseModel], BaseModel | None]:
-    """The class, and of ``tuned/NAME`` the controller itself."""
-    from steersman import tuned
+    """The class; and the component itself, of a word that is not just its kind."""
+    from steersman.commands import settings_of
     from steersman.config import components, families, lookup, resolve
 
     if kind in _COMMANDS:
         if name is not None:
             raise ConfigError(f"{name!r} is too much; 'steersman show {kind}' takes no name")
-        return _command_settings(kind), None
+        return settings_of(kind), None
     if kind not in families():
         known = [*families(), *_COMMANDS]
         raise ConfigError(f"unknown kind of component {kind!r}{suggestion(kind, known)}")
     if name is None:
         names = ", ".join(components(kind))
         raise ConfigError(f"show {kind}: which one? names: {names}")
-    if kind == "controller" and tuned.locate(name) is not None:
-        found = resolve(kind, name)
-        assert found is not None
-        return type(found), found
-    return lookup(kind, name), None
-
-
-def _command_settings(command: str) -> type[BaseModel]:
-    if command == "drive":
-        from steersman.rollout import RunConfig
-
-        return RunConfig
-    if command == "train":
-        from steersman.learning.config import TrainConfig
-
-        return TrainConfig
-    if command == "imitate":
-        from steersman.learning.imitation.config import ImitationConfig
-
-        return ImitationConfig
-    if command == "falsify":
-        from steersman.studies.falsify import FalsifyConfig
-
-        return FalsifyConfig
-    from steersman.studies.tune import TuneConfig
-
-    return TuneConfig
+    if name in components(kind):
+        return lookup(kind, name), None
+    found = resolve(kind, name)
+    assert found is not None
+    return type(found), found
 
 
 def paragraphs(cls: type) -> list[str]:

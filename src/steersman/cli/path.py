@@ -110,17 +110,14 @@ def _road(ways: Ways, name: str) -> dict[str, Any] | None:
 
 def _path(words: list[str]) -> PathComponent:
     """The path that the words name, built."""
-    from steersman.commands import existing, split
-    from steersman.config import override, read_yaml, resolve
+    from steersman.commands import split
+    from steersman.config import override, resolve
     from steersman.paths.base import PathComponent
 
     name, assignments = split(words)
     if name is None:
         raise ConfigError(f"{words[0]!r} is a setting; first comes the kind of path, e.g. circle")
-    fields: dict[str, Any] = {"kind": name}
-    if name.endswith((".yaml", ".yml")):
-        fields = read_yaml(existing(name))
-    path = resolve("path", override(fields, assignments))
+    path = resolve("path", override({"kind": name}, assignments))
     assert isinstance(path, PathComponent)  # the registry holds nothing else under "path"
     _ = path.table  # so that a fault in it is told before a folder is made
     return path

@@ -19,6 +19,7 @@ class ControllerComponent(Component):
     (dotted for nested ones), and whether to search on a logarithmic scale.
     """
 
+    family: ClassVar[str] = "controller"
     search: ClassVar[Mapping[str, tuple[float, float, bool]]] = {}
 
     @abstractmethod

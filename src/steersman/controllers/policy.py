@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -56,6 +56,8 @@ class Policy(ControllerComponent):
     the car at ``trim`` times the lateral error, and so is its base. Wherever they let the car
     settle beside the path that they are told, the shift grows until the car itself is on the path.
     """
+
+    suffixes: ClassVar[tuple[str, ...]] = (".onnx",)
 
     file: str = param("precision", "-", "A policy of the package, or an ONNX file.")
     trim: float | None = param(

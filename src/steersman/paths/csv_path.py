@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from pathlib import Path as FilePath
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -38,6 +38,8 @@ class CsvPath(PathComponent):
     The header is ``x,y``, or that of the TUM racetrack database
     (``# x_m,y_m,w_tr_right_m,w_tr_left_m``); other columns are not read.
     """
+
+    suffixes: ClassVar[tuple[str, ...]] = (".csv",)
 
     file: FilePath = required("-", "CSV file with the columns x,y or x_m,y_m [m]")
     loop: bool | None = param(None, "-", "whether the end joins the start; null: if it is near")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path as FilePath
+from typing import ClassVar
 
 from pydantic import field_validator
 
@@ -26,6 +27,8 @@ class McapPath(PathComponent):
     The topic holds Odometry, whose positions are what was driven, or a Path, whose longest message
     counts. A cubic spline goes through the points, as for csv.
     """
+
+    suffixes: ClassVar[tuple[str, ...]] = (".mcap", ".db3")
 
     file: FilePath = required("-", "recording: *.mcap, *.db3, or a folder with metadata.yaml")
     topic: str | None = param(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from functools import lru_cache
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import BeforeValidator, model_validator
@@ -37,6 +37,8 @@ class OpenDrivePath(PathComponent):
 
     Exactly one of road, route and random says which. Heights and banking are left out.
     """
+
+    suffixes: ClassVar[tuple[str, ...]] = (".xodr",)
 
     file: FilePath = required("-", "OpenDRIVE file, *.xodr")
     road: _RoadId | None = param(None, "-", "id of the road whose lane is followed to its end")

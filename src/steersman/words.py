@@ -1,0 +1,181 @@
+"""From a word to a component: the one resolver, for every command, every file and Python alike.
+
+A word for a component of a family is
+
+- a registered kind: ``lqr``, ``circle``, ``carla_model3``;
+- a controller of the package: ``tuned/lqr``, or a policy by its name: ``precision``;
+- a file: a YAML file with the component (whole, or under the family's name, as in ``tuned.yaml``
+  of ``steersman tune``), or one that a kind of the family reads: ``policy.onnx``, ``track.csv``,
+  ``road.xodr``, ``my_car.yaml``;
+- the folder of a training or tuning: its policy, or the controller that it found;
+- ``supervised/`` and a word for a controller: that controller under a supervisor.
+
+Where a controller gets a name of its own (bench, compare), a word may be ``name=word``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path as FilePath
+from typing import Any
+
+from steersman import policies, tuned
+from steersman.core_yaml import read_yaml
+from steersman.errors import ConfigError, DataError, suggestion
+from steersman.registry import components
+
+YAML = (".yaml", ".yml")
+_CONTROLLER, _POLICY = "controller", "policy"
+_SUPERVISED = "supervised/"
+# What the folder of a training or tuning holds for a controller.
+RESULTS = ("policy.onnx", "tuned.yaml")
+# Names of files that every tuning, training or drive writes: the folder's name says more.
+_COMMON = ("tuned", "policy", "config", "episode")
+
+
+def known(family: str) -> list[str]:
+    """Every word for a component of the family that is not the name of a file."""
+    more = [*tuned.names(), *policies.names()] if family == _CONTROLLER else []
+    return [*components(family), *more]
+
+
+def unknown(family: str, word: str) -> ConfigError:
+    """The error about a word that is none of the family's; it names the nearest match."""
+    if family == _CONTROLLER and word.strip("/") == "tuned":
+        return ConfigError(f"unknown {family} {word!r}; write one of {', '.join(tuned.names())}")
+    return ConfigError(f"unknown {family} {word!r}{suggestion(word, known(family))}")
+
+
+def means(family: str, word: str) -> bool:
+    """Whether a word stands for a component of the family, be it a faulty one."""
+    if family == _CONTROLLER and word.startswith((_SUPERVISED, "tuned/")):
+        return True
+    if word in known(family):
+        return True
+    suffix, place = FilePath(word).suffix, FilePath(word)
+    if suffix in YAML:
+        return place.is_file() and _in_yaml(family, word)
+    return _by_suffix(family, suffix) is not None or (family == _CONTROLLER and _results(place))
+
+
+def fields_of(family: str, word: str) -> dict[str, Any]:
+    """The component that a word stands for, as plain fields with its registered ``kind``.
+
+    Raises:
+        ConfigError: there is no such component; the message names the nearest match.
+        DataError: a file is missing, malformed, or holds no component of the family.
+    """
+    if word in components(family):
+        return {"kind": word}
+    file = FilePath(word)
+    found = _controller(word, file) if family == _CONTROLLER else None
+    if found is not None:
+        return found
+    if file.suffix in YAML:
+        return _from_yaml(family, word)
+    kind = _by_suffix(family, file.suffix)
+    if kind is not None:
+        return {"kind": kind, "file": word}
+    if file.is_file():
+        endings = [*YAML, *(end for cls in components(family).values() for end in cls.suffixes)]
+        raise DataError(f"{word}: expected a file that ends in {', '.join(dict.fromkeys(endings))}")
+    raise unknown(family, word)
+
+
+def _controller(word: str, file: FilePath) -> dict[str, Any] | None:
+    """What only controllers have: supervision, those of the package, results of commands."""
+    if word.startswith(_SUPERVISED):
+        inner = fields_of(_CONTROLLER, word.removeprefix(_SUPERVISED))
+        return {"kind": "supervisor", "inner": inner}
+    if word in policies.names():
+        return {"kind": _POLICY, "file": word}
+    shipped = tuned.locate(word)
+    if shipped is not None and not file.exists():
+        return _from_yaml(_CONTROLLER, str(shipped))
+    if _results(file):
+        inside = next(name for name in RESULTS if (file / name).is_file())
+        return fields_of(_CONTROLLER, str(file / inside))
+    return None
+
+
+def _by_suffix(family: str, suffix: str) -> str | None:
+    """The kind of the family that reads files with this ending."""
+    found = (k for k, cls in components(family).items() if suffix and suffix in cls.suffixes)
+    return next(found, None)
+
+
+def _results(folder: FilePath) -> bool:
+    return folder.is_dir() and any((folder / name).is_file() for name in RESULTS)
+
+
+def _in_yaml(family: str, word: str) -> bool:
+    """Whether a YAML file holds a component of the family: whole, or with its fields alone."""
+    tree = read_yaml(word)
+    if "kind" in tree or family in tree:
+        return family in tree or means(family, str(tree["kind"]))
+    kind = _by_suffix(family, FilePath(word).suffix)
+    return kind is not None and bool(set(tree) & {*components(family)[kind].model_fields, "base"})
+
+
+def _from_yaml(family: str, word: str) -> dict[str, Any]:
+    tree = read_yaml(word)
+    kind = _by_suffix(family, FilePath(word).suffix)
+    if not {"kind", family} & set(tree) and kind is not None:
+        return {"kind": kind, "file": word}
+    found: Any = tree if "kind" in tree else tree.get(family)
+    if isinstance(found, str):
+        return fields_of(family, found)
+    if not isinstance(found, dict) or "kind" not in found:
+        raise DataError(f"{word}: holds no {family}; expected {family}: {{kind: ...}}")
+    inner = fields_of(family, str(found["kind"]))
+    return {**inner, **{key: value for key, value in found.items() if key != "kind"}}
+
+
+def named(word: str) -> tuple[str, str]:
+    """The name and the rest of ``[name=]word``; without a name, the word's own short one.
+
+    >>> named("mine=runs/pid/tuned.yaml"), named("tuned/lqr"), named("runs/pid/tuned.yaml")
+    (('mine', 'runs/pid/tuned.yaml'), ('lqr', 'tuned/lqr'), ('pid', 'runs/pid/tuned.yaml'))
+
+    Raises:
+        ConfigError: there is nothing after the sign.
+    """
+    name, sign, rest = word.partition("=")
+    if not sign:
+        name, rest = "", word
+    name, rest = name.strip(), rest.strip()
+    if not rest:
+        raise ConfigError(
+            f"{word!r} names no controller; write a kind, a file, or name=one of them"
+        )
+    return name or short(rest), rest
+
+
+def short(word: str) -> str:
+    """A short name for what a word stands for.
+
+    >>> short("supervised/tuned/lqr"), short("runs/agent/policy.onnx"), short("my_pid.yaml")
+    ('supervised/lqr', 'agent', 'my_pid')
+    """
+    if word.startswith(_SUPERVISED):
+        return f"{_SUPERVISED}{short(word.removeprefix(_SUPERVISED))}"
+    file = FilePath(word)
+    if not file.suffix:
+        return file.name or file.resolve().name
+    folder = file.resolve().parent.name
+    return folder if file.stem in _COMMON and folder else file.stem
+
+
+def distinct(found: Iterable[tuple[str, str]]) -> None:
+    """Refuse two words that have the same name.
+
+    Raises:
+        ConfigError: there are two.
+    """
+    seen: dict[str, str] = {}
+    for name, word in found:
+        if name in seen:
+            raise ConfigError(
+                f"{seen[name]!r} and {word!r} are both called {name!r}; write name={word}"
+            )
+        seen[name] = word

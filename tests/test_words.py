@@ -1,0 +1,141 @@
+"""One resolver: every word for every family means the same in Python, files and commands."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+
+import pytest
+
+import steersman as sm
+from steersman import policies, tuned, words
+from steersman.config import Component, components, dump, families, resolve
+from steersman.controllers.lqr import Lqr
+from steersman.controllers.supervisor import Supervisor
+
+CAR = "base: bmw_320i\nmass: 1500\n"
+LQR = {"kind": "lqr", "r": 3.0}
+
+
+@pytest.fixture(autouse=True)
+def files(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One file or folder of each sort that a word may name."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "gains.yaml").write_text("controller: {kind: lqr, r: 3.0}\n")
+    (tmp_path / "bare.yaml").write_text("{kind: lqr, r: 3.0}\n")
+    (tmp_path / "based.yaml").write_text("controller: {kind: tuned/lqr, r: 3.0}\n")
+    (tmp_path / "car.yaml").write_text(CAR)
+    (tmp_path / "track.csv").write_text("x,y\n0,0\n50,0\n50,50\n0,50\n")
+    (tmp_path / "pace.csv").write_text("time_s,speed_m_s\n0,5\n9,6\n")
+    (tmp_path / "study").mkdir()
+    (tmp_path / "study" / "tuned.yaml").write_text("controller: {kind: lqr, r: 3.0}\n")
+
+
+WORDS = [
+    ("controller", "lqr", {"kind": "lqr"}),
+    ("controller", "gains.yaml", LQR),
+    ("controller", "bare.yaml", LQR),
+    ("controller", "study", LQR),
+    ("controller", "precision", {"kind": "policy", "file": "precision"}),
+    ("controller", "my.onnx", {"kind": "policy", "file": "my.onnx"}),
+    ("controller", "supervised/lqr", {"kind": "supervisor", "inner": {"kind": "lqr"}}),
+    ("controller", "supervised/gains.yaml", {"kind": "supervisor", "inner": LQR}),
+    ("path", "track.csv", {"kind": "csv", "file": "track.csv"}),
+    ("path", "town.xodr", {"kind": "opendrive", "file": "town.xodr"}),
+    ("path", "drive.mcap", {"kind": "mcap", "file": "drive.mcap"}),
+    ("speed", "pace.csv", {"kind": "csv", "file": "pace.csv"}),
+    ("vehicle", "car.yaml", {"kind": "file", "file": "car.yaml"}),
+]
+
+
+@pytest.mark.parametrize(("family", "word", "expected"), WORDS, ids=[w for _, w, _ in WORDS])
+def test_a_word_is_a_component(family: str, word: str, expected: dict[str, object]) -> None:
+    assert words.fields_of(family, word) == expected
+    assert words.means(family, word)
+
+
+@pytest.mark.parametrize("family", families())
+def test_every_kind_is_a_word_and_a_misspelt_one_names_the_nearest(family: str) -> None:
+    for kind in components(family):
+        assert words.fields_of(family, kind) == {"kind": kind}
+    kind = max(components(family), key=len)
+    with pytest.raises(sm.ConfigError, match=f"unknown {family}.*did you mean") as error:
+        words.fields_of(family, f"{kind}x")
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("name", [*tuned.names(), *policies.names()])
+def test_controllers_of_the_package_are_words_also_under_supervision(name: str) -> None:
+    found = resolve("controller", name)
+    watched = resolve("controller", f"supervised/{name}")
+    assert isinstance(watched, Supervisor)
+    assert watched.inner == found
+
+
+def test_fields_are_laid_over_what_a_word_gives() -> None:
+    found = sm.make("controller", "tuned/lqr", r=3)
+    assert isinstance(found, Lqr)
+    assert found == sm.make("controller", "based.yaml")
+    assert found.q_heading == sm.load("gains.yaml").q_heading or found.q_heading > 0.0
+    watched = sm.make("controller", "supervised/tuned/lqr", inner={"r": 3})
+    assert isinstance(watched, Supervisor)
+    assert watched.inner == found
+
+
+# The same drive in many words.
+DRIVES = [
+    ("tuned/lqr", "circle", "path.radius=60"),
+    ("circle", "tuned/lqr", "path.radius=60"),
+    ("controller=tuned/lqr", "path=circle", "path.radius=60"),
+    ("config.yaml", "path.radius=60"),
+]
+
+
+@pytest.mark.parametrize("given", DRIVES, ids=" ".join)
+def test_words_of_a_drive(given: tuple[str, ...]) -> None:
+    FilePath("config.yaml").write_text("controller: tuned/lqr\npath: circle\n")
+    python = sm.configure("drive", "tuned/lqr", path={"kind": "circle", "radius": 60})
+    assert sm.configure("drive", *given) == python
+    circle = sm.make("path", "circle", radius=60)
+    assert sm.configure("drive", sm.make("controller", "tuned/lqr"), circle) == python
+    assert sm.configure("drive", "tuned/lqr", "path.radius=60", path="circle") == python
+
+
+@pytest.mark.parametrize("command", ["drive", "tune", "falsify"])
+@pytest.mark.parametrize("word", [word for family, word, _ in WORDS[:5] if family == "controller"])
+def test_a_word_alone_is_the_controller(command: str, word: str) -> None:
+    found = sm.configure(command, word).controller
+    assert found == resolve("controller", word) == sm.configure(command, controller=word).controller
+
+
+def test_nested_words_of_a_training() -> None:
+    assigned = ["problem.demonstration.controller=gains.yaml", "problem.base=tuned/lqr"]
+    problem = sm.configure("train", "demo", *assigned, "problem.action=residual").problem
+    assert dump(problem.demonstration.controller) == dump(resolve("controller", "gains.yaml"))
+    assert problem.base == resolve("controller", "tuned/lqr")
+    roads = sm.configure("train", "demo", problem={"roads": ["track.csv", "circle"]}).problem.roads
+    assert [road.kind for road in roads] == ["csv", "circle"]
+
+
+def test_components_of_your_own_go_as_objects() -> None:
+    class Straight(sm.Controller):
+        def init(self, vehicle: object, dt: float) -> None:
+            return None
+
+        def decide(self, state: None, observation: sm.Observation) -> tuple[float, sm.Status, None]:
+            return 0.0, sm.Status.SOLVED, None
+
+    assert sm.drive(Straight(), path="straight", duration=1).end == "duration"
+    assert sm.attempt(controller=Straight(), path="circle").outcome == "left_road"
+
+
+def test_load_gives_back_what_was_written() -> None:
+    episode = sm.drive("gains.yaml", duration=1, out="run")
+    assert sm.load("run").end == episode.end == sm.load("run/episode.npz").end
+    assert sm.load("run/config.yaml").controller == sm.load("study") == sm.load("gains.yaml")
+    assert isinstance(sm.load("study"), Component)
+    with pytest.raises(sm.DataError, match="holds nothing to load"):
+        sm.load(".")
+    with pytest.raises(sm.DataError, match="no such file"):
+        sm.load("no.npz")
+    with pytest.raises(sm.DataError, match="holds a drive already"):
+        sm.drive(duration=1, out="run")
