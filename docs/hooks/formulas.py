@@ -22,6 +22,9 @@ FIGURE = re.compile(r'<img alt="(?P<alt>[^"]*)" src="(?:[^"]*/)?images/(?P<name>
 # Brackets of a matrix, which the converter leaves small.
 OPEN = re.compile(r"<mo>(&#x0005B;|&#x00028;)</mo>(?=<mtable)")
 CLOSE = re.compile(r"(?<=</mtable>)<mo>(&#x0005D;|&#x00029;)</mo>")
+# The converter sets no space around functions: "v sin e" would be read as one word.
+BEFORE = re.compile(r"(?<=\w) (?=\\(?:sin|cos|tan) )")
+AFTER = re.compile(r"\\(sin|cos|tan) (?=\w)")
 DIAGRAM = re.compile(r"^```mermaid\nstateDiagram-v2\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 CHANGE = re.compile(r"^\s*(\w+) --> (\w+): (.*)$", re.MULTILINE)
 ROLE = re.compile(r":(?:func|class|mod|meth|data):(?=<code>)")
@@ -47,6 +50,7 @@ def _formula(match: re.Match[str]) -> str:
     # What GitHub draws and what the converter knows go by two names; names with digits it slants.
     latex = html.unescape(match["latex"]).strip().replace("{aligned}", "{align*}")
     latex = latex.replace(r"\operatorname{atan2}", r"\text{atan2}")
+    latex = AFTER.sub(r"\\\1\\, ", BEFORE.sub(r"\\, ", latex))
     mathml = convert(latex, display=display)
     mathml = OPEN.sub(r'<mo stretchy="true" fence="true" form="prefix">\1</mo>', mathml)
     mathml = CLOSE.sub(r'<mo stretchy="true" fence="true" form="postfix">\1</mo>', mathml)
