@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from steersman.config import build
+from ddpg_mpc_pid.timing import read_weights, sb3_predict
 from steersman.controllers.policy import load_network
 from steersman.delivery.c_source import Parts, parts
 from steersman.delivery.graph import exact, read_network
@@ -34,9 +34,7 @@ from steersman.delivery.parity import TOLERANCE, random_features
 from steersman.delivery.source import read_source
 from steersman.delivery.vector import Row, answers, drawn, rows
 from steersman.files import write_text
-from steersman.learning.train import TrainConfig
 from steersman.provenance import provenance
-from steersman.studies.reproduce.networks import sb3_predict
 from steersman.types import Observation
 from steersman.vehicles import CarlaModel3
 
@@ -128,7 +126,8 @@ def sides(p: Parts, compiled: dict[str, Compiled], features: Any) -> dict[str, C
     action = np.empty(1, np.float32)
     singles = [row[None, :] for row in features]
     session = load_network(p.source.data, p.name, features.shape[1])
-    predict = sb3_predict(build(TrainConfig, p.card.training["config"]))
+    weights = read_weights(p.source.data)
+    predict = sb3_predict(features.shape[1], [len(weights["b1"]), len(weights["b2"])])
     state = p.policy.init(CarlaModel3(), p.card.dt)
     portable = compiled["portable"]
     at, to = [pointer(row) for row in features], pointer(action)

@@ -15,6 +15,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from steersman import files as files
     from steersman.api import attempt as attempt
     from steersman.api import bench as bench
     from steersman.api import compare as compare
@@ -27,10 +28,12 @@ if TYPE_CHECKING:
     from steersman.api import make as make
     from steersman.api import train as train
     from steersman.api import tune as tune
+    from steersman.bench import statistics as statistics
     from steersman.config import Component as Component
     from steersman.config import Of as Of
     from steersman.config import Settings as Settings
     from steersman.config import components as components
+    from steersman.config import dump as dump
     from steersman.config import families as families
     from steersman.config import param as param
     from steersman.config import register as register
@@ -44,15 +47,23 @@ if TYPE_CHECKING:
     from steersman.errors import SteersmanError as SteersmanError
     from steersman.errors import TrainingDiverged as TrainingDiverged
     from steersman.errors import suggestion as suggestion
+    from steersman.learning.checkpoint import is_finished as is_finished
     from steersman.learning.config import TrainConfig as TrainConfig
+    from steersman.learning.parallel import Event as Event
+    from steersman.learning.parallel import Job as Job
+    from steersman.learning.parallel import train_all as train_all
+    from steersman.metrics.base import summarise as summarise
     from steersman.paths.base import PathComponent
     from steersman.paths.xodr.ways import lane_starts as lane_starts
     from steersman.plants.base import PlantComponent
     from steersman.plants.carla_frame import CarlaFrame as CarlaFrame
     from steersman.plants.motion import VehicleMotion as VehicleMotion
+    from steersman.provenance import provenance as provenance
     from steersman.rollout import Attempt as Attempt
     from steersman.rollout import RunConfig as RunConfig
+    from steersman.sensing import observations as observations
     from steersman.speed import SpeedComponent
+    from steersman.studies.demo import PAPER_CIRCLE as PAPER_CIRCLE
     from steersman.types import Command as Command
     from steersman.types import Decision as Decision
     from steersman.types import Observation as Observation
@@ -77,6 +88,7 @@ _FRONT_DOOR = {
     "config": (
         *("register", "param", "required", "Of", "Component", "Settings"),
         *("components", "families"),
+        "dump",  # the plain data of a configuration, for records of one's own
     ),
     "rollout": ("RunConfig", "Attempt"),
     "learning.config": ("TrainConfig",),
@@ -88,6 +100,14 @@ _FRONT_DOOR = {
     "plants.motion": ("VehicleMotion",),  # a car in a world of one's own (carla_standin)
     "plants.carla_frame": ("CarlaFrame",),  # CARLA's axes, for a client or server of one's own
     "paths.xodr.ways": ("lane_starts",),  # where cars may be put on a map (carla_standin)
+    # What a study of one's own needs (ddpg_mpc_pid): trainings side by side, which are resumed; the
+    # figures of a drive; what a controller was given on it; what made the results; the paper.
+    "learning.parallel": ("train_all", "Job", "Event"),
+    "learning.checkpoint": ("is_finished",),
+    "metrics.base": ("summarise",),
+    "sensing": ("observations",),
+    "provenance": ("provenance",),
+    "studies.demo": ("PAPER_CIRCLE",),
     "types": ("Observation", "Decision", "Status", "Command", "VehicleState", "Pose"),
     "episode": ("Episode",),
     "errors": (
@@ -98,14 +118,18 @@ _FRONT_DOOR = {
 }
 # Names that are shorter here than in their module.
 _LONGER = {name: f"{name}Component" for name in ("Controller", "Path", "Plant", "Speed")}
+# Modules that are public as a whole: resampling over seeds; files that are written whole or not.
+_WHOLE = {"statistics": "bench.statistics", "files": "files"}
 _MODULES = {name: module for module, names in _FRONT_DOOR.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
-        raise AttributeError(f"module 'steersman' has no attribute {name!r}")
     from importlib import import_module
 
+    if name in _WHOLE:
+        return import_module(f"steersman.{_WHOLE[name]}")
+    if name not in _MODULES:
+        raise AttributeError(f"module 'steersman' has no attribute {name!r}")
     module = import_module(f"steersman.{_MODULES[name]}")
     value = getattr(module, _LONGER.get(name, name))
     globals()[name] = value
@@ -113,7 +137,7 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted([*_MODULES, "__version__"])
+    return sorted([*_MODULES, *_WHOLE, "__version__"])
 
 
 def register_environments() -> None:

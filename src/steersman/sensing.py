@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from steersman.config import Component, param, register
+from steersman.episode import Episode
 from steersman.kernels import observe as kernel
 from steersman.kernels import vehicle as car
 from steersman.protocols import Path
@@ -145,3 +146,16 @@ class WaypointSensor(Component):
             row,
         )
         return to_observation(row, state.time, self.spacing)
+
+
+def observations(
+    episode: Episode, path: Path, sensor: WaypointSensor, count: int
+) -> list[Observation]:
+    """What ``sensor`` gives at the first ``count`` steps of a recorded drive on ``path``."""
+    rng = np.random.default_rng(0)
+    out = []
+    for k in range(min(count, len(episode))):
+        state = VehicleState(*(float(episode[name][k]) for name in VehicleState._fields))
+        place = track(state, path, float(episode["s"][k]))
+        out.append(sensor.observe(None, state, place, path, rng))
+    return out

@@ -44,7 +44,7 @@ def reproduce(
     Trains two agents at a time, drives all tests, and writes results.json, plots/ and
     report.html, which puts what was measured beside the paper. What is finished is not done again.
     """
-    from steersman.studies import reproduce as study
+    import ddpg_mpc_pid as study
 
     folder = settings.out_folder(out)
     tell_compiling()
@@ -68,7 +68,7 @@ def reproduce(
 
 
 def _run(plan: Any, folder: Any, *, other_version: bool) -> dict[str, Any]:
-    from steersman.studies import reproduce as study
+    import ddpg_mpc_pid as study
 
     if not animated():
         return study.reproduce(plan, folder, _lines(), note, other_version=other_version)

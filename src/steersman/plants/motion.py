@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from steersman.kernels import turn
 from steersman.kernels import vehicle as kernel
 from steersman.types import Command, Pose
 from steersman.vehicles import LONGEST_STEP, Vehicle
@@ -46,6 +47,10 @@ class VehicleMotion:
         count = max(steps, math.ceil(dt / LONGEST_STEP - 1e-9))
         self._command[:] = command
         kernel.advance(self._table, 0, self._row, self._command, dt / count, count, self._work)
+
+    def steady_turn(self, speed: float, curvature: float) -> bool:
+        """Put it into the steady turn at ``speed`` [m/s]; False where there is none."""
+        return bool(turn.steady_turn(self._table, 0, self._row, speed, curvature))
 
     def stop(self) -> None:
         """Set velocities and accelerations to zero; pose and actuators stay."""

@@ -15,6 +15,28 @@ from steersman.provenance import provenance
 from steersman.rollout import RunConfig, attempt
 
 
+class PaperDrive(NamedTuple):
+    """A row of the paper's table: its agent on the circle of radius 50 m at one throttle."""
+
+    throttle: float
+    ale_mm: float
+    """Mean lateral error [mm]."""
+    aoe_deg: float
+    """Mean orientation error [deg]."""
+    steer_std: float
+    """Standard deviation of normalised steering."""
+    speed: float
+    """Speed at which the agent must have driven [m/s], inferred from the AOE (docs/paper.md)."""
+
+
+PAPER_CIRCLE = (
+    PaperDrive(0.4, 2.83, 0.922, 0.110, 9.9),
+    PaperDrive(0.6, 47.1, 2.12, 0.137, 18.7),
+    PaperDrive(0.8, 85.3, 3.87, 0.139, 22.2),
+    PaperDrive(1.0, 104.0, 5.01, 0.138, 24.2),
+)
+
+
 class Test(NamedTuple):
     """A drive on a path that training never saw, and what the paper found there."""
 
@@ -29,14 +51,6 @@ class Test(NamedTuple):
 
 
 _CIRCLE = {"kind": "circle", "radius": 50.0}
-# The paper's table: throttle, ALE [mm], AOE [deg], SD of steering; and the speed at which its
-# agent must have driven, inferred from the AOE (docs/paper.md).
-_PAPER = (
-    (0.4, 2.83, 0.922, 0.110, 9.9),
-    (0.6, 47.1, 2.12, 0.137, 18.7),
-    (0.8, 85.3, 3.87, 0.139, 22.2),
-    (1.0, 104.0, 5.01, 0.138, 24.2),
-)
 COLUMNS = {
     "test": "test",
     "driver": "driver",
@@ -66,7 +80,7 @@ def tests() -> list[Test]:
             },
             *paper,
         )
-        for throttle, *paper, _ in _PAPER
+        for throttle, *paper, _ in PAPER_CIRCLE
     ]
     out += [
         Test(
@@ -78,7 +92,7 @@ def tests() -> list[Test]:
             },
             *paper,
         )
-        for _, *paper, speed in _PAPER
+        for _, *paper, speed in PAPER_CIRCLE
     ]
     monza = {"kind": "constant_throttle", "throttle": 0.4}
     out.append(Test("Monza, throttle 0.4", {"path": {"kind": "monza"}, "speed": monza, "laps": 1}))

@@ -10,32 +10,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.loops import drive
 from typer.testing import CliRunner
 
+import ddpg_mpc_pid as study
+import steersman as sm
+from ddpg_mpc_pid import drives, section_driving, section_learning, timing, trainings
+from ddpg_mpc_pid.learning_curves import learning_curves
+from ddpg_mpc_pid.plan import DEPARTURES, METHODS, THRESHOLDS, Plan
+from ddpg_mpc_pid.study import Folder, open_folder, plain
+from ddpg_mpc_pid.tracks import per_corner
 from steersman.cli import app
-from steersman.config import build, dump, resolve
+from steersman.config import dump
 from steersman.errors import DataError, SteersmanError
 from steersman.learning import alarm
-from steersman.learning.parallel import Job
-from steersman.learning.train import load_preset, train_config
-from steersman.paths.base import PathComponent
-from steersman.rollout import RunConfig
-from steersman.studies import reproduce as study
-from steersman.studies.reproduce import (
-    circle,
-    drives,
-    networks,
-    section_driving,
-    section_learning,
-    timing,
-    trainings,
-    usual_mpc,
-)
-from steersman.studies.reproduce.learning_curves import learning_curves
-from steersman.studies.reproduce.monza import per_corner
-from steersman.studies.reproduce.plan import DEPARTURES, METHODS, THRESHOLDS, Plan
-from steersman.studies.reproduce.stages import Folder, open_folder, plain
 
 
 def silent(*_: Any) -> None:
@@ -46,7 +33,7 @@ def silent(*_: Any) -> None:
 
 
 def test_the_preset_is_the_published_method() -> None:
-    config = train_config(load_preset("paper"))
+    config = sm.configure("train", "paper")
     problem, agent = config.problem, config.agent
     assert (problem.action, problem.rate_limit, problem.corridor) == ("rate", 1.5708, 1.5)
     assert problem.task.kind == "paper"
@@ -142,7 +129,7 @@ def test_results_of_two_plans_or_versions_are_not_mixed(
     with pytest.raises(DataError, match="another plan"):
         open_folder(tmp_path, study.full())
     origin = {"commit": "other", "versions": {}}
-    monkeypatch.setattr("steersman.studies.reproduce.stages.provenance", lambda: origin)
+    monkeypatch.setattr(sm, "provenance", lambda: origin)
     with pytest.raises(DataError, match=r"begun with commit .*--other-version"):
         open_folder(tmp_path, plan)
     folder = open_folder(tmp_path, plan, other_version=True)
@@ -166,14 +153,14 @@ def test_plain_data_stays() -> None:
 # ------------------------------------------------------------------------------- trainings
 
 
-def fake(monkeypatch: pytest.MonkeyPatch, failed: dict[str, str]) -> list[list[Job]]:
-    asked: list[list[Job]] = []
+def fake(monkeypatch: pytest.MonkeyPatch, failed: dict[str, str]) -> list[list[sm.Job]]:
+    asked: list[list[sm.Job]] = []
 
-    def train_all(jobs: list[Job], *_: Any, **__: Any) -> dict[str, str]:
+    def train_all(jobs: list[sm.Job], *_: Any, **__: Any) -> dict[str, str]:
         asked.append(list(jobs))
         return failed
 
-    monkeypatch.setattr(trainings, "train_all", train_all)
+    monkeypatch.setattr(sm, "train_all", train_all)
     return asked
 
 
@@ -182,7 +169,7 @@ def test_a_diverged_training_is_a_result(
 ) -> None:
     fake(monkeypatch, {"ddpg/seed_0": "mean Q is 1e9; try a smaller agent.learning_rate"})
     plan = study.quick()
-    out = trainings.run_trainings(plan, open_folder(tmp_path, plan), silent)
+    out = trainings.run_trainings(plan, tmp_path / "runs", silent)
     assert "mean Q" in out["ddpg/seed_0"]["diverged"]
     assert out["both/seed_0"] == {
         "diverged": None, "policy": False, "curve": {n: [] for n in out["both/seed_0"]["curve"]},
@@ -195,7 +182,7 @@ def test_any_other_failure_stops_the_study(
     fake(monkeypatch, {"ddpg/seed_0": "killed by SIGKILL"})
     plan = study.quick()
     with pytest.raises(SteersmanError, match=r"ddpg/seed_0: killed by SIGKILL; the same command"):
-        trainings.run_trainings(plan, open_folder(tmp_path, plan), silent)
+        trainings.run_trainings(plan, tmp_path / "runs", silent)
 
 
 def test_every_alarm_is_told_from_a_fault() -> None:
@@ -264,7 +251,7 @@ def test_nobody_reaches_it_nobody_saves() -> None:
 
 def test_the_least_heading_error_is_the_side_slip_of_a_perfect_drive() -> None:
     for speed in (9.9, 18.7):
-        bound = circle.steady_heading_error(speed)
+        bound = drives.steady_heading_error(speed)
         row = drives.kept(
             drives.drive(
                 drives.SCHEDULED,
@@ -275,7 +262,7 @@ def test_the_least_heading_error_is_the_side_slip_of_a_perfect_drive() -> None:
         )
         assert row["steady_aoe_deg"] == pytest.approx(bound, abs=0.1)
         assert row["course_deg"] < 0.2
-    assert circle.steady_heading_error(40.0) is None
+    assert drives.steady_heading_error(40.0) is None
 
 
 def test_the_worst_seed_is_the_one_that_left_the_road() -> None:
@@ -288,34 +275,33 @@ def test_the_worst_seed_is_the_one_that_left_the_road() -> None:
 
 
 def test_errors_of_corners_are_those_between_their_ends() -> None:
-    path = resolve("path", "monza")
-    assert isinstance(path, PathComponent)
-    episode = drive(build(RunConfig, {}).controller, path, duration=3.0)
+    path: Any = sm.make("path", "monza")
+    episode = sm.drive(path=path, duration=3.0)
     rows = per_corner(episode, path)
     assert [row["corner"] for row in rows] == [c.name for c in path.corners()]
     assert rows[-1]["mean_mm"] is None
 
 
 def test_recorded_states_are_observed_as_they_were(tmp_path: FilePath) -> None:
-    config = build(RunConfig, {"path": "monza", "duration": 2.0})
-    episode = drives.run(config)
-    seen = timing.observations(episode, config, 1000)
+    config = sm.configure("drive", path="monza", duration=2.0)
+    episode = sm.drive(config)
+    seen = sm.observations(episode, config.path, config.sensor, 1000)
     assert len(seen) == len(episode)
     assert [o.v_x for o in seen] == episode["v_x"].tolist()
     assert [o.lateral_error for o in seen] == pytest.approx(episode["lateral_error"].tolist())
 
 
 def test_without_casadi_the_usual_mpc_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(usual_mpc, "find_spec", lambda _: None)
-    row = usual_mpc.measure(10, [], build(RunConfig, {}))
+    monkeypatch.setattr(timing, "find_spec", lambda _: None)
+    row = timing.usual_mpc(10, [], sm.RunConfig())
     assert "not measured" in row["note"]
 
 
 def test_the_usual_mpc_plans_what_mpc_pid_plans() -> None:
     pytest.importorskip("casadi")
-    config = build(RunConfig, {"path": "circle", "duration": 2.0})
-    seen = timing.observations(drives.run(config), config, 20)
-    row = usual_mpc.measure(10, seen, config)
+    config = sm.configure("drive", path="circle", duration=2.0)
+    seen = sm.observations(sm.drive(config), config.path, config.sensor, 20)
+    row = timing.usual_mpc(10, seen, config)
     assert len(row["times"]) == 20
     assert "failed" not in row
 
@@ -363,7 +349,7 @@ def test_trainings_that_are_finished_are_not_started(
     root, _ = smoke
     asked = fake(monkeypatch, {})
     plan = study.quick()
-    trainings.run_trainings(plan, open_folder(root, plan, other_version=True), silent)
+    trainings.run_trainings(plan, root / "runs", silent)
     assert asked == [[]]
 
 
@@ -375,7 +361,7 @@ def test_the_compiled_network_is_the_exported_one(
     file = smoke[0] / "runs" / "adaptive" / "seed_0" / "policy.onnx"
     data = file.read_bytes()
     count = len(json.loads(file.with_suffix(".json").read_text())["scale"])
-    one, other = load_network(data, "policy", count), networks.compiled(data)
+    one, other = load_network(data, "policy", count), timing.compiled(timing.read_weights(data))
     for x in np.random.default_rng(0).normal(size=(20, 1, count)).astype(np.float32):
         assert other(x) == pytest.approx(one(x), abs=1e-5)
 
@@ -457,3 +443,10 @@ def test_an_interrupted_command_says_how_to_go_on(
     assert done.exit_code == 130
     assert "the same command goes on" in done.stderr
     assert "48 trainings of 40000 updates" in done.stderr
+
+
+def test_results_of_the_first_version_still_become_sections() -> None:
+    file = FilePath(__file__).parents[2] / "results" / "paper" / "results.json"
+    made = study.sections(json.loads(file.read_text(encoding="utf-8")))
+    assert len(made) == 9
+    assert sum(len(section.get("findings", ())) for section in made) > 20

@@ -7,9 +7,7 @@ import json
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from steersman.config import dump, override
-from steersman.learning.config import TrainConfig
-from steersman.learning.train import load_preset, train_config
+import steersman as sm
 
 # Counts up when stages measure something else: results of different formats are not mixed.
 FORMAT = 1
@@ -104,7 +102,7 @@ class Training(NamedTuple):
 
     method: str
     seed: int
-    config: TrainConfig
+    config: sm.TrainConfig
 
     @property
     def name(self) -> str:
@@ -140,17 +138,17 @@ class Plan(NamedTuple):
 
     def trainings(self) -> Iterator[Training]:
         """Every training; one seed of all methods first, so that an early look shows them all."""
-        base = override(load_preset("paper"), self.words)
         for seed in range(max(self.seeds, self.ablation_seeds)):
             for name in self.methods:
                 method = METHODS[name]
                 if seed < (self.ablation_seeds if method.ablation else self.seeds):
-                    tree = override(base, [*method.words, f"seed={seed}"])
-                    yield Training(name, seed, train_config(tree))
+                    words = (*self.words, *method.words, f"seed={seed}")
+                    last = {word.partition("=")[0]: word for word in words}  # later ones win
+                    yield Training(name, seed, sm.configure("train", "paper", *last.values()))
 
     def data(self) -> dict[str, Any]:
         """The plan as plain data, every configuration resolved."""
-        configs = {t.name: dump(t.config) for t in self.trainings()}
+        configs = {t.name: sm.dump(t.config) for t in self.trainings()}
         return {"format": FORMAT, **self._asdict(), "trainings": configs}
 
     def digest(self) -> str:

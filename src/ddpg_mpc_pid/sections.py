@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from steersman.studies.reproduce.section_driving import (
+from ddpg_mpc_pid.section_driving import (
     circle_section,
     monza_section,
     robustness_section,
 )
-from steersman.studies.reproduce.section_learning import learning_section
-from steersman.studies.reproduce.section_mpc import away_section, timing_section
-from steersman.studies.reproduce.section_options import ablation_section, coefficient_section
+from ddpg_mpc_pid.section_learning import learning_section
+from ddpg_mpc_pid.section_mpc import away_section, timing_section
+from ddpg_mpc_pid.section_options import ablation_section, coefficient_section
 
 TITLE = "The paper's experiments on the embedded simulator"
 

@@ -7,10 +7,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from steersman.bench import statistics as st
-from steersman.studies.reproduce.plan import METHODS, STEPS, THRESHOLDS, Plan
-from steersman.types import FloatArray
+import steersman as sm
+from ddpg_mpc_pid.plan import METHODS, STEPS, THRESHOLDS, Plan
+
+st = sm.statistics
 
 ALONE = "ddpg"
 SHOWN = (
@@ -69,7 +71,7 @@ class Curves:
         return [float(np.nanmean(run["validation_error_mm"])) for run in self.runs]
 
 
-def _floats(values: Sequence[float | None]) -> FloatArray:
+def _floats(values: Sequence[float | None]) -> NDArray[np.float64]:
     return np.array([math.nan if v is None else v for v in values], dtype=np.float64)
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from steersman.studies.reproduce.away import LABELS
-from steersman.studies.reproduce.plan import FULL_METHOD, METHODS
-from steersman.studies.reproduce.words import finding, number, percent, ratio
+from ddpg_mpc_pid.plan import FULL_METHOD, METHODS
+from ddpg_mpc_pid.tracks import LABELS
+from ddpg_mpc_pid.words import finding, number, percent, ratio
 
 _AGENT = METHODS[FULL_METHOD].label
 _MPC_PID = "MPC-PID"

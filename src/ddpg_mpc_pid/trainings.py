@@ -8,11 +8,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
-from steersman.errors import SteersmanError
-from steersman.learning.checkpoint import is_finished
-from steersman.learning.parallel import Event, Job, train_all
-from steersman.studies.reproduce.plan import Plan
-from steersman.studies.reproduce.stages import Folder
+import steersman as sm
+from ddpg_mpc_pid.plan import Plan
 
 AT_ONCE = 2
 # Every message about a training that diverged ends with this advice: that is a result, not a
@@ -35,23 +32,23 @@ _KEPT = (
 )
 
 
-def jobs(plan: Plan, folder: Folder) -> list[Job]:
+def jobs(plan: Plan, runs: FilePath) -> list[sm.Job]:
     """A job for each training."""
-    return [Job(t.name, t.config, folder.runs / t.name) for t in plan.trainings()]
+    return [sm.Job(t.name, t.config, runs / t.name) for t in plan.trainings()]
 
 
-def run_trainings(plan: Plan, folder: Folder, progress: Progress) -> dict[str, Any]:
+def run_trainings(plan: Plan, runs: FilePath, progress: Progress) -> dict[str, Any]:
     """Train what is not trained yet; how each training ended, by name.
 
     Raises:
         SteersmanError: a training failed for another reason than that it diverged.
     """
-    every = jobs(plan, folder)
-    todo = [job for job in every if not is_finished(job.config, job.out)]
+    every = jobs(plan, runs)
+    todo = [job for job in every if not sm.is_finished(job.config, job.out)]
     steps = {job.name: 0.0 if job in todo else float(job.config.steps) for job in every}
     total = sum(float(job.config.steps) for job in every)
 
-    def tell(event: Event) -> None:
+    def tell(event: sm.Event) -> None:
         if event.steps is not None:
             steps[event.job.name] = event.steps
         done = sum(steps[job.name] >= job.config.steps for job in every)
@@ -60,11 +57,11 @@ def run_trainings(plan: Plan, folder: Folder, progress: Progress) -> dict[str, A
             text = f"{event.job.name}: {event.steps:.0f} steps, error {error:.3g} mm"
             progress(done, len(every), sum(steps.values()) / total, text)
 
-    failed = train_all(todo, AT_ONCE, tell, resume=True)
+    failed = sm.train_all(todo, AT_ONCE, tell, resume=True)
     faults = {name: text for name, text in failed.items() if DIVERGED not in text}
     if faults:
         name, text = next(iter(faults.items()))
-        raise SteersmanError(f"training {name}: {text}; the same command goes on")
+        raise sm.SteersmanError(f"training {name}: {text}; the same command goes on")
     return {job.name: {"diverged": failed.get(job.name), **_seen(job.out)} for job in every}
 
 
@@ -86,11 +83,11 @@ def _number(text: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def policies(plan: Plan, folder: Folder, methods: Sequence[str]) -> dict[str, dict[int, FilePath]]:
+def policies(plan: Plan, runs: FilePath, methods: Sequence[str]) -> dict[str, dict[int, FilePath]]:
     """The exported policies of some methods, by seed; what was never exported is left out."""
     out: dict[str, dict[int, FilePath]] = {name: {} for name in methods if name in plan.methods}
     for training in plan.trainings():
-        file = folder.runs / training.name / "policy.onnx"
+        file = runs / training.name / "policy.onnx"
         if training.method in out and file.exists():
             out[training.method][training.seed] = file
     return out

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from steersman.studies.reproduce.plan import FULL_METHOD
-from steersman.studies.reproduce.section_learning import COLUMNS, figure, line, method_row
-from steersman.studies.reproduce.words import finding, interval, number, ratio
+from ddpg_mpc_pid.plan import FULL_METHOD
+from ddpg_mpc_pid.section_learning import COLUMNS, figure, line, method_row
+from ddpg_mpc_pid.words import finding, interval, number, ratio
 
 # Where c_track settles to the letter, and where the larger share begins.
 _SETTLED, _HALF = 2.0 / 3.0, 0.5

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from steersman.studies.reproduce.away import LABELS
-from steersman.studies.reproduce.section_driving import ended
-from steersman.studies.reproduce.words import NOTHING, finding, number, percent
+from ddpg_mpc_pid.section_driving import ended
+from ddpg_mpc_pid.tracks import LABELS
+from ddpg_mpc_pid.words import NOTHING, finding, number, percent
 
 # What the paper says the policy saves of the time.
 _SAVED = 0.7813

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from steersman.studies.reproduce.plan import FULL_METHOD
-from steersman.studies.reproduce.words import finding, interval, number, percent, verdict
+from ddpg_mpc_pid.plan import FULL_METHOD
+from ddpg_mpc_pid.words import finding, interval, number, percent, verdict
 
 _ALONE = "ddpg"
 _CLAIMED = "both"

@@ -1,0 +1,10 @@
+"""Every training, table and figure of the paper on the embedded simulator; docs/reproduce.md.
+
+A package of its own: it uses ``import steersman`` and none of its modules.
+"""
+
+from ddpg_mpc_pid.plan import Plan, full, quick
+from ddpg_mpc_pid.sections import TITLE, sections
+from ddpg_mpc_pid.study import estimate, reproduce
+
+__all__ = ["TITLE", "Plan", "estimate", "full", "quick", "reproduce", "sections"]
