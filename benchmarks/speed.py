@@ -26,7 +26,8 @@ from stable_baselines3 import DDPG
 from steersman.config import build
 from steersman.controllers.mpc_pid import MpcPid
 from steersman.files import write_text
-from steersman.kernels import step as kernel
+from steersman.kernels import step as lessons
+from steersman.kernels import world as kernel
 from steersman.learning.fleet import FleetDriver
 from steersman.learning.problem import Problem
 from steersman.learning.train import load_preset, train_config
@@ -60,10 +61,9 @@ def alternate(sides: dict[str, tuple[Callable[[], Any], int]]) -> dict[str, floa
 def following(driver: FleetDriver) -> Callable[[], None]:
     """A kernel step of all vehicles under the demonstrator's last actions, kept on the road."""
     actions = np.zeros(driver.n)
-    shifts = np.zeros((driver.n, 0, 2))
 
     def work() -> None:
-        kernel.step(driver.world, driver.fleet, actions, shifts)
+        lessons.step(driver.world, driver.fleet, driver.lesson, actions)
         for i in np.flatnonzero(driver.fleet.ended != kernel.RUNNING).tolist():
             driver.reset(i)
 

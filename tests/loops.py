@@ -18,7 +18,7 @@ from steersman.learning.networks import Net, view_net
 from steersman.paths.base import PathComponent
 from steersman.paths.segments import Segment, from_segments
 from steersman.plants.simulator import SimulatorConfig
-from steersman.rollout import rollout
+from steersman.rollout import RunConfig, run
 from steersman.sensing import WaypointSensor, track
 from steersman.speed import ConstantSpeed, SpeedComponent
 from steersman.types import Decision, FloatArray, Observation, Pose, VehicleState
@@ -114,16 +114,16 @@ def drive(
     plant: SimulatorConfig | None = None,
     **options: Any,
 ) -> Episode:
-    """A rollout with the usual parts."""
-    return rollout(
-        (plant or SimulatorConfig()).make(vehicle),
-        controller,
-        path,
-        speed or ConstantSpeed(speed=8.0),
-        sensor or WaypointSensor(),
-        vehicle=vehicle,
-        **options,
-    )
+    """A run with the usual parts, which need not be registered."""
+    parts = {
+        "plant": plant or SimulatorConfig(),
+        "controller": controller,
+        "path": path,
+        "speed": speed or ConstantSpeed(speed=8.0),
+        "sensor": sensor or WaypointSensor(),
+        "vehicle": vehicle,
+    }
+    return run(RunConfig().model_copy(update=parts | options))
 
 
 def same(a: Episode, b: Episode) -> bool:

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from pydantic import Field
 
 from steersman import episode as ending
 from steersman.controllers.base import ControllerComponent
@@ -36,7 +37,7 @@ class Scripted(ControllerComponent):
     """Does as told at a step: returns a number, or raises."""
 
     at: int = 10
-    answer: Any = None
+    answer: Any = Field(None, exclude=True)
 
     def init(self, vehicle: Vehicle, dt: float) -> int:
         return 0
@@ -273,6 +274,7 @@ def test_an_interruption_is_no_outcome(monkeypatch: pytest.MonkeyPatch) -> None:
 class Fragile(SimulatorConfig):
     """A plant that breaks at its tenth step, and tells whether it was closed."""
 
+    embedded: ClassVar[bool] = False
     closed: ClassVar[list[bool]] = []
 
     def make(self, vehicle: Vehicle) -> Simulator:

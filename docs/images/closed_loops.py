@@ -8,14 +8,17 @@ import numpy as np
 
 from steersman.config import resolve
 from steersman.episode import Episode
+from steersman.kernels.observe import D
 from steersman.paths.base import PathComponent
 from steersman.paths.basic import Straight
 from steersman.plants.simulator import SimulatorConfig
-from steersman.rollout import rollout
-from steersman.sensing import WaypointSensor, track
+from steersman.profiles import stack_profiles
+from steersman.rollout import RunConfig, run
+from steersman.sensing import WaypointSensor
 from steersman.speed import ConstantSpeed, SpeedComponent
-from steersman.types import Command, FloatArray, Pose
+from steersman.types import FloatArray, Pose
 from steersman.vehicles import CarlaModel3
+from steersman.world import Simulation
 
 CAR = CarlaModel3()
 ROAD = Straight(distance=1000.0)
@@ -26,20 +29,19 @@ def back_to_the_road(
 ) -> tuple[FloatArray, FloatArray]:
     """Time [s] and lateral error [m] of a car that starts beside a straight road."""
     driver: Any = resolve("controller", controller)
-    pedals, sensor, rng = ConstantSpeed(speed=speed), WaypointSensor(), np.random.default_rng(0)
-    plant = SimulatorConfig().make(CAR)
-    plant.enter(ROAD)
-    state = plant.reset(Pose(0.0, offset, 0.0), speed, 0.0)
-    told, pushed = driver.init(CAR, plant.dt), pedals.init(ROAD, plant.dt, state)
-    times, errors = [], []
-    while state.time < seconds:
-        place = track(state, ROAD, state.x)
-        observation = sensor.observe(None, state, place, ROAD, rng)
-        decision, told = driver.step(told, observation)
-        throttle, brake, pushed = pedals.step(pushed, state, place.s)
-        times.append(state.time)
-        errors.append(place.lateral_error)
-        state = plant.step(Command(decision.steer, throttle, brake))
+    source = ConstantSpeed(speed=speed)
+    table = stack_profiles([source.profile()], [ROAD])
+    world = Simulation(
+        SimulatorConfig(), CAR, WaypointSensor(), (ROAD,), table, corridor=2.0 * abs(offset)
+    )
+    world.begin(0, 0, 0.0, Pose(0.0, offset, 0.0), speed, source.profile())
+    world.look(0)
+    state, times, errors = driver.init(CAR, world.dt), [], []
+    while world.time(0) < seconds:
+        decision, state = driver.step(state, world.observation(0))
+        times.append(world.time(0))
+        errors.append(world.fleet.tracking[0, D])
+        world.step(np.array([decision.steer]))
     return np.array(times), np.array(errors)
 
 
@@ -55,8 +57,16 @@ def drive(
     """A run from the path's start."""
     driver: Any = resolve("controller", controller)
     source = speed if isinstance(speed, SpeedComponent) else ConstantSpeed(speed=speed)
-    plant = SimulatorConfig(steering_delay=delay).make(CAR)
-    return rollout(plant, driver, path, source, sensor or WaypointSensor(), duration=seconds)
+    parts = {
+        "plant": SimulatorConfig(steering_delay=delay),
+        "vehicle": CAR,
+        "controller": driver,
+        "path": path,
+        "speed": source,
+        "sensor": sensor or WaypointSensor(),
+        "duration": seconds,
+    }
+    return run(RunConfig().model_copy(update=parts))
 
 
 def responses(title: str, variants: dict[str, Any], **options: Any) -> dict[str, Any]:

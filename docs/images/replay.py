@@ -14,8 +14,8 @@ from PIL import Image
 from playwright.sync_api import sync_playwright
 
 from steersman import tuned
-from steersman.metrics.base import summarise
 from steersman.config import build, read_yaml
+from steersman.metrics.base import summarise
 from steersman.report import Run, write_report
 from steersman.rollout import RunConfig, run
 

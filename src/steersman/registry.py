@@ -25,6 +25,7 @@ FAMILIES: dict[str, str] = {
     "controller": "steersman.controllers",
     "speed": "steersman.speed",
     "sensor": "steersman.sensing",
+    "disturbance": "steersman.disturbances",
     "feature": "steersman.features",
     "encoding": "steersman.encoding",
     "reward": "steersman.learning.task",

@@ -1,4 +1,4 @@
-"""The one verb: drive a plant with a controller along a path, and record the Episode."""
+"""Drive a vehicle with a controller along a path, and record the Episode."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import time
 import traceback
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -18,17 +18,28 @@ from steersman import episode as ending
 from steersman.config import Of, Settings, param
 from steersman.controllers.base import ControllerComponent
 from steersman.controllers.mpc_pid import MpcPid
+from steersman.disturbances import DisturbanceComponent
 from steersman.episode import COLUMNS, Episode
 from steersman.errors import ConfigError, ControllerError, PlantError, one_line
+from steersman.faults import Fault
+from steersman.kernels.world import (
+    CLOCK_DISTANCE,
+    GOAL_REACHED,
+    LEFT_CORRIDOR,
+    RUNNING,
+    TIME_UP,
+    find_end,
+)
 from steersman.paths.base import PathComponent
 from steersman.plants.base import PlantComponent
 from steersman.plants.simulator import SimulatorConfig
-from steersman.protocols import Plant
+from steersman.profiles import stack_profiles
 from steersman.provenance import provenance
-from steersman.sensing import Tracking, WaypointSensor, track
+from steersman.sensing import Tracking, WaypointSensor
 from steersman.speed import ConstantThrottle, SpeedComponent
-from steersman.types import Command, Decision, Observation, Pose, VehicleState
+from steersman.types import Decision, FloatArray, Observation, Pose
 from steersman.vehicles import CarlaModel3, Vehicle
+from steersman.world import Simulation
 
 # A run that is to end after laps or at the end of the road may take at most this long [s].
 LONGEST = 7200.0
@@ -52,6 +63,10 @@ class RunConfig(Settings):
     )
     plant: Annotated[PlantComponent, Of("plant")] = param(SimulatorConfig(), "-", "Plant.")
     sensor: Annotated[WaypointSensor, Of("sensor")] = param(WaypointSensor(), "-", "Sensor.")
+    fault: Fault | None = param(None, "-", "What breaks on the way; null: nothing.")
+    disturbances: tuple[Annotated[DisturbanceComponent, Of("disturbance")], ...] = param(
+        (), "-", "Further disturbances."
+    )
     duration: float | None = param(
         None,
         "s",
@@ -68,33 +83,6 @@ class RunConfig(Settings):
         if self.duration is not None and self.laps is not None:
             raise ConfigError("give laps or duration, not both", ("laps",))
         return self
-
-
-@dataclass
-class _Recorder:
-    """Collects the rows of an episode."""
-
-    rows: list[tuple[float, ...]]
-
-    def add(
-        self, state: VehicleState, place: Tracking, decision: Decision, pedals: Any, took: float
-    ) -> None:
-        s = state
-        self.rows.append(
-            (
-                *(s.time, s.x, s.y, s.psi, s.v_x, s.v_y, s.yaw_rate, s.a_x, s.a_y),
-                *place,
-                *(decision.steer, s.steer, s.wheel_angle, *pedals),
-                *(float(decision.status), took),
-                *(float(decision.driver), float(decision.reason)),
-            )
-        )
-
-    def episode(self, end: str, distance: float, plant: Plant, path: PathComponent) -> Episode:
-        data = np.array(self.rows, dtype=np.float64).reshape(-1, len(COLUMNS))
-        columns = {name: np.ascontiguousarray(data[:, i]) for i, name in enumerate(COLUMNS)}
-        fine = plant.accelerations()
-        return Episode(columns, end, distance, plant.dt, path.length, path.closed, fine=fine)
 
 
 Outcome: TypeAlias = Literal[
@@ -191,114 +179,152 @@ def attempt(config: RunConfig, progress: Callable[[float], None] | None = None) 
         ConfigError: the configuration's parts do not fit together.
         Interrupted: Ctrl-C; it carries the episode so far and is a ``KeyboardInterrupt``.
     """
-    plant = config.plant.make(config.vehicle)
+    drive = _Drive(config)
     try:
-        episode = rollout(
-            plant,
-            config.controller,
-            config.path,
-            config.speed,
-            config.sensor,
-            vehicle=config.nominal,
-            duration=config.duration,
-            laps=config.laps,
-            corridor=config.corridor,
-            start=config.start,
-            seed=config.seed,
-            progress=progress,
-        )
-    except (RunError, PlantFailure) as error:
-        error.episode = _with_meta(error.episode, config, plant)
-        failed: Outcome = "controller_failed" if isinstance(error, RunError) else "plant_failed"
-        return Attempt(failed, error.episode, error)
-    except Interrupted as error:
-        raise Interrupted(_with_meta(error.episode, config, plant)) from None
+        end, error = drive.run(progress)
+    except KeyboardInterrupt:
+        raise Interrupted(drive.episode(ending.INTERRUPTED)) from None
     finally:
-        plant.close()
-    return Attempt(_OUTCOMES.get(episode.end, "finished"), _with_meta(episode, config, plant))
+        drive.simulation.close()
+    episode = drive.episode(end)
+    if isinstance(error, PlantError):
+        return Attempt("plant_failed", episode, PlantFailure(str(error), episode))
+    if error is not None:
+        failed = RunError(str(error), episode)
+        failed.__cause__ = error.__cause__
+        return Attempt("controller_failed", episode, failed)
+    return Attempt(_OUTCOMES.get(end, "finished"), episode)
 
 
-def _with_meta(episode: Episode, config: RunConfig, plant: Plant) -> Episode:
-    made = {"seed": config.seed, "plant": plant.source}
-    meta = {"config": config.model_dump(mode="json"), **made, **provenance()}
-    return replace(episode, meta=meta)
+class _Drive:
+    """A fleet of one, its controller, and the record of what they do."""
 
+    def __init__(self, config: RunConfig) -> None:
+        """Put the vehicle at its start.
 
-def rollout(  # noqa: PLR0913 - the nouns of a closed loop
-    plant: Plant,
-    controller: ControllerComponent,
-    path: PathComponent,
-    speed: SpeedComponent,
-    sensor: WaypointSensor,
-    *,
-    vehicle: Vehicle | None = None,
-    duration: float | None = None,
-    laps: float | None = None,
-    corridor: float = 1.5,
-    start: float = 0.0,
-    seed: int = 0,
-    progress: Callable[[float], None] | None = None,
-) -> Episode:
-    """Close the loop and record it.
+        Raises:
+            PlantError: the plant cannot be reached or made ready.
+            ConfigError: the path has no laps, or ends before the start.
+        """
+        self.config, path = config, config.path
+        self.goal, self.limit = _goal(path, config.start, config.duration, config.laps)
+        profile = config.speed.profile()
+        more = () if config.fault is None else (config.fault,)
+        disturbances = [one.make(1, config.seed) for one in (*config.disturbances, *more)]
+        self.simulation = simulation = Simulation(
+            config.plant,
+            config.vehicle,
+            config.sensor,
+            (path,),
+            stack_profiles([profile], [path]),
+            corridor=config.corridor,
+            disturbances=disturbances,
+            seed=config.seed,
+            fine=isinstance(config.plant, SimulatorConfig) and config.plant.record,
+        )
+        self._rows: list[FloatArray] = []
+        self._more: list[tuple[float, ...]] = []
+        self._fine: list[FloatArray] = []
+        try:
+            at = path.at(config.start)
+            speed = config.speed.start_speed(path, config.start)
+            simulation.begin(0, 0, config.start, Pose(at.x, at.y, at.psi), speed, profile)
+            simulation.limit(0, self.limit, self.goal)
+        except BaseException:
+            simulation.close()
+            raise
 
-    ``plant`` holds the vehicle that is driven; ``vehicle`` is what the controller is told of it,
-    by default what the plant knows.
-    The vehicle starts on the path at arc length ``start`` in the steady turn of the path's
-    curvature there. The run ends after ``duration`` [s] or ``laps``, at the end of an open path,
-    when the centre of mass is more than ``corridor`` [m] off the path, or when the inner wheels
-    lift.
-
-    Raises:
-        RunError: the controller raised, or returned something that is not a finite number in
-            [-1, 1].
-        PlantFailure: the plant failed while it was driven.
-        PlantError: the plant cannot be made ready.
-        ConfigError: the path has no laps, or ends before the start.
-        Interrupted: Ctrl-C.
-    """
-    rng = np.random.default_rng(seed)
-    dt = plant.dt
-    goal, limit = _goal(path, start, duration, laps)
-    plant.enter(path)
-    at = path.at(start)
-    v0 = speed.start_speed(path, start)
-    state = plant.reset(Pose(at.x, at.y, at.psi), v0, at.kappa)
-    place = track(state, path, start)
-    sensor_state = sensor.init(rng)
-    speed_state = speed.init(path, dt, state)
-    # Only now, since a server tells of its vehicle when it is there.
-    told = plant.vehicle if vehicle is None else vehicle
-    controller_state = controller.init(told, dt)
-    recorder, distance, end = _Recorder([]), 0.0, ""
-    step = 0
-    try:
-        while not (end := _end(plant, path, place, corridor, step * dt, distance, goal, limit)):
-            observation = sensor.observe(sensor_state, state, place, path, rng)
+    def run(
+        self, progress: Callable[[float], None] | None
+    ) -> tuple[str, ControllerError | PlantError | None]:
+        """Drive to the end; returns how it ended, and what failed."""
+        simulation, fleet = self.simulation, self.simulation.fleet
+        controller = self.config.controller
+        if self.config.fault is not None:
+            controller = self.config.fault.within(controller)
+        # Only now, since a server knows of its vehicle when it is there.
+        believed = self.config.nominal or simulation.mover.vehicle
+        controller_state = controller.init(believed, simulation.dt)
+        find_end(simulation.world, fleet, 0)
+        if fleet.ended[0] == RUNNING:
+            simulation.look(0)
+            fresh = controller.init(believed, simulation.dt)
+            _warm_up(controller, fresh, simulation.observation(0))
+        while fleet.ended[0] == RUNNING:
+            steps, time = len(self._more), simulation.time(0)
+            observation = simulation.observation(0)
             try:
-                if step == 0:
-                    _warm_up(controller, controller.init(told, dt), observation)
                 decision, controller_state, took = _ask(controller, controller_state, observation)
             except ControllerError as error:
-                so_far = recorder.episode(ending.ERROR, distance, plant, path)
-                raise RunError(f"{error}, at t = {state.time:.2f} s", so_far) from error.__cause__
-            throttle, brake, speed_state = speed.step(speed_state, state, place.s)
-            recorder.add(state, place, decision, (throttle, brake), took)
-            v = float(np.hypot(state.v_x, state.v_y))
+                told = ControllerError(f"{error}, at t = {time:.2f} s")
+                told.__cause__ = error.__cause__
+                return ending.ERROR, told
+            row = np.concatenate((fleet.state[0], fleet.tracking[0]))
             try:
-                state = plant.step(Command(decision.steer, throttle, brake))
+                simulation.step(np.array([decision.steer]))
             except PlantError as error:
-                so_far = recorder.episode(ending.ERROR, distance, plant, path)
-                raise PlantFailure(f"{error}, at t = {state.time:.2f} s", so_far) from error
-            before = place.s
-            place = track(state, path, before + v * dt)
-            distance += _advance(before, place.s, path)
-            step += 1
-            if progress is not None and step % 100 == 0:
-                progress(min(max(distance / goal, step * dt / limit), 1.0))
-    except KeyboardInterrupt:
-        so_far = recorder.episode(ending.INTERRUPTED, distance, plant, path)
-        raise Interrupted(so_far) from None
-    return recorder.episode(end, distance, plant, path)
+                self._add(row, time, decision, took)
+                return ending.ERROR, PlantError(f"{error}, at t = {time:.2f} s")
+            self._add(row, time, decision, took)
+            if progress is not None and steps % 100 == 99:  # noqa: PLR2004 - now and then
+                share = max(self.distance / self.goal, (steps + 1) * simulation.dt / self.limit)
+                progress(min(share, 1.0))
+        return self._end(int(fleet.ended[0])), None
+
+    @property
+    def distance(self) -> float:
+        """Distance driven along the path [m]."""
+        return float(self.simulation.fleet.clock[0, CLOCK_DISTANCE])
+
+    def _add(self, row: FloatArray, time: float, decision: Decision, took: float) -> None:
+        fleet = self.simulation.fleet
+        steer, throttle, brake = fleet.sent[0], fleet.command[1], fleet.command[2]
+        self._rows.append(row)
+        self._more.append(
+            (
+                *(time, steer, throttle, brake, took),
+                *(float(decision.status), float(decision.driver), float(decision.reason)),
+            )
+        )
+        if fleet.fine.shape[1]:
+            self._fine.append(fleet.fine[0].copy())
+
+    def _end(self, code: int) -> str:
+        """Name of the kernel's reason."""
+        if code == GOAL_REACHED:
+            return ending.LAPS if self.config.path.closed else ending.END_OF_PATH
+        if code == TIME_UP:
+            return ending.DURATION if self.limit < LONGEST else ending.TIMEOUT
+        return ending.OFF_TRACK if code == LEFT_CORRIDOR else ending.ROLL_OVER
+
+    def episode(self, end: str) -> Episode:
+        """The record, with the configuration inside."""
+        config, path, mover = self.config, self.config.path, self.simulation.mover
+        data = np.array(self._rows).reshape(-1, len(_ROW))
+        more = np.array(self._more).reshape(-1, len(_MORE))
+        found = dict(zip(_ROW, data.T, strict=True)) | dict(zip(_MORE, more.T, strict=True))
+        columns = {name: np.ascontiguousarray(found[name]) for name in COLUMNS}
+        fine = np.concatenate([np.zeros((0, 2)), *self._fine])
+        shared = mover.shared
+        if shared is not None:
+            fine = shared.plant.accelerations()
+        source = config.plant.source() if shared is None else shared.plant.source
+        made = {"seed": config.seed, "plant": source}
+        meta = {"config": config.model_dump(mode="json"), **made, **provenance()}
+        length, dt = path.length, self.simulation.dt
+        return Episode(columns, end, self.distance, dt, length, path.closed, meta, fine)
+
+
+# Names of what a state row, a tracking row and a step hold, as the columns of an episode have them.
+_ROW = (
+    *("x", "y", "psi", "v_x", "v_y", "yaw_rate", "load_a_x", "load_a_y"),
+    *("steer", "throttle_position", "brake_position", "a_x", "a_y", "wheel_angle"),
+    *Tracking._fields,
+)
+_MORE = (
+    *("time", "steer_command", "throttle", "brake"),
+    *("control_time", "status", "driver", "reason"),
+)
 
 
 def _warm_up(
@@ -357,33 +383,3 @@ def _goal(
     if not path.closed:
         return path.length - start, LONGEST if duration is None else duration
     return math.inf, 60.0 if duration is None else duration
-
-
-def _advance(before: float, after: float, path: PathComponent) -> float:
-    """Progress along the path in one step; closed paths wrap."""
-    gain = after - before
-    if path.closed:
-        gain -= path.length * round(gain / path.length)
-    return gain
-
-
-def _end(
-    plant: Plant,
-    path: PathComponent,
-    place: Tracking,
-    corridor: float,
-    now: float,
-    distance: float,
-    goal: float,
-    limit: float,
-) -> str:
-    """Why the run ends here; empty if it goes on."""
-    if not abs(place.lateral_error) <= corridor:
-        return ending.OFF_TRACK
-    if plant.rolled_over():
-        return ending.ROLL_OVER
-    if distance >= goal - 1e-9:
-        return ending.LAPS if path.closed else ending.END_OF_PATH
-    if now >= limit - 1e-9:
-        return ending.DURATION if limit < LONGEST else ending.TIMEOUT
-    return ""

@@ -8,15 +8,15 @@ from typing import NamedTuple
 import numpy as np
 
 from steersman.config import Component, param, register
+from steersman.disturbances import Disturber
 from steersman.episode import Episode
 from steersman.kernels import observe as kernel
 from steersman.kernels import vehicle as car
+from steersman.kernels.world import Fleet, World
 from steersman.protocols import Path
 from steersman.types import FloatArray, Observation, VehicleState
 
 NO_SHIFT = np.zeros((0, 2))
-# What pose and speed sensors measure.
-_MEASURED = (car.X, car.Y, car.PSI, car.VX, car.VY, car.YAW_RATE)
 
 
 class Tracking(NamedTuple):
@@ -94,15 +94,10 @@ class WaypointSensor(Component):
     yaw_rate_noise: float = param(0.0, "rad/s", "SD of the error of the yaw rate.", ge=0)
 
     @property
-    def _deviations(self) -> tuple[float, ...]:
-        """SDs of the columns ``_MEASURED``."""
+    def deviations(self) -> tuple[float, ...]:
+        """SDs of the first columns of a state row: x, y [m], yaw [rad], v_x, v_y, yaw rate."""
         position, speed = self.position_noise, self.speed_noise
         return position, position, self.heading_noise, speed, speed, self.yaw_rate_noise
-
-    @property
-    def _blurred(self) -> bool:
-        """Whether pose or speed are measured with errors."""
-        return any(self._deviations)
 
     def fit_weights(self) -> FloatArray:
         """Weights (3, count) of the least-squares parabola: value, slope, second derivative."""
@@ -113,6 +108,10 @@ class WaypointSensor(Component):
         if self.error_range == 0.0:
             return NO_SHIFT
         return rng.uniform(-self.error_range, self.error_range, (self.count, 2))
+
+    def make(self, n: int, seed: int) -> Disturber | None:
+        """Its errors at work on a world; None where it has none."""
+        return SensorErrors(self) if any(self.deviations) or self.error_range > 0.0 else None
 
     def init(self, rng: np.random.Generator) -> FloatArray | None:
         """State before the first step: the fixed shifts, if they are fixed."""
@@ -129,8 +128,8 @@ class WaypointSensor(Component):
         """What a controller is told about the path at this moment."""
         row = np.zeros(kernel.O_PREVIEW + 2 * self.count)
         vehicle, place = state_row(state), np.array(tracking)
-        if self._blurred:
-            vehicle[list(_MEASURED)] += rng.normal(0.0, self._deviations)
+        if any(self.deviations):
+            vehicle[: kernel.N_MEASURED] += rng.normal(0.0, self.deviations)
             kernel.track(path.table, 0, vehicle, tracking.s, place)
         shift = self.draw(rng) if sensor_state is None else sensor_state
         weights = self.fit_weights() if shift.shape[0] else NO_SHIFT
@@ -159,3 +158,26 @@ def observations(
         place = track(state, path, float(episode["s"][k]))
         out.append(sensor.observe(None, state, place, path, rng))
     return out
+
+
+class SensorErrors(Disturber):
+    """Errors of pose, velocities and waypoints, drawn from each vehicle's own generator."""
+
+    def __init__(self, sensor: WaypointSensor) -> None:
+        """Of that sensor."""
+        self._sensor, self._deviations = sensor, sensor.deviations
+        self.errors = any(self._deviations)
+
+    def begin(self, world: World, fleet: Fleet, i: int, rng: np.random.Generator) -> None:
+        """Draw the waypoints' errors, if they stay for the whole drive."""
+        if not self._sensor.redraw and fleet.shifts.shape[1]:
+            fleet.shifts[i] = fleet.levels[i] * self._sensor.draw(rng)
+
+    def sense(
+        self, world: World, fleet: Fleet, i: int, time: float, rng: np.random.Generator
+    ) -> None:
+        """Draw the errors of this moment."""
+        if self.errors:
+            fleet.errors[i] += rng.normal(0.0, self._deviations)
+        if self._sensor.redraw and fleet.shifts.shape[1]:
+            fleet.shifts[i] = fleet.levels[i] * self._sensor.draw(rng)

@@ -11,60 +11,62 @@ import pytest
 from steersman.bench import drive, suites
 from steersman.bench.disturbance import Disturbance
 from steersman.bench.entrants import Entrant, entrant, entrants
-from steersman.bench.faults import Dead, Dying, Fault, Faulty
 from steersman.bench.suite import Course, Scenario, Suite
 from steersman.config import dump
 from steersman.controllers.base import ControllerComponent, Wrapper
 from steersman.controllers.pid import Pid
 from steersman.controllers.supervisor import Supervisor
-from steersman.paths.basic import Circle
+from steersman.episode import Episode
+from steersman.faults import Dead, Dying, Fault
+from steersman.paths.basic import Circle, Straight
 from steersman.types import Decision, Observation, Status
 
 from ..loops import CAR, DT, beside, observe
+from ..loops import drive as drive_
+
+SEEN: list[Observation] = []
 
 
 class Watching(Wrapper):
-    """Keeps every observation that it is told; steers with what its list says."""
+    """Keeps every observation that it gets; steers with a ramp."""
 
     family: ClassVar[str] = "controller"
     kind: ClassVar[str] = "watching"
-    steer: float = 0.2
+    steer: float = 0.01
 
-    def init(self, vehicle: Any, dt: float) -> list[Observation]:
-        return []
+    def init(self, vehicle: Any, dt: float) -> None:
+        SEEN.clear()
 
     def step(self, state: Any, observation: Observation) -> Any:
-        return Decision(self.steer * observation.time), [*state, observation]
+        SEEN.append(observation)
+        return Decision(self.steer * observation.time), state
 
 
-def seen(fault: Fault, n: int = 40) -> tuple[list[Observation], list[Observation], list[float]]:
-    """What was there, what a controller was told of it, and what arrived at the actuator."""
-    controller, path = Faulty(inner=Watching(), fault=fault, seed=3), Circle()
-    there = [
-        observe(path, beside(path, 0.5 * k, d=1e-3 * k, time=k * DT), 0.5 * k) for k in range(n)
-    ]
-    state, steers = controller.init(CAR, DT), []
-    for observation in there:
-        decision, state = controller.step(state, observation)
-        steers.append(decision.steer)
-    return there, state.inner, steers
+def seen(
+    fault: Fault, n: int = 40, steer: float = 0.01
+) -> tuple[Episode, list[Observation], list[float]]:
+    """What was there, what the controller got of it, and what arrived at the actuator."""
+    controller = Watching(steer=steer)
+    episode = drive_(controller, Straight(), fault=fault, seed=3, duration=n * DT, corridor=50.0)
+    return episode, SEEN[-n:], episode["steer_command"].tolist()
 
 
 def test_frozen_numbers_stay_while_time_goes_on() -> None:
     there, told, _ = seen(Fault(kind="frozen", begin=0.5, length=0.5))
     for k in range(40):
         frozen = 10 <= k < 20
-        assert told[k].time == there[k].time
-        assert told[k][1:8] == there[9 if frozen else k][1:8]
-        assert np.array_equal(told[k].preview, there[9 if frozen else k].preview)
+        assert told[k].time == there["time"][k]
+        assert told[k].lateral_error == there["lateral_error"][9 if frozen else k]
+        assert told[k].v_x == there["v_x"][9 if frozen else k]
+        assert np.array_equal(told[k].preview, told[9].preview) == (frozen or k == 9)
 
 
 def test_dropped_samples_are_the_last_ones_again() -> None:
     there, told, _ = seen(Fault(kind="dropped", begin=0.0, share=0.5), 200)
     lost = 0
     for k in range(1, 200):
-        assert told[k].time in {there[k].time, told[k - 1].time}
-        lost += told[k].time != there[k].time
+        assert told[k].time in {there["time"][k], told[k - 1].time}
+        lost += told[k].time != there["time"][k]
     assert 70 < lost < 130
     assert [o.time for o in seen(Fault(kind="dropped", begin=0.0), 200)[1]] == [
         o.time for o in told
@@ -81,10 +83,10 @@ def test_nan_comes_in_bursts() -> None:
 def test_an_actuator_sticks_or_does_not_go_far() -> None:
     _, _, stuck = seen(Fault(kind="stuck", begin=0.5, length=0.5))
     assert stuck[9:20] == [stuck[9]] * 11
-    assert stuck[20] == pytest.approx(0.2 * 20 * DT)
-    _, _, short = seen(Fault(kind="saturated", begin=0.5, limit=0.15))
-    assert short[10] == pytest.approx(0.1)
-    assert set(short[15:]) == {0.15}
+    assert stuck[20] == pytest.approx(0.01 * 20 * DT)
+    _, _, short = seen(Fault(kind="saturated", begin=0.5, limit=0.0075))
+    assert short[10] == pytest.approx(0.005)
+    assert set(short[15:]) == {0.0075}
 
 
 def test_who_dies_stays_dead_also_when_started_anew() -> None:
@@ -105,11 +107,11 @@ def test_who_dies_stays_dead_also_when_started_anew() -> None:
 
 def test_what_breaks_inside_breaks_inside_a_supervisor() -> None:
     death, frozen = Fault(kind="raises"), Fault(kind="frozen")
-    guarded = death.around(Supervisor(inner="pid"), 0)
+    guarded = death.within(Supervisor(inner="pid"))
     assert isinstance(guarded, Supervisor)
     assert guarded.inner == Dying(inner=Pid(), fault=death)
-    assert isinstance(death.around(Pid(), 0), Dying)
-    assert frozen.around(guarded, 7) == Faulty(inner=guarded, fault=frozen, seed=7)
+    assert isinstance(death.within(Pid()), Dying)
+    assert frozen.within(guarded) == guarded
 
 
 def scenarios(**faults: Fault) -> list[Scenario]:

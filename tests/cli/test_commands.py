@@ -24,9 +24,9 @@ from steersman.episode import load_episode
 from steersman.errors import ConfigError, DataError
 from steersman.learning.config import TrainConfig
 from steersman.metrics.base import metrics
-from steersman.plants.simulator import Simulator
 from steersman.rollout import RunConfig
 from steersman.types import Decision
+from steersman.world import Simulation
 
 Steersman = Callable[..., Result]
 COMMANDS = (
@@ -272,14 +272,14 @@ class TestDrive:
     def test_interrupted_it_saves_what_was_driven(
         self, steersman: Steersman, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        original, calls = Simulator.step, iter(range(1000))
+        original, calls = Simulation.step, iter(range(1000))
 
         def step(self: Any, command: Any) -> Any:
             if next(calls) == 10:
                 raise KeyboardInterrupt
             return original(self, command)
 
-        monkeypatch.setattr(Simulator, "step", step)
+        monkeypatch.setattr(Simulation, "step", step)
         result = steersman("drive", "--json", "--out", "run")
         assert result.exit_code == 130
         assert json.loads(result.stdout)["metrics"]["completed"] is False

@@ -17,8 +17,6 @@ from steersman.metrics.driving import rms_lateral_error
 from steersman.paths.basic import Circle, Straight
 from steersman.paths.eights import FigureEight
 from steersman.plants.simulator import SimulatorConfig
-from steersman.rollout import rollout
-from steersman.sensing import WaypointSensor
 from steersman.speed import ConstantSpeed
 from steersman.types import FloatArray, Status
 from steersman.vehicles import Bmw320i
@@ -167,15 +165,8 @@ WRONG = CAR.replace(mass=1.3 * CAR.mass, c_f=0.7 * CAR.c_f, c_r=1.2 * CAR.c_r)
 def test_no_steady_error_with_wrong_parameters(estimated: bool) -> None:
     """Only the estimate of what the model lacks does that."""
     controller = MpcDelay(disturbance_time=0.3 if estimated else None)
-    episode = rollout(
-        SimulatorConfig().make(CAR),
-        controller,
-        Circle(),
-        ConstantSpeed(speed=10.0),
-        WaypointSensor(),
-        vehicle=WRONG,
-        duration=20.0,
-    )
+    speed = ConstantSpeed(speed=10.0)
+    episode = drive(controller, Circle(), speed=speed, nominal=WRONG, duration=20.0)
     late = abs(episode["lateral_error"][-40:]).max()
     assert late < 1e-4 if estimated else late > 5e-3
 

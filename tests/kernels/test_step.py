@@ -10,8 +10,9 @@ import pytest
 
 from steersman.config import build, lookup
 from steersman.kernels import encode, observe
-from steersman.kernels import step as kernel
+from steersman.kernels import step as lessons
 from steersman.kernels import vehicle as car
+from steersman.kernels import world as kernel
 from steersman.learning.demonstration import Demonstration
 from steersman.learning.fleet import FleetDriver, Start
 from steersman.learning.problem import Problem, Spread
@@ -56,12 +57,9 @@ def fleet_run(task: Problem, n: int, starts: list[float]) -> list[list[tuple[Flo
     source = task.speeds[0]
     for i in range(n):
         speed = source.start_speed(task.roads[i % 3], starts[i])
+        driver.simulation.rngs[i] = np.random.default_rng(7 + i)
         driver.begin(i, Start(i % 3, starts[i], 0.0, 0.0, source.profile(), speed))
-        driver.fleet.delay[i] = task.plant.delay_substeps()
-        driver._rngs[i] = np.random.default_rng(7 + i)
-        if not task.sensor.redraw and task.sensor.error_range:
-            driver._shifts[i] = task.sensor.draw(driver._rngs[i])
-        driver._look(i)
+        driver.look(i)
     seen: list[list[tuple[FloatArray, ...]]] = [[] for _ in range(n)]
     fleet = driver.fleet
     for k in range(STEPS):
@@ -131,11 +129,10 @@ def test_step_equals_python() -> None:
         driver.seed(3)
         for i in range(2):
             driver.reset(i)
-    none = np.zeros((2, 0, 2))
     for k in range(20):
         actions = np.array([0.1, -0.2]) * math.sin(0.4 * k)
-        kernel.step(drivers[0].world, drivers[0].fleet, actions, none)
-        kernel.step.py_func(drivers[1].world, drivers[1].fleet, actions, none)
+        for driver, step in zip(drivers, (lessons.step, lessons.step.py_func), strict=True):
+            step(driver.world, driver.fleet, driver.lesson, actions)
     for one, other in zip(drivers[0].fleet, drivers[1].fleet, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
 
@@ -145,7 +142,7 @@ def started(**other: Any) -> FleetDriver:
     driver = FleetDriver(task, 1)
     profile = task.speeds[0].profile()
     driver.begin(0, Start(0, 0.0, 0.0, 0.0, profile, 8.0))
-    driver._look(0)
+    driver.look(0)
     return driver
 
 
@@ -159,7 +156,7 @@ def test_actions_are_clipped_and_remembered() -> None:
 
 def test_rate_action_moves_the_last_command() -> None:
     driver = started()
-    driver.world = driver.world._replace(rate_limit=1.5)
+    driver.simulation.lesson = driver.lesson._replace(rate_limit=1.5)
     before = driver.fleet.memory[0, encode.LAST_COMMAND]
     for k in (1, 2):
         driver.step(np.array([-1.0]))
@@ -175,15 +172,15 @@ def test_ends() -> None:
     assert fleet.ended[0] == kernel.TIME_UP
     fleet.tracking[0, observe.D] = -1.6
     narrow = world._replace(corridor=1.5)
-    kernel._judge(narrow, fleet, 0, 0.0, 0.0)
+    kernel.find_end(narrow, fleet, 0)
     assert fleet.ended[0] == kernel.LEFT_CORRIDOR
     # Nobody knows where a car is whose error is not a number.
     fleet.tracking[0, observe.D] = math.nan
-    kernel._judge(narrow, fleet, 0, 0.0, 0.0)
+    kernel.find_end(narrow, fleet, 0)
     assert fleet.ended[0] == kernel.LEFT_CORRIDOR
     fleet.tracking[0, observe.D] = 0.0
     fleet.state[0, car.LOAD_AY] = 15.0
-    kernel._judge(narrow, fleet, 0, 0.0, 0.0)
+    kernel.find_end(narrow, fleet, 0)
     assert fleet.ended[0] == kernel.ROLLED
 
 
@@ -192,11 +189,11 @@ def test_end_of_an_open_road() -> None:
     task = task.model_copy(update={"roads": (road("straight"),)})
     driver = FleetDriver(task, 1)
     driver.begin(0, Start(0, 499.0, 0.0, 0.0, task.speeds[0].profile(), 15.0))
-    driver._look(0)
+    driver.look(0)
     driver.step(np.zeros(1))
     assert driver.fleet.ended[0] == kernel.RUNNING
     driver.step(np.zeros(1))
-    assert driver.fleet.ended[0] == kernel.ROAD_ENDED
+    assert driver.fleet.ended[0] == kernel.GOAL_REACHED
 
 
 def test_delays_that_together_are_too_long() -> None:

@@ -19,7 +19,7 @@ from steersman.config import build
 from steersman.controllers.policy import load_network
 from steersman.episode import Episode
 from steersman.errors import ConfigError, DataError
-from steersman.kernels import step as kernel
+from steersman.kernels import world as kernel
 from steersman.learning.datasets import replay, source, store
 from steersman.learning.datasets.demonstrate import demonstrate
 from steersman.learning.datasets.recorder import Recorder

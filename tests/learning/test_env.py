@@ -81,19 +81,6 @@ def test_is_made_from_plain_data() -> None:
     assert env.unwrapped.problem == problem(action="direct")
 
 
-@pytest.mark.parametrize(
-    ("part", "message"),
-    [
-        ({"plant": {"kind": "simulator", "wind": {"speed": 5.0}}}, "no side wind"),
-        ({"sensor": {"kind": "waypoints", "yaw_rate_noise": 0.1}}, "sensor.yaw_rate_noise"),
-        ({"sensor": {"kind": "waypoints", "position_noise": 0.1}}, "sensor.position_noise"),
-    ],
-)
-def test_what_training_does_not_simulate_is_refused(part: dict[str, Any], message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
-        problem(**part)
-
-
 def test_unknown_field_is_refused() -> None:
     with pytest.raises(ConfigError, match="did you mean 'action'"):
         PathFollowingEnv({"actoin": "direct"})

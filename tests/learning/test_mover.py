@@ -10,8 +10,8 @@ import pytest
 from steersman.errors import ConfigError
 from steersman.kernels import vehicle as car
 from steersman.learning.fleet import FleetDriver
-from steersman.learning.mover import Shared, make_mover
 from steersman.learning.validate import Validator
+from steersman.plants.mover import Shared, make_mover
 from steersman.plants.simulator import Simulator, SimulatorConfig
 
 from .problems import problem, tiny
@@ -103,7 +103,7 @@ class Countable(SimulatorConfig):
 def test_a_plant_drives_one_vehicle() -> None:
     task = problem(plant=Countable(), spread={"mass": 0.0})
     with pytest.raises(ConfigError, match=r"drives one vehicle, 4 are wanted"):
-        make_mover(task, 4)
+        make_mover(task.plant, task.vehicle, task.roads, 4)
     with pytest.raises(ConfigError, match=r"agent\.vehicles: 4 is not allowed; .* one vehicle"):
         tiny(problem={"plant": Countable(), "spread": {"mass": 0.0}})
     with pytest.raises(ConfigError, match=r"spread\.mass: 0\.1 is not allowed; .* the one car"):

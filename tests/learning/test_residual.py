@@ -14,7 +14,7 @@ from steersman.controllers.base import ControllerComponent
 from steersman.controllers.mpc_delay import MpcDelay
 from steersman.controllers.policy import Policy
 from steersman.errors import ConfigError
-from steersman.kernels import step as kernel
+from steersman.kernels import world as kernel
 from steersman.learning.config import TrainConfig
 from steersman.learning.demonstration import demonstrated_correction
 from steersman.learning.export import export_policy
@@ -130,7 +130,7 @@ def test_the_network_sees_the_bases_steering(encoding: str) -> None:
     driver.seed(2)
     for i in range(3):
         driver.reset(i)
-    scale = driver.world.scale[-1]
+    scale = driver.lesson.scale[-1]
     for actions in np.random.default_rng(0).uniform(-1.0, 1.0, (10, 3)):
         change = driver.fleet.base - driver.last_commands()
         assert driver.fleet.inputs[:, -1] == pytest.approx(scale * change, rel=1e-12)

@@ -10,8 +10,8 @@ from numpy.testing import assert_array_equal
 
 from steersman.kernels import observe
 from steersman.kernels import speed as speeds
-from steersman.kernels import step as kernel
 from steersman.kernels import vehicle as car
+from steersman.kernels import world as kernel
 from steersman.learning.env import PathFollowingEnv
 from steersman.learning.fleet import FleetDriver
 from steersman.learning.vec_env import PathFollowingVecEnv
@@ -56,7 +56,7 @@ def test_agrees_with_single_environments_to_the_bit(name: str, n: int) -> None:
     for i in range(n):
         env = PathFollowingEnv(task)
         env.reset(seed=7)
-        env.driver._rngs[0] = np.random.default_rng(children[i])
+        env.driver.simulation.rngs[0] = np.random.default_rng(children[i])
         first, _ = env.reset()
         assert np.array_equal(first, start[i])
         for k, (features, reward, ended, cut) in enumerate(single(env, moves[:, i])):

@@ -13,10 +13,18 @@ from hypothesis import strategies as st
 from steersman.errors import ConfigError
 from steersman.kernels import turn
 from steersman.kernels import vehicle as kernel
+from steersman.paths.basic import Circle, Straight
 from steersman.plants.simulator import Simulator, SimulatorConfig
 from steersman.plants.wind import Gusts, Wind
+from steersman.profiles import stack_profiles
+from steersman.rollout import RunConfig, run
+from steersman.sensing import WaypointSensor
+from steersman.speed import ConstantSpeed, ConstantThrottle
 from steersman.types import Command, Pose, VehicleState
 from steersman.vehicles import CarlaModel3
+from steersman.world import Simulation
+
+from ..loops import same
 
 CAR = CarlaModel3()
 ORIGIN = Pose(0.0, 0.0, 0.0)
@@ -207,9 +215,15 @@ def test_reset_aligns_the_velocity_with_the_pose(
 
 def drift(config: SimulatorConfig, car: CarlaModel3 = CAR, seconds: float = 10.0) -> list[float]:
     """Lateral positions with centred steering [m]."""
-    plant = config.make(car)
-    plant.reset(ORIGIN, 20.0, 0.0)
-    return [plant.step(Command(0.0, 0.6, 0.0)).y for _ in range(round(seconds / config.dt))]
+    road, source = Straight(distance=1000.0), ConstantThrottle(throttle=0.6)
+    table = stack_profiles([source.profile()], [road])
+    world = Simulation(config, car, WaypointSensor(), (road,), table, corridor=1e3)
+    world.begin(0, 0, 0.0, ORIGIN, 20.0, source.profile())
+    found = []
+    for _ in range(round(seconds / config.dt)):
+        world.step(np.zeros(1))
+        found.append(float(world.fleet.state[0, kernel.Y]))
+    return found
 
 
 def test_wind_moves_the_car_and_calm_air_does_not() -> None:
@@ -223,20 +237,12 @@ def test_wind_moves_the_car_and_calm_air_does_not() -> None:
     assert max(map(abs, drift(SimulatorConfig()))) < 1e-9
 
 
-def test_reset_brings_the_same_wind_back() -> None:
-    plant = SimulatorConfig(wind=Wind(speed=15.0)).make(CAR)
-    runs = []
-    for _ in range(2):
-        plant.reset(ORIGIN, 20.0, 0.0)
-        runs.append([plant.step(Command(0.0, 0.6, 0.0)) for _ in range(100)])
-    assert runs[0] == runs[1]
-
-
 def test_gusts_are_as_strong_and_as_long_as_they_say() -> None:
     wind = Wind(speed=10.0, gust=(1.0, 2.0), pause=3.0, seed=4)
-    gusts = Gusts(wind)
+    gusts = Gusts(wind, 1)
+    gusts.begin(None, None, 0, None)  # type: ignore[arg-type]
     times = np.arange(0.0, 600.0, 0.01)
-    blown = np.array([gusts.at(float(t)) for t in times])
+    blown = np.array([gusts.at(0, float(t)) for t in times])
     assert 9.0 < blown.max() <= 10.0
     assert -10.0 <= blown.min() < -9.0
     assert np.abs(np.diff(blown)).max() < 0.5 * 10.0 * math.tau * 0.01 / 1.0
@@ -277,17 +283,18 @@ def test_misaligned_steering_drives_a_circle_that_steering_against_it_straighten
 
 @pytest.mark.parametrize("delay", [0.0, 0.05, 0.13])
 def test_recording_changes_nothing(delay: float) -> None:
-    rng = np.random.default_rng(0)
-    commands = [Command(float(u), 0.5, 0.0) for u in rng.uniform(-0.2, 0.2, 60)]
-    plain = made(SimulatorConfig(steering_delay=delay), 12.0)
-    recorded = made(SimulatorConfig(steering_delay=delay, record=True), 12.0)
-    states = [plain.step(c) for c in commands]
-    assert [recorded.step(c) for c in commands] == states
-    fine = recorded.accelerations()
-    assert fine.shape == (300, 2)
-    assert plain.accelerations().shape == (0, 2)
-    # The state's accelerations are those of the last substep.
-    assert fine[4::5].tolist() == [[s.a_x, s.a_y] for s in states]
+    usual = {"path": Circle(), "speed": ConstantSpeed(speed=12.0), "duration": 3.0}
+    runs = [
+        run(RunConfig(plant=SimulatorConfig(steering_delay=delay, record=record), **usual))
+        for record in (False, True)
+    ]
+    assert same(*runs)
+    plain, recorded = runs
+    assert plain.fine.shape == (0, 2)
+    assert recorded.fine.shape == (5 * len(recorded), 2)
+    # Each row of the columns shows the accelerations in the middle of the last step before it.
+    shown = np.stack([recorded["a_x"], recorded["a_y"]], axis=1)[1:]
+    assert np.array_equal(recorded.fine[4:-1:5], shown)
 
 
 def test_the_cars_own_delay_adds_to_the_plants() -> None:

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from steersman.bench.faults import Fault
 from steersman.config import build, resolve
 from steersman.controllers.pid import Pid
+from steersman.faults import Fault
 from steersman.report import Run
 from steersman.report import scene as module
 from steersman.report.marks import MOST, marks
@@ -256,14 +256,19 @@ def test_waypoints_are_those_that_arrived_through_a_fault(fault):
         "sensor": {"kind": "waypoints", "error_range": 0.1},
         "speed": {"kind": "constant_speed", "speed": 9},
     }  # fmt: skip
-    broken = build(Fault, fault).around(Watching(), 7)
-    episode = run(build(RunConfig, tree).model_copy(update={"controller": broken}))
+    parts = {"controller": Watching(), "fault": build(Fault, fault)}
+    episode = run(build(RunConfig, tree).model_copy(update=parts))
     found = waypoints(episode, path_of(episode))
     assert np.array_equal(found, SHOWN[-len(episode) :], equal_nan=True)
-    bare = replace(episode, meta={**episode.meta, "config": {**episode.meta["config"],
-                                                             "controller": "pid"}})  # fmt: skip
+    bare = replace(
+        episode, meta={**episode.meta, "config": {**episode.meta["config"], "fault": None}}
+    )
     assert not np.array_equal(found, waypoints(bare, path_of(bare)))
-    config = {**episode.meta["config"], "controller": {"kind": "faulty", "fault": {"kind": "x"}}}
+    older = {"kind": "faulty", "fault": fault, "seed": 5}
+    config = {**episode.meta["config"], "fault": None, "controller": older}
+    old = replace(episode, meta={**episode.meta, "config": config})
+    assert np.array_equal(found, waypoints(old, path_of(old)), equal_nan=True)
+    config = {**episode.meta["config"], "fault": {"kind": "x"}}
     strange = replace(episode, meta={**episode.meta, "config": config})
     assert waypoints(strange, path_of(strange)) is None
 

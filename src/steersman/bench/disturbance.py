@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from steersman.bench.faults import Fault
 from steersman.config import Settings, param
 from steersman.controllers.mpc_pid import ModelError
+from steersman.faults import Fault
 from steersman.kernels.vehicle import GRAVITY
 from steersman.plants.base import PlantComponent
 from steersman.plants.simulator import SimulatorConfig
@@ -16,6 +16,8 @@ from steersman.rollout import RunConfig
 from steersman.speed import SpeedComponent, SpeedTracking
 from steersman.vehicles import Vehicle
 
+# A run or, from the package for learning, a Problem.
+C = TypeVar("C", bound=Any)
 # Fields that are the sensor's of the same name.
 _NOISES = ("position_noise", "heading_noise", "speed_noise", "yaw_rate_noise")
 # Fields that only the simulator's cars and air have.
@@ -69,8 +71,11 @@ class Disturbance(Settings):
         steps = self.delay / plant.h
         return [*found, "delay"] if abs(steps - round(steps)) > _SAME else found
 
-    def apply(self, run: RunConfig) -> RunConfig:
-        """The run with this disturbance; ``run.vehicle`` is the undisturbed one."""
+    def apply(self, run: C) -> C:
+        """The run, or the problem of a training, with this disturbance.
+
+        ``run.vehicle`` is the undisturbed one.
+        """
         true, believed = self._car(run.vehicle), self.model.nominal(run.vehicle)
         noise = {name: getattr(self, name) for name in _NOISES}
         plant: dict[str, Any] = {"steering_delay": run.plant.steering_delay + self.delay}
@@ -83,9 +88,14 @@ class Disturbance(Settings):
             "nominal": None if believed == true else believed,
             "plant": run.plant.model_copy(update=plant),
             "sensor": run.sensor.model_copy(update={"error_range": self.waypoint_noise, **noise}),
-            "speed": self._careful(run.speed),
+            "fault": self.fault,
         }
-        return run.model_copy(update=changes)
+        if isinstance(run, RunConfig):
+            changes["speed"] = self._careful(run.speed)
+        else:
+            changes["speeds"] = tuple(map(self._careful, run.speeds))
+        disturbed: C = run.model_copy(update=changes)
+        return disturbed
 
     def _careful(self, speed: SpeedComponent) -> SpeedComponent:
         """On a slippery road nobody drives as on a dry one: part of the grip stays in hand."""

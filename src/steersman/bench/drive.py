@@ -32,18 +32,14 @@ FACTORS = ("path", "speed", "disturbance", "vehicle", "seed")
 def fitted(scenario: Scenario, entrant: Entrant) -> RunConfig:
     """The scenario's run with this controller.
 
-    A policy that reads more waypoints than the suite's sensor gives, or others, gets its own. A
-    fault happens around the controller.
+    A policy that reads more waypoints than the suite's sensor gives, or others, gets its own.
     """
     config, sensor = scenario.run, scenario.run.sensor
     plant = config.plant.recorded()
     if entrant.waypoints > sensor.count or entrant.spacing not in (0.0, sensor.spacing):
         count = max(entrant.waypoints, 4)
         sensor = sensor.model_copy(update={"count": count, "spacing": entrant.spacing})
-    controller, fault = entrant.controller, scenario.applied.fault
-    if fault is not None:
-        controller = fault.around(controller, config.seed)
-    parts = {"controller": controller, "sensor": sensor, "plant": plant}
+    parts = {"controller": entrant.controller, "sensor": sensor, "plant": plant}
     return config.model_copy(update=parts)
 
 
@@ -63,8 +59,9 @@ def digest(scenario: Scenario) -> str:
     """Changes with the name and with everything in the run of a scenario but its controller."""
     plan = dump(scenario.run) or {}
     del plan["controller"]
-    if scenario.applied.fault is not None:
-        plan["fault"] = dump(scenario.applied.fault)
+    for name in ("fault", "disturbances"):
+        if not plan[name]:
+            del plan[name]
     return _hashed(json.dumps([scenario.name, plan], sort_keys=True))
 
 

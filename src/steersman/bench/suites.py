@@ -13,11 +13,11 @@ from pathlib import Path as FilePath
 from typing import Any, TypeAlias
 
 from steersman.bench.disturbance import Disturbance, Mixed
-from steersman.bench.faults import Fault
 from steersman.bench.suite import CLEAN, Course, Suite
 from steersman.config import build, dump, override, read_yaml, to_yaml
 from steersman.controllers.mpc_pid import ModelError
 from steersman.errors import ConfigError, suggestion
+from steersman.faults import Fault
 from steersman.files import write_text
 from steersman.paths.base import PathComponent
 from steersman.paths.basic import Circle

@@ -11,8 +11,7 @@ from steersman.controllers.base import ControllerComponent
 from steersman.controllers.mpc_pid import MpcPid
 from steersman.learning.schedules import Constant, Schedule
 from steersman.learning.snapshot import Tree, changed, rebuilt
-from steersman.sensing import to_observation
-from steersman.types import FloatArray
+from steersman.types import FloatArray, Observation
 from steersman.vehicles import Vehicle
 
 
@@ -48,11 +47,9 @@ class Demonstrator:
         """Tell what steering vehicle ``n`` executed since the last proposal."""
         self._states[n] = self._controller.executed(self._states[n], steer)
 
-    def propose(self, n: int, row: FloatArray, time: float, spacing: float) -> float:
-        """Normalised steering for vehicle ``n`` from its observation row."""
-        decision, self._states[n] = self._controller.step(
-            self._states[n], to_observation(row, time, spacing)
-        )
+    def propose(self, n: int, observation: Observation) -> float:
+        """Normalised steering for vehicle ``n`` from its observation."""
+        decision, self._states[n] = self._controller.step(self._states[n], observation)
         return decision.steer
 
     def snapshot(self) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from steersman.config import build, merge
 from steersman.kernels import observe
-from steersman.kernels import step as kernel
+from steersman.kernels import world as kernel
 from steersman.kernels.encode import FEATURE_LIMIT
 from steersman.kernels.vehicle import VX, VY
 from steersman.learning.fleet import FleetDriver

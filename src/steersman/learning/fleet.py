@@ -1,4 +1,4 @@
-"""N vehicles that learn: episodes begin and end here, the kernel does the steps."""
+"""N vehicles that learn: starts and spread of their episodes, base and demonstrator."""
 
 from __future__ import annotations
 
@@ -9,23 +9,25 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steersman.controllers.base import ControllerComponent
-from steersman.kernels import encode, formula, observe
+from steersman.kernels import encode, formula
 from steersman.kernels import path as paths
 from steersman.kernels import speed as speed_kernel
-from steersman.kernels import step as kernel
+from steersman.kernels import step as lessons
 from steersman.kernels import vehicle as car
-from steersman.kernels.step import Fleet
+from steersman.kernels import world as kernel
 from steersman.kernels.vehicle import GRAVITY
+from steersman.kernels.world import Fleet
 from steersman.learning.demonstration import (
     Demonstrator,
     demonstrated_action,
     demonstrated_correction,
 )
-from steersman.learning.mover import Shared, make_mover
 from steersman.learning.problem import Problem
 from steersman.learning.snapshot import Tree, fill
+from steersman.plants.mover import Seat, Shared
 from steersman.profiles import Profile, write_profile
 from steersman.types import FloatArray, Pose
+from steersman.world import Simulation
 
 _UNCAPPED = 1e6
 # Share of the grip that a speed cap asks for on a slippery road.
@@ -63,15 +65,31 @@ class FleetDriver:
         self.problem = problem
         self.n = n
         self.dt = problem.plant.dt
-        self.world = problem.world(n)
-        self.fleet: Fleet = kernel.empty_fleet(n, self.world.encoding, problem.sensor.count)
+        self.lesson = problem.lesson()
+        self.simulation = Simulation(
+            problem.plant,
+            problem.vehicle,
+            problem.sensor,
+            problem.roads,
+            problem.demands(n),
+            n,
+            corridor=problem.corridor,
+            disturbances=problem.disturbers(n),
+            shared=shared,
+            lesson=self.lesson,
+            memory=encode.memory_size(self.lesson.encoding),
+        )
+        self.world, self.mover = self.simulation.world, self.simulation.mover
+        self.fleet: Fleet = self.simulation.fleet
+        if isinstance(self.mover, Seat):
+            try:
+                self.mover.enter()
+            except BaseException:  # a Ctrl-C too: nothing else could close the plant
+                if shared is None:
+                    self.mover.close()
+                raise
         self._a_lat = next((s.a_lat_max for s in self._capped()), None)
-        self.mover = make_mover(problem, n, shared)
         self._base = self.mover.vehicle.row()
-        errors = problem.sensor.error_range > 0.0
-        self._shifts = np.zeros((n, problem.sensor.count if errors else 0, 2))
-        self._levels = np.ones(n)
-        self._rngs = [np.random.default_rng(0) for _ in range(n)]
         demonstration = problem.demonstration
         self.demonstrates = demonstration.enabled
         """Whether a demonstrator proposes a steering at every step."""
@@ -80,6 +98,7 @@ class FleetDriver:
         itself = demonstration.enabled and demonstration.controller == problem.base
         other = demonstration.controller if demonstration.enabled and not itself else None
         self._demonstrator = self._corrected if itself else self._proposer(other)
+        self._proposes = self._corrected is not None or self._demonstrator is not None
 
     @property
     def source(self) -> str:
@@ -90,7 +109,7 @@ class FleetDriver:
     def _proposer(self, controller: ControllerComponent | None) -> Demonstrator | None:
         if controller is None:
             return None
-        return Demonstrator(controller, self.mover.vehicle, self.dt)
+        return Demonstrator(controller, self.problem.nominal or self.mover.vehicle, self.dt)
 
     def _capped(self) -> list[Profile]:
         rng = np.random.default_rng(0)
@@ -103,11 +122,11 @@ class FleetDriver:
 
     def seed_each(self, children: Sequence[np.random.SeedSequence]) -> None:
         """Give every vehicle the generator of its own seed."""
-        self._rngs = [np.random.default_rng(child) for child in children]
+        self.simulation.rngs = [np.random.default_rng(child) for child in children]
 
     def reset(self, i: int) -> None:
         """Begin a new episode of vehicle ``i``."""
-        problem, rng = self.problem, self._rngs[i]
+        problem, rng = self.problem, self.simulation.rngs[i]
         self._vary(i, rng)
         start = self._draw_start(rng)
         slippery, limit = problem.spread.slippery, problem.spread.a_lat_max
@@ -116,9 +135,7 @@ class FleetDriver:
         if limit is not None and _lateral_cap(start.profile) > limit:
             self._make_nominal(i)
         self.begin(i, start)
-        if not problem.sensor.redraw and self._shifts.shape[1]:
-            self._shifts[i] = self._levels[i] * problem.sensor.draw(rng)
-        self._look(i)
+        self.look(i)
         self._propose(i, restart=True)
 
     def _draw_start(self, rng: np.random.Generator) -> Start:
@@ -142,12 +159,12 @@ class FleetDriver:
         spread = self.problem.spread
         row = self.world.vehicles.rows[i]
         row[:] = self._base
-        self._levels[i] = 1.0
+        self.fleet.levels[i] = 1.0
         if spread.nominal > 0.0 and rng.uniform() < spread.nominal:
             self._make_nominal(i)
             return
         if spread.waypoints > 0.0:
-            self._levels[i] = 1.0 - rng.uniform(0.0, spread.waypoints)
+            self.fleet.levels[i] = 1.0 - rng.uniform(0.0, spread.waypoints)
         draws = 1.0 + rng.uniform(-1.0, 1.0, 5) * (
             spread.mass,
             spread.yaw_inertia,
@@ -176,30 +193,23 @@ class FleetDriver:
         """The car, delay and sensor without any spread."""
         self.world.vehicles.rows[i] = self._base
         self.fleet.delay[i] = self.problem.plant.delay_of(self.problem.vehicle)
-        self._levels[i] = 1.0 - self.problem.spread.waypoints
+        self.fleet.levels[i] = 1.0 - self.problem.spread.waypoints
 
     def begin(self, i: int, start: Start) -> None:
         """Put vehicle ``i`` at a start, in the steady turn of the road there."""
-        world, fleet = self.world, self.fleet
-        fleet.path[i] = start.road
-        write_profile(
-            self._scaled(start.profile), i, world.speed.rows, world.speed.times, world.speed.speeds
-        )
-        speed = start.speed
-        if math.isnan(speed):
-            speed = speed_kernel.target_speed(world.speed, i, world.paths, start.road, 0.0, start.s)
-        x, y, psi, kappa = paths.at(world.paths, start.road, start.s)
+        world, road = self.world, start.road
+        profile, speed = self._scaled(start.profile), start.speed
+        x, y, psi, _ = paths.at(world.paths, road, start.s)
         pose = Pose(
             x - start.offset * math.sin(psi), y + start.offset * math.cos(psi), psi + start.heading
         )
-        self.mover.begin(world, fleet, i, pose, speed, kappa)
-        state, clock = fleet.state[i], fleet.clock[i]
-        clock[kernel.CLOCK_STEPS] = 0.0
-        clock[kernel.CLOCK_INTEGRAL] = state[car.THROTTLE] - state[car.BRAKE]
-        clock[kernel.CLOCK_LIMIT] = self.problem.episode_time
-        observe.track(world.paths, start.road, state, start.s, fleet.tracking[i])
-        fleet.memory[i] = 0.0
-        fleet.ended[i] = kernel.RUNNING
+        if math.isnan(speed):
+            write_profile(profile, i, world.speed.rows, world.speed.times, world.speed.speeds)
+            speed = speed_kernel.target_speed(world.speed, i, world.paths, road, 0.0, start.s)
+        self.simulation.begin(i, road, start.s, pose, speed, profile)
+        length, closed = world.paths.meta[road, [paths.LENGTH, paths.CLOSED]]
+        goal = math.inf if closed > 0.0 else length - start.s
+        self.simulation.limit(i, self.problem.episode_time, goal)
 
     def _scaled(self, profile: Profile) -> Profile:
         """The profile's cap relative to the one that the roads' table was made with."""
@@ -209,13 +219,10 @@ class FleetDriver:
             cap_scale=profile.cap_scale * math.sqrt(profile.a_lat_max / self._a_lat)
         )
 
-    def _look(self, i: int) -> None:
-        self._draw_shift(i)
-        kernel.look(self.world, self.fleet, i, self._shifts[i])
-
-    def _draw_shift(self, i: int) -> None:
-        if self._shifts.shape[1] and self.problem.sensor.redraw:
-            self._shifts[i] = self._levels[i] * self.problem.sensor.draw(self._rngs[i])
+    def look(self, i: int) -> None:
+        """Measure vehicle ``i`` where it is, and make its features."""
+        self.simulation.look(i)
+        lessons.encode(self.lesson, self.fleet, i)
 
     def _propose(self, i: int, *, restart: bool = False) -> None:
         """Ask base and demonstrator what they would do now with vehicle ``i``."""
@@ -223,9 +230,9 @@ class FleetDriver:
         if base is not None:  # the last state of an episode has its feature, too
             fleet.base[i] = self._ask(base, i, restart=restart)
             encode.tell_base(
-                self.world.encoding, fleet.rows[i], fleet.memory[i], fleet.base[i], fleet.inputs[i]
+                self.lesson.encoding, fleet.rows[i], fleet.memory[i], fleet.base[i], fleet.inputs[i]
             )
-            encode.normalise(fleet.inputs[i, -1:], self.world.scale[-1:])
+            encode.normalise(fleet.inputs[i, -1:], self.lesson.scale[-1:])
         if demonstrator is not None and fleet.ended[i] == kernel.RUNNING:
             same = demonstrator is base
             fleet.demo[i] = fleet.base[i] if same else self._ask(demonstrator, i, restart=restart)
@@ -235,16 +242,13 @@ class FleetDriver:
             proposer.restart(i)
         else:
             proposer.executed(i, float(self.fleet.memory[i, encode.LAST_COMMAND]))
-        time = self.fleet.clock[i, kernel.CLOCK_STEPS] * self.dt
-        return proposer.propose(i, self.fleet.rows[i], time, self.problem.sensor.spacing)
+        return proposer.propose(i, self.simulation.observation(i))
 
     def step(self, actions: FloatArray) -> None:
         """One control step of all vehicles; the caller resets those whose episode ended."""
-        for i in range(self.n):
-            self._draw_shift(i)
-        self.mover.step(self.world, self.fleet, actions, self._shifts)
+        self.simulation.step(actions)
         formula.check()
-        for i in range(self.n):
+        for i in range(self.n) if self._proposes else ():
             self._propose(i)
 
     def last_commands(self) -> FloatArray:
@@ -253,44 +257,29 @@ class FleetDriver:
 
     def demonstrated_actions(self) -> FloatArray:
         """The demonstrator's action for the present observations, (n,) in [-1, 1]."""
-        fleet, world = self.fleet, self.world
-        if world.authority > 0.0:
-            return demonstrated_correction(fleet.demo, fleet.base, world.authority)
-        return demonstrated_action(fleet.demo, self.last_commands(), world.rate_limit, self.dt)
-
-    def _arrays(self) -> dict[str, Any]:
-        """Every array that changes while driving."""
-        speed = self.world.speed
-        return {
-            **self.fleet._asdict(),
-            "cars": self.world.vehicles.rows,
-            "speed_rows": speed.rows,
-            "speed_times": speed.times,
-            "speed_speeds": speed.speeds,
-            "shifts": self._shifts,
-            "levels": self._levels,
-        }
+        fleet, lesson = self.fleet, self.lesson
+        if lesson.authority > 0.0:
+            return demonstrated_correction(fleet.demo, fleet.base, lesson.authority)
+        return demonstrated_action(fleet.demo, self.last_commands(), lesson.rate_limit, self.dt)
 
     def snapshot(self) -> dict[str, Any]:
         """All that changes while driving."""
         proposers = {"base": self._corrected, "demonstrator": self._demonstrator}
         return {
-            "arrays": self._arrays(),
-            "generators": [rng.bit_generator.state for rng in self._rngs],
+            "arrays": self.simulation.arrays(),
+            **self.simulation.snapshot(),
             **{name: {} if p is None else p.snapshot() for name, p in proposers.items()},
         }
 
     def restore(self, saved: Tree) -> None:
         """Go on from a snapshot."""
-        fill(self._arrays(), saved["arrays"])
-        for rng, state in zip(self._rngs, saved["generators"], strict=True):
-            rng.bit_generator.state = state
+        fill(self.simulation.arrays(), saved["arrays"])
+        self.simulation.restore(saved)
         if self._corrected is not None:
             self._corrected.restore(saved["base"])
         if self._demonstrator is not None:
             self._demonstrator.restore(saved["demonstrator"])
-        self.mover.lose()
 
     def close(self) -> None:
         """Release the plant, if there is one; may be called twice."""
-        self.mover.close()
+        self.simulation.close()

@@ -10,14 +10,15 @@ from pydantic import field_validator, model_validator
 from steersman.config import Of, Settings, dump, param
 from steersman.controllers.base import ControllerComponent
 from steersman.controllers.policy import check_base
+from steersman.disturbances import DisturbanceComponent, Disturber
 from steersman.encoding import EncodingComponent, ExtendedEncoding, Layout
 from steersman.errors import ConfigError
-from steersman.kernels.path import PathTable
-from steersman.kernels.step import World
+from steersman.faults import Fault
+from steersman.kernels.speed import SpeedTable
+from steersman.kernels.step import Lesson
 from steersman.learning.demonstration import Demonstration
 from steersman.learning.task import PreciseTask, TaskComponent
 from steersman.paths.base import PathComponent
-from steersman.paths.segments import stack
 from steersman.plants.base import PlantComponent
 from steersman.plants.simulator import SimulatorConfig
 from steersman.profiles import stack_profiles
@@ -66,8 +67,15 @@ class Problem(Settings):
     """What the agent has to learn."""
 
     vehicle: Annotated[Vehicle, Of("vehicle")] = param(CarlaModel3(), "-", "Vehicle.")
+    nominal: Annotated[Vehicle | None, Of("vehicle", optional=True)] = param(
+        None, "-", "Vehicle whose figures base and demonstrator get; null: the true one."
+    )
     plant: Annotated[PlantComponent, Of("plant")] = param(SimulatorConfig(), "-", "Plant.")
     sensor: Annotated[WaypointSensor, Of("sensor")] = param(WaypointSensor(), "-", "Sensor.")
+    fault: Fault | None = param(None, "-", "What breaks on the way; null: nothing.")
+    disturbances: tuple[Annotated[DisturbanceComponent, Of("disturbance")], ...] = param(
+        (), "-", "Further disturbances."
+    )
     encoding: Annotated[EncodingComponent, Of("encoding")] = param(
         ExtendedEncoding(), "-", "Network input."
     )
@@ -133,18 +141,6 @@ class Problem(Settings):
         return self
 
     @model_validator(mode="after")
-    def _simulated(self) -> Problem:
-        """Refuse what the fleet of training vehicles does not simulate, rather than ignore it."""
-        if isinstance(self.plant, SimulatorConfig) and self.plant.wind.speed > 0.0:
-            raise ValueError("plant.wind.speed: training has no side wind yet; use steersman bench")
-        for name in ("position_noise", "heading_noise", "speed_noise", "yaw_rate_noise"):
-            if getattr(self.sensor, name) > 0.0:
-                raise ValueError(
-                    f"sensor.{name}: training has no such noise yet, only sensor.error_range"
-                )
-        return self
-
-    @model_validator(mode="after")
     def _car_as_it_is(self) -> Problem:
         """Only the embedded simulator has cars that differ."""
         for name in CARS_DIFFER:
@@ -173,33 +169,29 @@ class Problem(Settings):
         """Layout of the network's input."""
         return self.encoding.layout(self.sensor.spacing, self.plant.dt, self.action)
 
-    def world(self, n: int) -> World:
-        """Everything constant for ``n`` vehicles; rows of vehicles and speeds are per vehicle."""
+    def lesson(self) -> Lesson:
+        """Features, reward and meaning of the actions, as the kernels read them."""
         layout = self.layout
-        vehicle = self.vehicle.table
+        return Lesson(
+            encoding=layout.table,
+            scale=layout.scale,
+            reward=self.task.table(),
+            rate_limit=self.rate_limit if self.indirect else 0.0,
+            authority=self.authority if self.base is not None else 0.0,
+        )
+
+    def demands(self, n: int) -> SpeedTable:
+        """Demands of speed for ``n`` vehicles over all roads, wide enough for every source."""
         rng = np.random.default_rng(0)
         profiles = [s.draw(rng, self.episode_time) for s in self.speeds]
         widest = max(profiles, key=lambda p: len(p.times))
         capped = next((p for p in profiles if p.a_lat_max is not None), widest)
         speed = stack_profiles([capped, *([widest] * n)], list(self.roads))
-        return World(
-            vehicles=vehicle._replace(rows=np.repeat(vehicle.rows, n, axis=0)),
-            paths=self.bank(),
-            speed=speed._replace(
-                rows=speed.rows[1:].copy(), times=speed.times[1:].copy(), speeds=speed.speeds[1:]
-            ),
-            encoding=layout.table,
-            scale=layout.scale,
-            reward=self.task.table(),
-            weights=self.sensor.fit_weights(),
-            h=self.plant.h,
-            substeps=self.plant.substeps(),
-            dt=self.plant.dt,
-            corridor=self.corridor,
-            rate_limit=self.rate_limit if self.indirect else 0.0,
-            authority=self.authority if self.base is not None else 0.0,
+        return speed._replace(
+            rows=speed.rows[1:].copy(), times=speed.times[1:].copy(), speeds=speed.speeds[1:]
         )
 
-    def bank(self) -> PathTable:
-        """All roads behind each other."""
-        return stack(road.table for road in self.roads)
+    def disturbers(self, n: int) -> list[Disturber | None]:
+        """What disturbs ``n`` vehicles beside sensor and plant."""
+        more = () if self.fault is None else (self.fault,)
+        return [one.make(n, 0) for one in (*self.disturbances, *more)]

@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steersman.kernels import observe
-from steersman.kernels import step as kernel
+from steersman.kernels import world as kernel
 from steersman.learning.config import ValidationConfig
 from steersman.learning.fleet import FleetDriver
-from steersman.learning.mover import Shared
 from steersman.learning.problem import Problem
+from steersman.plants.mover import Shared
 from steersman.types import FloatArray
 
 # Mean errors below this are taken for it [m].

@@ -10,7 +10,7 @@ from gymnasium import spaces
 from stable_baselines3.common.vec_env import VecEnv
 
 from steersman.kernels import observe
-from steersman.kernels import step as kernel
+from steersman.kernels import world as kernel
 from steersman.kernels.encode import FEATURE_LIMIT
 from steersman.learning.fleet import FleetDriver
 from steersman.learning.problem import Problem

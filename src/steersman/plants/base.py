@@ -6,8 +6,9 @@ from abc import abstractmethod
 from typing import Any, ClassVar
 
 from steersman.config import Component, param, resolve
+from steersman.disturbances import Disturber
 from steersman.errors import ConfigError
-from steersman.kernels import step as kernel
+from steersman.kernels import world as kernel
 from steersman.protocols import Plant
 from steersman.vehicles import Vehicle
 
@@ -54,6 +55,10 @@ class PlantComponent(Component):
     def car(self, vehicle: Vehicle) -> str:
         """What is driven, in words; ``vehicle`` is what is believed of it."""
         return vehicle.title
+
+    def disturbances(self, n: int, seed: int) -> list[Disturber | None]:
+        """What disturbs ``n`` vehicles in this plant by its own configuration."""
+        return []
 
     def recorded(self) -> PlantComponent:
         """The same, keeping accelerations between control steps if it can."""

@@ -7,14 +7,17 @@ from typing import ClassVar
 import numpy as np
 
 from steersman.config import param, register
-from steersman.kernels import step as kernel
+from steersman.disturbances import Disturber
 from steersman.kernels import turn
 from steersman.kernels import vehicle as car
+from steersman.kernels import world as kernel
 from steersman.plants.base import PlantComponent
-from steersman.plants.wind import Gusts, Wind
+from steersman.plants.wind import Wind
 from steersman.protocols import Path
 from steersman.types import Command, FloatArray, Pose, VehicleState
 from steersman.vehicles import LONGEST_STEP, Vehicle
+
+_NOT_KEPT = np.zeros((0, 2))
 
 
 @register("plant", "simulator")
@@ -42,12 +45,16 @@ class SimulatorConfig(PlantComponent):
         """The simulator is part of the package."""
         return "embedded simulator"
 
+    def disturbances(self, n: int, seed: int) -> list[Disturber | None]:
+        """The wind."""
+        return [self.wind.make(n, seed)]
+
     def recorded(self) -> SimulatorConfig:
         """The same, keeping accelerations."""
         return self.model_copy(update={"record": True})
 
     def make(self, vehicle: Vehicle) -> Simulator:
-        """A simulator of that vehicle."""
+        """A simulator of that vehicle alone, in calm air; a world steps the kernels itself."""
         return Simulator(self, vehicle)
 
 
@@ -66,13 +73,6 @@ class Simulator:
         self._delayed = np.zeros(kernel.DELAY_LINE)
         self._work = np.zeros((3, car.N_MOTION))
         self._steps = 0
-        self._trace: list[FloatArray] = []
-        self._record = config.record
-        self._table = vehicle.table
-        self._wind = config.wind if config.wind.speed > 0.0 else None
-        if self._wind is not None:  # its loads are written into the vehicle's row
-            self._table = self._table._replace(rows=self._table.rows.copy())
-            self._gusts = Gusts(self._wind)
 
     @property
     def dt(self) -> float:
@@ -92,9 +92,6 @@ class Simulator:
         """
         place(self.vehicle.table, 0, self._state, self._delayed, pose, speed, curvature)
         self._steps = 0
-        self._trace = []
-        if self._wind is not None:
-            self._gusts = Gusts(self._wind)
         return self._read()
 
     def resume(self, state: VehicleState) -> None:
@@ -106,13 +103,9 @@ class Simulator:
         self._delayed[:] = s.steer
 
     def step(self, command: Command) -> VehicleState:
-        """Hold ``command`` for one control period, and the wind that blows at its start."""
-        if self._wind is not None:
-            wind = self._gusts.at(self._steps * self._dt)
-            load = self._wind.load(wind, self._state[car.VX])
-            self._table.rows[0, [car.SIDE_FORCE, car.YAW_MOMENT]] = load
-        parts = (
-            self._table,
+        """Hold ``command`` for one control period."""
+        kernel.drive(
+            self.vehicle.table,
             0,
             self._state,
             np.array(command, dtype=np.float64),
@@ -121,18 +114,14 @@ class Simulator:
             self._h,
             self._substeps,
             self._work,
+            _NOT_KEPT,
         )
-        if self._record:
-            self._trace.append(np.empty((self._substeps, 2)))
-            kernel.drive_recorded(*parts, self._trace[-1])
-        else:
-            kernel.drive(*parts)
         self._steps += 1
         return self._read()
 
     def accelerations(self) -> FloatArray:
-        """a_x and a_y since ``reset`` [m/s^2], (integration steps, 2); empty if not recorded."""
-        return np.concatenate([np.zeros((0, 2)), *self._trace])
+        """None: a world keeps them itself."""
+        return _NOT_KEPT
 
     def rolled_over(self) -> bool:
         """Whether both inner wheels have lifted."""

@@ -8,10 +8,15 @@ are about proportional to the angle.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from steersman.config import Settings, param
+from steersman.disturbances import Disturber
+from steersman.kernels import vehicle as car
+from steersman.kernels.world import Fleet, World
 
 _AIR_DENSITY = 1.2
 
@@ -33,30 +38,58 @@ class Wind(Settings):
         force = pressure * self.area * self.side * math.atan2(wind, abs(v_x))
         return force, force * self.arm
 
+    def make(self, n: int, seed: int) -> Disturber | None:
+        """The wind at work on a world; None where it is calm."""
+        return Gusts(self, n) if self.speed > 0.0 else None
 
-class Gusts:
-    """The wind over time; asked for increasing times."""
 
-    def __init__(self, wind: Wind) -> None:
-        """Begin with a pause."""
+class Gusts(Disturber):
+    """The wind over time, for each vehicle its own; a new drive begins with a pause."""
+
+    def __init__(self, wind: Wind, n: int) -> None:
+        """For ``n`` vehicles; the first one's is that of a run with one vehicle."""
         self._wind = wind
-        self._rng = np.random.default_rng(wind.seed)
-        self._start = self._end = 0.0
-        self._strength = 0.0
-        self._next()
+        seeds: list[list[int]] = [[wind.seed, i] if i else [wind.seed] for i in range(n)]
+        self._rngs = [np.random.default_rng(seed) for seed in seeds]
+        self._gusts = np.zeros((n, 3))
 
-    def _next(self) -> None:
-        rng, wind = self._rng, self._wind
-        self._start = self._end + float(rng.exponential(wind.pause))
-        self._end = self._start + float(rng.uniform(*wind.gust))
+    def begin(self, world: World, fleet: Fleet, i: int, rng: np.random.Generator) -> None:
+        """Draw the first gust of a drive."""
+        self._gusts[i] = 0.0
+        self._next(i)
+
+    def _next(self, i: int) -> None:
+        rng, wind, gust = self._rngs[i], self._wind, self._gusts[i]
+        gust[0] = gust[1] + rng.exponential(wind.pause)
+        gust[1] = gust[0] + rng.uniform(*wind.gust)
         side = 1.0 if rng.uniform() < 0.5 else -1.0  # noqa: PLR2004 - either side
-        self._strength = side * wind.speed * float(rng.uniform(0.5, 1.0))
+        gust[2] = side * wind.speed * rng.uniform(0.5, 1.0)
 
-    def at(self, time: float) -> float:
-        """Wind to the left at a time [m/s]."""
-        while time >= self._end:
-            self._next()
-        if time <= self._start:
+    def at(self, i: int, time: float) -> float:
+        """Wind to the left that meets vehicle ``i`` at a time [m/s]; times must increase."""
+        while time >= self._gusts[i, 1]:
+            self._next(i)
+        start, end, strength = self._gusts[i].tolist()
+        if time <= start:
             return 0.0
-        phase = (time - self._start) / (self._end - self._start)
-        return 0.5 * self._strength * (1.0 - math.cos(math.tau * phase))
+        phase = (time - start) / (end - start)
+        return float(0.5 * strength * (1.0 - math.cos(math.tau * phase)))
+
+    def act(self, world: World, fleet: Fleet, i: int, time: float) -> None:
+        """Load the vehicle with the wind that blows at the step's beginning."""
+        row = world.vehicles.rows[i]
+        load = self._wind.load(self.at(i, time), float(fleet.state[i, car.VX]))
+        row[car.SIDE_FORCE], row[car.YAW_MOMENT] = load
+
+    def snapshot(self) -> dict[str, Any]:
+        """The gusts under way and the generators."""
+        return {
+            "gusts": self._gusts,
+            "generators": [rng.bit_generator.state for rng in self._rngs],
+        }
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Go on from a snapshot."""
+        self._gusts[:] = saved["gusts"]
+        for rng, state in zip(self._rngs, saved["generators"], strict=True):
+            rng.bit_generator.state = state

@@ -130,7 +130,7 @@ def _interventions(episode: Episode) -> list[dict[str, Any]]:
 
 def _faults(episode: Episode) -> list[dict[str, Any]]:
     """What a benchmark broke on purpose, each time that it did."""
-    fault = _fault(recorded(episode).get("controller"))
+    fault = _fault(recorded(episode))
     begin, length, every = (_number(fault.get(name)) for name in ("begin", "length", "every"))
     if begin is None:
         return []
@@ -147,14 +147,17 @@ def _faults(episode: Episode) -> list[dict[str, Any]]:
     return _longest([mark for mark in out if mark["row"] < len(episode)])
 
 
-def _fault(controller: Any) -> Mapping[str, Any]:
-    """The first fault in a dumped controller, however deep; empty without one."""
-    if not isinstance(controller, Mapping):
+def _fault(config: Any) -> Mapping[str, Any]:
+    """The first fault in a dumped configuration, however deep; empty without one.
+
+    Episodes of earlier versions have it in their controller.
+    """
+    if not isinstance(config, Mapping):
         return {}
-    fault = controller.get("fault")
+    fault = config.get("fault")
     if isinstance(fault, Mapping):
         return fault
-    return next((found for v in controller.values() if (found := _fault(v))), {})
+    return next((found for v in config.values() if (found := _fault(v))), {})
 
 
 def _number(value: Any) -> float | None:

@@ -8,18 +8,18 @@ the configuration is not there, or names files that are gone, the page shows les
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from steersman.bench.faults import Faulty
 from steersman.config import build, resolve
-from steersman.controllers.base import Wrapper
 from steersman.episode import Episode
 from steersman.errors import SteersmanError
+from steersman.faults import Fault
+from steersman.kernels.world import MEASURED, NOTHING
 from steersman.paths.base import PathComponent
 from steersman.sensing import Tracking, WaypointSensor
-from steersman.types import Decision, FloatArray, Observation, VehicleState
+from steersman.types import FloatArray, Observation, VehicleState
 from steersman.vehicles import CarlaModel3, Vehicle
 
 # Distance between points of a road, and how many there are at most [m].
@@ -108,39 +108,29 @@ def waypoints(episode: Episode, path: PathComponent | None) -> FloatArray | None
     return out
 
 
-class _Witness(Wrapper):
-    """A controller that keeps the waypoints that it sees."""
-
-    family: ClassVar[str] = "controller"
-
-    def init(self, vehicle: Vehicle, dt: float) -> FloatArray:
-        """Nothing was seen yet."""
-        return np.zeros((0, 2))
-
-    def step(self, state: FloatArray, observation: Observation) -> tuple[Decision, FloatArray]:
-        """No steering, and what was seen."""
-        return Decision(0.0), observation.preview.copy()
-
-
 class _Way:
-    """The way from the sensor to the controller, with what a benchmark broke on it."""
+    """The way from the sensor to the controller, with what broke on it."""
 
     def __init__(self, episode: Episode) -> None:
-        """As the record tells it; raises ``ConfigError`` where it tells no fault that there is."""
-        controller = recorded(episode).get("controller")
-        self._faulty: Faulty | None = None
-        if isinstance(controller, Mapping) and controller.get("kind") == Faulty.kind:
-            fault, seed = controller.get("fault"), controller.get("seed", 0)
-            self._faulty = build(Faulty, {"inner": _Witness(), "fault": fault, "seed": seed})
-            self._state = self._faulty.init(CarlaModel3(), episode.dt)
+        """As the record has it; raises ``ConfigError`` where its fault is none that there is."""
+        config = recorded(episode)
+        old = config.get("controller")  # where earlier versions had the fault
+        holder = old if isinstance(old, Mapping) and old.get("kind") == "faulty" else config
+        fault = holder.get("fault")
+        self._fault = build(Fault, fault) if isinstance(fault, Mapping) else None
+        self._dt, self._seed = episode.dt, (int(holder.get("seed", 0)),)
+        self._last = np.zeros((0, 2))
 
     def arrives(self, told: Observation) -> FloatArray:
         """The waypoints that arrive at the controller when these are sent."""
-        if self._faulty is None:
-            return told.preview
-        _, self._state = self._faulty.step(self._state, told)
-        seen: FloatArray = self._state.inner
-        return seen
+        code = MEASURED
+        if self._fault is not None:
+            code = self._fault.arrives(told.time, self._dt, self._seed)
+        if code == MEASURED:
+            self._last = told.preview
+        elif code == NOTHING:
+            self._last = np.full_like(told.preview, np.nan)
+        return self._last
 
 
 def _states(episode: Episode) -> list[VehicleState]:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from steersman.errors import ConfigError
-from steersman.kernels import step as kernel
+from steersman.kernels import world as kernel
 from steersman.learning.datasets.recorder import Recorder
 from steersman.learning.datasets.trajectory import Trajectory, Who
 from steersman.learning.fleet import FleetDriver

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steersman.kernels import observe
-from steersman.kernels import step as kernel
+from steersman.kernels import world as kernel
 from steersman.kernels.vehicle import VX, VY
 from steersman.learning.datasets.trajectory import Trajectory
 from steersman.learning.fleet import FleetDriver

@@ -17,6 +17,7 @@ from steersman.learning.demonstration import (
     demonstrated_correction,
 )
 from steersman.learning.problem import Problem
+from steersman.sensing import to_observation
 from steersman.types import FloatArray
 
 
@@ -96,13 +97,14 @@ def features(problem: Problem, rows: FloatArray, steer: FloatArray) -> NDArray[n
 def base_steering(problem: Problem, rows: FloatArray, steer: FloatArray) -> FloatArray:
     """What the base would have steered at each observation of a drive, (n,)."""
     assert problem.base is not None
-    base = Demonstrator(problem.base, problem.vehicle, problem.plant.dt)
+    base = Demonstrator(problem.base, problem.nominal or problem.vehicle, problem.plant.dt)
     base.restart(0)
     out = np.empty(len(rows))
     for k, row in enumerate(rows):
         if k:
             base.executed(0, float(steer[k - 1]))
-        out[k] = base.propose(0, row, k * problem.plant.dt, problem.sensor.spacing)
+        time = k * problem.plant.dt
+        out[k] = base.propose(0, to_observation(row, time, problem.sensor.spacing))
     return out
 
 

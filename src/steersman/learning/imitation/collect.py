@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steersman.kernels import observe
-from steersman.kernels import step as kernel
+from steersman.kernels import world as kernel
 from steersman.learning.fleet import FleetDriver
 from steersman.learning.noise import OrnsteinUhlenbeck
 

@@ -13,9 +13,9 @@ from steersman.learning.datasets.trajectory import Trajectory, Who, actions_for,
 from steersman.learning.fleet import FleetDriver
 from steersman.learning.imitation.collect import Dataset, Drives, Driving, collect
 from steersman.learning.imitation.config import ImitationConfig
-from steersman.learning.mover import Shared
 from steersman.learning.problem import Problem
 from steersman.learning.validate import Score, Validator
+from steersman.plants.mover import Shared
 from steersman.types import FloatArray
 
 Act = Callable[[Any], Any]

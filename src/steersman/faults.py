@@ -1,26 +1,31 @@
 """Faults between sensor, controller and actuator: what a controller meets in a car that breaks.
 
-They happen around the controller, so that every plant, sensor and controller can meet them. What
-breaks inside a controller breaks inside a supervisor, too.
+Sensor and actuator break in the world (:class:`Faults`), so that every plant, controller and
+training meets them alike. What breaks inside a controller breaks inside a supervisor's inner
+controller (:class:`Dying`); an agent that learns has no such inside.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
 from steersman.config import Of, Settings, param, required
 from steersman.controllers.base import ControllerComponent, Wrapper
 from steersman.controllers.supervisor import Supervisor
+from steersman.disturbances import Disturber
+from steersman.kernels import world as kernel
+from steersman.kernels.world import Fleet, World
 from steersman.types import Decision, Observation, Status
 from steersman.vehicles import Vehicle
 
+Seed: TypeAlias = tuple[int, ...]
 _Controller = Annotated[ControllerComponent, Of("controller")]
 
-# What happens inside the controller, from a corner on for ever.
-_DEATHS = ("raises", "answers_nan")
+# What happens inside the controller, from a bend on for ever.
+_INSIDE = ("raises", "answers_nan")
 
 
 class Fault(Settings):
@@ -51,15 +56,56 @@ class Fault(Settings):
             since %= self.every
         return self.length is None or since < self.length
 
-    def around(self, controller: ControllerComponent, seed: int) -> ControllerComponent:
-        """The controller with this fault; a supervisor has it inside if it is one of its inner."""
-        if self.kind not in _DEATHS:
-            return Faulty(inner=controller, fault=self, seed=seed)
+    def within(self, controller: ControllerComponent) -> ControllerComponent:
+        """The controller with what breaks inside it, which is a supervisor's inner controller."""
+        if self.kind not in _INSIDE:
+            return controller
         if isinstance(controller, Supervisor):
             return controller.model_copy(
                 update={"inner": Dying(inner=controller.inner, fault=self)}
             )
         return Dying(inner=controller, fault=self)
+
+    def make(self, n: int, seed: int) -> Disturber | None:
+        """What breaks in sensor and actuator at work on a world; None if that is nothing."""
+        return None if self.kind in _INSIDE else Faults(self, seed)
+
+    def arrives(self, time: float, dt: float, seed: Seed) -> int:
+        """What arrives of the observation at a time [s]: ``kernels.world.MEASURED``, ..."""
+        if not self.active(time):
+            return kernel.MEASURED
+        if self.kind == "nan":
+            return kernel.NOTHING
+        step = round(time / dt)
+        if step and self.kind == "frozen":
+            return kernel.FROZEN
+        if step and self.kind == "dropped":
+            drawn = np.random.default_rng([*seed, step]).random()
+            return kernel.DROPPED if drawn < self.share else kernel.MEASURED
+        return kernel.MEASURED
+
+
+class Faults(Disturber):
+    """A fault of sensor or actuator, in every vehicle at the same time of its drive."""
+
+    def __init__(self, fault: Fault, seed: int) -> None:
+        """``seed`` decides which samples are dropped."""
+        self._fault, self._seed = fault, seed
+
+    def act(self, world: World, fleet: Fleet, i: int, time: float) -> None:
+        """Limit what the actuator takes."""
+        fault = self._fault
+        if fault.kind in ("saturated", "stuck") and fault.active(time):
+            stuck = fault.kind == "stuck"
+            limits = (fleet.sent[i], fleet.sent[i]) if stuck else (-fault.limit, fault.limit)
+            fleet.bounds[i] = limits
+
+    def sense(
+        self, world: World, fleet: Fleet, i: int, time: float, rng: np.random.Generator
+    ) -> None:
+        """Lose what does not arrive; the first vehicle loses what a single one does."""
+        seed = (self._seed, i) if i else (self._seed,)
+        fleet.arrives[i] = self._fault.arrives(time, world.dt, seed)
 
 
 class Dead(Exception):
@@ -114,65 +160,3 @@ class _Nan(ControllerComponent):
     def decide(self, state: None, observation: Observation) -> tuple[float, Status, None]:
         """NaN, which ``step`` turns into the present steering, marked as a fallback."""
         return math.nan, Status.SOLVED, None
-
-
-class FaultyState(NamedTuple):
-    """The controller's own state, and what it and the actuator got last."""
-
-    inner: Any
-    dt: float
-    seen: Observation | None = None
-    steer: float = 0.0
-
-
-class Faulty(Wrapper):
-    """A controller that sees and steers through what is broken."""
-
-    family: ClassVar[str] = "controller"
-    kind: ClassVar[str] = "faulty"
-
-    inner: _Controller = required("-", "Who drives.")
-    fault: Fault = required("-", "What is broken.")
-    seed: int = param(0, "-", "Of which samples are dropped.", ge=0)
-
-    def init(self, vehicle: Vehicle, dt: float) -> FaultyState:
-        """State before the first step."""
-        return FaultyState(self.inner.init(vehicle, dt), dt)
-
-    def step(self, state: FaultyState, observation: Observation) -> tuple[Decision, FaultyState]:
-        """What arrives at the actuator; the controller is not told."""
-        active = self.fault.active(observation.time)
-        seen = self._sensed(state, observation) if active else observation
-        decision, inner = self.inner.step(state.inner, seen)
-        steer = self._acted(state, decision.steer) if active else decision.steer
-        return decision._replace(steer=steer), FaultyState(inner, state.dt, _kept(seen), steer)
-
-    def executed(self, state: FaultyState, steer: float) -> FaultyState:
-        """The controller is told of others, not of its actuator."""
-        return state._replace(inner=self.inner.executed(state.inner, steer))
-
-    def _sensed(self, state: FaultyState, o: Observation) -> Observation:
-        kind, last = self.fault.kind, state.seen
-        if kind == "nan":
-            nothing = dict.fromkeys(Observation._fields[1:8], math.nan)
-            return o._replace(**nothing, preview=np.full_like(o.preview, math.nan))
-        if last is None:
-            return o
-        if kind == "frozen":
-            return last._replace(time=o.time)
-        if kind == "dropped" and self._drawn(round(o.time / state.dt)) < self.fault.share:
-            return last
-        return o
-
-    def _acted(self, state: FaultyState, steer: float) -> float:
-        if self.fault.kind == "stuck":
-            return state.steer
-        most = self.fault.limit if self.fault.kind == "saturated" else 1.0
-        return min(max(steer, -most), most)
-
-    def _drawn(self, step: int) -> float:
-        return float(np.random.default_rng([self.seed, step]).random())
-
-
-def _kept(o: Observation) -> Observation:
-    return o._replace(preview=o.preview.copy())

@@ -1,0 +1,229 @@
+"""What moves the vehicles of a world: the kernels all of them at once, or a plant one of them.
+
+Everything else of a step (pedals, faults, place on the road, sensors, reward, features) is the
+same compiled code in both cases, so that whatever plant there is can be driven and learned on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from steersman.errors import ConfigError, PlantError
+from steersman.kernels import step as lessons
+from steersman.kernels import vehicle as car
+from steersman.kernels import world as kernel
+from steersman.kernels.compiled import kernel as compiled
+from steersman.kernels.step import Lesson
+from steersman.kernels.world import Fleet, World
+from steersman.plants.base import PlantComponent
+from steersman.plants.simulator import place
+from steersman.protocols import Path, Plant
+from steersman.types import Command, FloatArray, Pose, VehicleState
+from steersman.vehicles import Vehicle
+
+# A load at which any car has rolled over [m/s^2].
+_ROLLED = 1e9
+
+
+class Mover(Protocol):
+    """Puts the vehicles of a fleet at their starts, and moves them."""
+
+    shared: Shared | None
+    """The plant, if there is one, which several movers drive in turns."""
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The nominal vehicle; a plant may know it better once a drive has begun."""
+        ...
+
+    def begin(
+        self, world: World, fleet: Fleet, i: int, pose: Pose, speed: float, curvature: float
+    ) -> None:
+        """Put vehicle ``i`` on ``pose`` in the steady turn; ``fleet.path`` says on which road."""
+        ...
+
+    def step(self, world: World, fleet: Fleet, lesson: Lesson | None, actions: FloatArray) -> None:
+        """One control step of all vehicles; without a lesson actions are steering commands."""
+        ...
+
+    def lose(self) -> None:
+        """The fleet's state was replaced: the vehicles have to be put there before a step."""
+        ...
+
+    def close(self) -> None:
+        """Release whatever is held; may be called twice."""
+        ...
+
+
+@dataclass
+class Shared:
+    """A plant, and the seat that drives it at the moment."""
+
+    plant: Plant
+    driver: Seat | None = None
+
+
+def make_mover(
+    plant: PlantComponent,
+    vehicle: Vehicle,
+    roads: Sequence[Path],
+    n: int,
+    shared: Shared | None = None,
+) -> Mover:
+    """The kernels, or a plant: ``shared`` if it is given, else the one that ``plant`` makes.
+
+    Raises:
+        ConfigError: ``n`` vehicles are wanted of a plant that drives one.
+        PlantError: the plant cannot be reached.
+    """
+    if shared is None and plant.embedded:
+        return Kernels(vehicle)
+    if n != 1:
+        raise ConfigError(
+            f"plant={plant.kind} drives one vehicle, {n} are wanted; set agent.vehicles=1"
+        )
+    return Seat(shared or Shared(plant.make(vehicle)), roads)
+
+
+@compiled
+def _advance(world: World, fleet: Fleet, commands: FloatArray) -> None:
+    for n in range(commands.shape[0]):
+        kernel.advance(world, fleet, n, commands[n])
+
+
+class Kernels:
+    """The embedded simulator: all vehicles in one call."""
+
+    shared: Shared | None = None
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        """Of that nominal vehicle; ``world.vehicles`` has each one's own."""
+        self._vehicle = vehicle
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The nominal vehicle."""
+        return self._vehicle
+
+    def begin(
+        self, world: World, fleet: Fleet, i: int, pose: Pose, speed: float, curvature: float
+    ) -> None:
+        """Fill the vehicle's row."""
+        place(world.vehicles, i, fleet.state[i], fleet.delayed[i], pose, speed, curvature)
+
+    def step(self, world: World, fleet: Fleet, lesson: Lesson | None, actions: FloatArray) -> None:
+        """One call of a kernel."""
+        if lesson is None:
+            _advance(world, fleet, actions)
+        else:
+            lessons.step(world, fleet, lesson, actions)
+
+    def lose(self) -> None:
+        """They are where the fleet has them."""
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+
+class Seat:
+    """A seat in a plant's vehicle, which several take in turns.
+
+    Training and validation drive the same vehicle: the seat that did not drive last puts it back
+    first.
+    """
+
+    def __init__(self, shared: Shared, roads: Sequence[Path]) -> None:
+        """Take a seat; nothing moves yet."""
+        self.shared: Shared | None = shared
+        self._shared = shared
+        self._plant = shared.plant
+        self._roads = roads
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """What the plant knows of its vehicle."""
+        vehicle: Vehicle = self._plant.vehicle
+        return vehicle
+
+    def enter(self) -> None:
+        """Enter the first road, so that whatever is missing is found before anything is learned."""
+        if self._shared.driver is None:
+            at = self._roads[0].at(0.0)
+            self._plant.enter(self._roads[0])
+            self._plant.reset(Pose(at.x, at.y, at.psi), 0.0, 0.0)
+            self._shared.driver = self
+
+    def begin(
+        self, world: World, fleet: Fleet, i: int, pose: Pose, speed: float, curvature: float
+    ) -> None:
+        """Enter the road and start there."""
+        self._shared.driver = self
+        self._plant.enter(self._roads[int(fleet.path[i])])
+        self._plant.delay = int(fleet.delay[i])
+        self._write(fleet, self._plant.reset(pose, speed, curvature))
+
+    def step(self, world: World, fleet: Fleet, lesson: Lesson | None, actions: FloatArray) -> None:
+        """The kernel's step, with the plant's motion in its middle.
+
+        Raises:
+            PlantError: the plant failed, or left the numbers.
+        """
+        if self._shared.driver is not self:
+            self._return(fleet)
+        steer, before = float(actions[0]), 0.0
+        if lesson is not None:
+            steer, before = lessons.command(lesson, fleet, 0, steer, world.dt)
+        near = kernel.decide(world, fleet, 0, steer)
+        self._write(fleet, self._plant.step(Command(*fleet.command.tolist())))
+        kernel.conclude(world, fleet, 0, near)
+        if lesson is not None:
+            lessons.judge(lesson, fleet, 0, steer, before)
+
+    def _return(self, fleet: Fleet) -> None:
+        """Put the vehicle where the fleet has it."""
+        self._shared.driver = self
+        self._plant.enter(self._roads[int(fleet.path[0])])
+        self._plant.delay = int(fleet.delay[0])
+        row = dict(zip(COLUMNS, fleet.state[0, list(COLUMNS.values())].tolist(), strict=True))
+        self._plant.resume(VehicleState(time=0.0, **row))
+
+    def _write(self, fleet: Fleet, state: VehicleState) -> None:
+        row = fleet.state[0]
+        for name, column in COLUMNS.items():
+            row[column] = getattr(state, name)
+        if not np.isfinite(row).all():
+            raise PlantError(f"the plant's state is not finite: {state}")
+        row[car.LOAD_AX], row[car.LOAD_AY] = 0.0, _ROLLED * self._plant.rolled_over()
+
+    def accelerations(self) -> FloatArray:
+        """What the plant kept of the accelerations between control steps, see ``Plant``."""
+        return self._plant.accelerations()
+
+    def lose(self) -> None:
+        """No seat drives: the next step begins with putting the vehicle back."""
+        self._shared.driver = None
+
+    def close(self) -> None:
+        """Release the plant, for all who share it."""
+        self._plant.close()
+
+
+# Where a state row has what a plant gives.
+COLUMNS = {
+    "x": car.X,
+    "y": car.Y,
+    "psi": car.PSI,
+    "v_x": car.VX,
+    "v_y": car.VY,
+    "yaw_rate": car.YAW_RATE,
+    "a_x": car.AX,
+    "a_y": car.AY,
+    "steer": car.STEER,
+    "wheel_angle": car.WHEEL,
+    "throttle": car.THROTTLE,
+    "brake": car.BRAKE,
+}

@@ -1,0 +1,213 @@
+"""The one loop: N vehicles on their roads, stepped by one compiled kernel.
+
+:mod:`steersman.rollout` drives one of them with a controller, :mod:`steersman.learning` many with
+an agent, a base controller and a demonstrator. Delay line, pedals, sensors, disturbances, faults
+and the ends of a drive are here and in :mod:`steersman.kernels.world` alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from steersman.disturbances import Disturber
+from steersman.kernels import observe
+from steersman.kernels import path as paths
+from steersman.kernels import vehicle as car
+from steersman.kernels import world as kernel
+from steersman.kernels.speed import SpeedTable
+from steersman.kernels.step import Lesson
+from steersman.kernels.world import Fleet, World
+from steersman.paths.base import PathComponent
+from steersman.paths.segments import stack
+from steersman.plants.base import PlantComponent
+from steersman.plants.mover import Mover, Shared, make_mover
+from steersman.profiles import Profile, write_profile
+from steersman.sensing import WaypointSensor, to_observation
+from steersman.types import FloatArray, Observation, Pose
+from steersman.vehicles import Vehicle
+
+
+class Simulation:
+    """N vehicles of one kind on one bank of roads.
+
+    Attributes:
+        world: constants; rows of vehicles and speeds are per vehicle.
+        fleet: everything that changes, a row for each vehicle.
+        dt: control period [s].
+        rngs: the generators of the vehicles' sensor errors.
+    """
+
+    def __init__(  # noqa: PLR0913 - the parts of a closed loop
+        self,
+        plant: PlantComponent,
+        vehicle: Vehicle,
+        sensor: WaypointSensor,
+        roads: Sequence[PathComponent],
+        speeds: SpeedTable,
+        n: int = 1,
+        *,
+        corridor: float,
+        disturbances: Sequence[Disturber | None] = (),
+        seed: int = 0,
+        shared: Shared | None = None,
+        fine: bool = False,
+        lesson: Lesson | None = None,
+        memory: int = 0,
+    ) -> None:
+        """Prepare ``n`` vehicles; :meth:`begin` each before the first step.
+
+        Args:
+            plant: what moves them.
+            vehicle: the true vehicle.
+            sensor: what measures.
+            roads: each drive is on one of them.
+            speeds: demands by vehicle over the bank of roads; rows are rewritten by ``begin``.
+            n: number of vehicles.
+            corridor: its half width [m].
+            disturbances: beside the sensor's and the plant's own; None is none.
+            seed: of the sensor's errors and of disturbances that draw by themselves.
+            shared: a plant to drive instead of the plant's own; who made it closes it.
+            fine: keep the accelerations of every integration step, in the fleet for one step.
+            lesson: features, reward and meaning of the actions; None: actions are steering
+                commands.
+            memory: width of the learner's memory.
+
+        Raises:
+            ConfigError: the plant drives one vehicle, and more are wanted.
+            PlantError: it cannot be reached.
+        """
+        self.n, self.dt, self.sensor, self.lesson = n, plant.dt, sensor, lesson
+        declared = [sensor.make(n, seed), *plant.disturbances(n, seed), *disturbances]
+        self._disturbers = [one for one in declared if one is not None]
+        table = vehicle.table
+        self.world = World(
+            vehicles=table._replace(rows=np.repeat(table.rows, n, axis=0)),
+            paths=stack(road.table for road in roads),
+            speed=speeds,
+            weights=sensor.fit_weights(),
+            spacing=sensor.spacing,
+            h=plant.h,
+            substeps=plant.substeps(),
+            dt=plant.dt,
+            corridor=corridor,
+        )
+        errors = any(one.errors for one in self._disturbers)
+        self.fleet: Fleet = kernel.empty_fleet(
+            n,
+            sensor.count,
+            errors=observe.N_MEASURED if errors else 0,
+            shifts=sensor.count if sensor.error_range > 0.0 else 0,
+            fine=self.world.substeps if fine else 0,
+            memory=memory,
+            features=0 if lesson is None else len(lesson.scale),
+        )
+        self.fleet.delay[:] = plant.delay_of(vehicle)
+        self.rngs = [np.random.default_rng(seed) for _ in range(n)]
+        self._times = np.zeros(n)
+        self.mover: Mover = make_mover(plant, vehicle, roads, n, shared)
+
+    def begin(self, i: int, road: int, s: float, pose: Pose, v: float, profile: Profile) -> None:
+        """Put vehicle ``i`` at the start of a drive and measure there.
+
+        Args:
+            i: the vehicle.
+            road: number of its road.
+            s: arc length there [m].
+            pose: where it is and where its velocity points; it turns steadily with the road's
+                curvature at ``s``.
+            v: its speed [m/s].
+            profile: its demand of speed.
+        """
+        world, fleet, rng = self.world, self.fleet, self.rngs[i]
+        fleet.path[i] = road
+        write_profile(profile, i, world.speed.rows, world.speed.times, world.speed.speeds)
+        kappa = paths.at(world.paths, road, s)[3]
+        self.mover.begin(world, fleet, i, pose, v, kappa)
+        state, clock = fleet.state[i], fleet.clock[i]
+        clock[:] = 0.0
+        clock[kernel.CLOCK_INTEGRAL] = state[car.THROTTLE] - state[car.BRAKE]
+        clock[kernel.CLOCK_LIMIT] = clock[kernel.CLOCK_GOAL] = np.inf
+        observe.track(world.paths, road, state, s, fleet.tracking[i])
+        fleet.memory[i], fleet.inputs[i] = 0.0, 0.0
+        fleet.sent[i] = 0.0
+        fleet.ended[i] = kernel.RUNNING
+        for one in self._disturbers:
+            one.begin(world, fleet, i, rng)
+
+    def limit(self, i: int, seconds: float, distance: float) -> None:
+        """End the drive of vehicle ``i`` after a time [s] or a distance along its road [m]."""
+        clock = self.fleet.clock[i]
+        clock[kernel.CLOCK_LIMIT], clock[kernel.CLOCK_GOAL] = seconds, distance
+
+    def look(self, i: int) -> None:
+        """Measure vehicle ``i`` where it is."""
+        self._sense(i, self.time(i))
+        kernel.look(self.world, self.fleet, i)
+
+    def step(self, actions: FloatArray) -> None:
+        """One control step of all vehicles; the caller begins anew those whose drive ended.
+
+        Raises:
+            PlantError: the plant failed.
+        """
+        fleet = self.fleet
+        for i in range(self.n) if self._disturbers else ():
+            fleet.bounds[i] = -1.0, 1.0
+            for one in self._disturbers:
+                one.act(self.world, fleet, i, self.time(i))
+            self._sense(i, float((fleet.clock[i, kernel.CLOCK_STEPS] + 1.0) * self.dt))
+        self.mover.step(self.world, self.fleet, self.lesson, actions)
+
+    def _sense(self, i: int, time: float) -> None:
+        fleet = self.fleet
+        if fleet.errors.shape[1]:
+            fleet.errors[i] = 0.0
+        fleet.arrives[i] = kernel.MEASURED
+        for one in self._disturbers:
+            one.sense(self.world, fleet, i, time, self.rngs[i])
+        if fleet.arrives[i] != kernel.DROPPED:
+            self._times[i] = time
+
+    def time(self, i: int) -> float:
+        """Time since the drive of vehicle ``i`` began [s]."""
+        return float(self.fleet.clock[i, kernel.CLOCK_STEPS] * self.dt)
+
+    def observation(self, i: int) -> Observation:
+        """What a controller of vehicle ``i`` gets now."""
+        row = self.fleet.rows[i].copy()  # controllers may keep it
+        time = float(self._times[i]) if self._disturbers else self.time(i)
+        return to_observation(row, time, self.sensor.spacing)
+
+    def arrays(self) -> dict[str, Any]:
+        """Every array that changes while driving."""
+        speed = self.world.speed
+        return {
+            **self.fleet._asdict(),
+            "cars": self.world.vehicles.rows,
+            "speed_rows": speed.rows,
+            "speed_times": speed.times,
+            "speed_speeds": speed.speeds,
+            "times": self._times,
+        }
+
+    def snapshot(self) -> dict[str, Any]:
+        """What changes while driving beside the arrays."""
+        return {
+            "generators": [rng.bit_generator.state for rng in self.rngs],
+            "disturbers": {str(k): one.snapshot() for k, one in enumerate(self._disturbers)},
+        }
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Go on from a snapshot, once the arrays are restored."""
+        for rng, state in zip(self.rngs, saved["generators"], strict=True):
+            rng.bit_generator.state = state
+        for k, one in enumerate(self._disturbers):
+            one.restore(saved["disturbers"][str(k)])
+        self.mover.lose()
+
+    def close(self) -> None:
+        """Release the plant, if there is one; may be called twice."""
+        self.mover.close()
