@@ -12,7 +12,7 @@ from typing import ClassVar, Protocol, final
 from steersman.config import Component, param, register
 from steersman.kernels import encode as kernel
 from steersman.kernels import observe
-from steersman.kernels.formula import Formula, Group, compiled, numbers_of
+from steersman.kernels.formula import Formula, Group, compiled, own_group
 from steersman.types import Observation
 
 # The formulas that renew a feature's cells.
@@ -107,8 +107,7 @@ class Feature(Component):
     def formulas(self) -> dict[str, Formula]:
         """The compiled formulas by name."""
         found = {name: getattr(type(self), name, None) for name in ("value", *UPDATES)}
-        own = Group({name: k for k, name in enumerate(numbers_of(self))})
-        groups = {"seen": _SEEN, "loop": _LOOP, "self": own, "memory": Group({})}
+        groups = {"seen": _SEEN, "loop": _LOOP, "self": own_group(self), "memory": Group({})}
         return {name: compiled(each, groups) for name, each in found.items() if each is not None}
 
 

@@ -12,6 +12,10 @@ from pathlib import Path as FilePath
 
 import pytest
 
+from steersman.controllers.policy import Policy
+from steersman.errors import DataError
+from steersman.vehicles import CarlaModel3
+
 from .pages import ROOT
 
 EXAMPLE = ROOT / "examples" / "steersman_example_plugin"
@@ -29,6 +33,18 @@ for _ in range(100):
     _, _, terminated, _, info = env.step(action)
     assert not terminated
 """
+
+
+TRAINED = [
+    "problem.encoding.kind=list",
+    "problem.encoding.features=[road_curvatures, v_x, yaw_rate, steer, lateral_error, "
+    "heading_error, last_command, {kind: lateral_acceleration_ahead, waypoints: 4}]",
+    "problem.task.terms=[{kind: calm, weight: 0.02}]",
+    "steps=400",
+    "agent={hidden: [8, 8], batch: 16, buffer: 500, vehicles: 4, learning_starts: 100}",
+    "validation={vehicles: 2, interval: 200}",
+    "problem.episode_time=4.0",
+]
 
 
 @pytest.fixture(scope="module")
@@ -86,6 +102,25 @@ def test_its_own_tests_and_the_contract_hold(installed: FilePath) -> None:
 
 def test_it_demonstrates(installed: FilePath) -> None:
     python(installed, "-c", IMITATE)
+
+
+def test_its_feature_and_reward_train_and_are_delivered(
+    installed: FilePath, tmp_path: FilePath
+) -> None:
+    out, delivered = tmp_path / "trained", tmp_path / "c"
+    python(installed, "-c", COMMAND, "train", *TRAINED, "--out", str(out))
+    policy = f"controller.file={out / 'policy.onnx'}"
+    drive = ["drive", "controller=policy", policy, "path=circle", "duration=1"]
+    python(installed, "-c", COMMAND, *drive)
+    told = python(
+        installed, "-c", COMMAND, "export", str(out), "--to", "c", "--out", str(delivered)
+    )
+    source = (delivered / "steersman_trained.c").read_text(encoding="utf-8")
+    assert "f7_lateral_acceleration_ahead(" in source
+    with pytest.raises(DataError) as fault:
+        Policy(file=str(out / "policy.onnx")).init(CarlaModel3(), 0.05)
+    assert "unknown feature 'lateral_acceleration_ahead'" in str(fault.value)
+    assert "steersman-example-plugin 0.1.0" in str(fault.value)
 
 
 def test_without_it_nothing_of_it_is_known() -> None:

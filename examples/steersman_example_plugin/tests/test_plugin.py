@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 
 import pytest
+from steersman_example.learning import Calm, LateralAccelerationAhead
 
 from steersman.config import build, components, resolve
+from steersman.contracts.feature import check as feature_findings
 from steersman.contracts.metric import check
+from steersman.contracts.reward import check as reward_findings
 from steersman.errors import ConfigError
 from steersman.metrics.base import metrics, summarise
 from steersman.paths.base import PathComponent
@@ -18,7 +21,9 @@ from steersman.rollout import RunConfig, run
     ("family", "kind"),
     [
         ("controller", "vector_field"),
+        ("feature", "lateral_acceleration_ahead"),
         ("metric", "share_beyond_20cm"),
+        ("reward", "calm"),
         ("path", "stadium"),
         ("vehicle", "kei_car"),
     ],
@@ -37,6 +42,12 @@ def test_it_follows_a_road() -> None:
 
 def test_the_metric_fulfils_its_contract() -> None:
     assert check(metrics()["share_beyond_20cm"]) == []
+
+
+def test_feature_and_reward_term_fulfil_their_contracts() -> None:
+    assert feature_findings(LateralAccelerationAhead()) == []
+    assert feature_findings(LateralAccelerationAhead(waypoints=2)) == []
+    assert reward_findings(Calm()) == []
 
 
 def test_the_stadium_closes_and_turns_once() -> None:

@@ -16,6 +16,7 @@ from steersman.kernels import encode as kernel
 from steersman.kernels import observe
 from steersman.kernels.encode import EncodingTable
 from steersman.policy_file import PolicyCard, locate, read_policy
+from steersman.provenance import missing_plugins
 from steersman.sensing import to_observation
 from steersman.types import FloatArray, Observation, Status
 from steersman.vehicles import Vehicle
@@ -175,7 +176,12 @@ def card_layout(card: PolicyCard) -> Layout:
         DataError: the card contradicts itself.
         ConfigError: its encoding is unknown or holds values that are not allowed.
     """
-    encoding = resolve("encoding", card.encoding)
+    try:
+        encoding = resolve("encoding", card.encoding)
+    except ConfigError as error:
+        lost = ", ".join(missing_plugins(card.versions))
+        more = f"; the policy was made with {lost}, which is not installed" if lost else ""
+        raise ConfigError(error.what + more, error.where) from None
     assert isinstance(encoding, EncodingComponent)
     action = "direct" if card.rate_limit is None else "rate"
     if card.base is not None:

@@ -16,6 +16,7 @@ _OPERATORS: dict[type, str] = {
     ast.USub: "-", ast.UAdd: "+", ast.Not: "!", ast.And: " && ", ast.Or: " || ",
     ast.Eq: "==", ast.NotEq: "!=", ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=",
 }  # fmt: skip
+_TWO = 2
 _WHOLE_ONLY = (ast.FloorDiv, ast.Mod)
 # Functions of math, and Python's own, by their names in C.
 _FUNCTIONS = {
@@ -30,15 +31,22 @@ _FUNCTIONS = {
 class Writer:
     """Writes the formulas of one feature.
 
-    ``numbers`` gives the C expression of each number, such as ``seen.v_x`` or ``self.half``;
-    ``pairs`` that of each row of pairs, such as ``seen.preview``; ``memory`` that of the cells.
+    Each gives the C text of what stands in a formula: ``numbers`` of single numbers, such as
+    ``seen.v_x``; ``whole`` of whole numbers, such as ``self.count``; ``pairs`` of rows of pairs,
+    such as ``seen.preview``; ``memory`` of the cells.
     """
 
     def __init__(
-        self, kind: str, numbers: Mapping[str, str], pairs: Mapping[str, str], memory: str
+        self,
+        kind: str,
+        numbers: Mapping[str, str],
+        whole: Mapping[str, int],
+        pairs: Mapping[str, str],
+        memory: str,
     ) -> None:
         """Keep what the names mean."""
-        self.kind, self.numbers, self.pairs, self.memory = kind, numbers, pairs, memory
+        self.kind, self.numbers, self.whole = kind, numbers, whole
+        self.pairs, self.memory = pairs, memory
         self._globals: dict[str, Any] = {}
         self._locals: set[str] = set()
 
@@ -134,7 +142,10 @@ class Writer:
         own = module is None or (isinstance(module, ModuleType) and module.__name__ == "math")
         if name not in _FUNCTIONS or not own:
             raise self._fault(function, ast.unparse(function))
-        return f"{_FUNCTIONS[name]}({', '.join(map(self.real, arguments))})"
+        written = [self.real(each) for each in arguments]
+        while name in {"min", "max"} and len(written) > _TWO:
+            written[:_TWO] = [f"{_FUNCTIONS[name]}({written[0]}, {written[1]})"]
+        return f"{_FUNCTIONS[name]}({', '.join(written)})"
 
     def _number(self, node: ast.expr) -> str:
         text = ast.unparse(node)
@@ -157,6 +168,8 @@ class Writer:
                 return str(value)
             case ast.Name("i"):
                 return "i"
+            case ast.Attribute() if ast.unparse(node) in self.whole:
+                return str(self.whole[ast.unparse(node)])
             case ast.BinOp(left, operator, right) if not isinstance(operator, ast.Div | ast.Pow):
                 sign = self._sign(node, operator)
                 return f"({self._whole(left)} {sign} {self._whole(right)})"

@@ -19,7 +19,7 @@ from steersman.delivery.source import Source, controller
 from steersman.encoding import Layout
 from steersman.errors import DataError
 from steersman.features import UPDATES, Feature
-from steersman.kernels.formula import numbers_of
+from steersman.kernels.formula import numbers_of, own_group
 from steersman.policy_file import PolicyCard
 
 # Hidden values beyond this leave no room for what is done with them in float32.
@@ -229,7 +229,8 @@ def _writer(p: Parts, feature: Feature, first: int) -> Writer:
         "loop.spacing": f"{prefix}_SPACING",
     }
     cells = f"(state->memory + {first})" if first else "state->memory"
-    return Writer(feature.kind, numbers, {"seen.preview": "told->preview"}, cells)
+    whole = {f"self.{name}": getattr(feature, name) for name in own_group(feature).whole}
+    return Writer(feature.kind, numbers, whole, {"seen.preview": "told->preview"}, cells)
 
 
 def _formulas(p: Parts) -> dict[str, str]:

@@ -13,6 +13,7 @@ import ctypes
 import hashlib
 import inspect
 import math
+import re
 import textwrap
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -39,6 +40,8 @@ class Group(NamedTuple):
     """Place of each name in the row."""
     pairs: tuple[str, int] | None = None
     """Name of the pairs, which are read as ``seen.preview[j, 0]``, and where they begin."""
+    whole: tuple[str, ...] = ()
+    """Names of whole numbers, which may be indices."""
 
 
 class Formula(NamedTuple):
@@ -80,7 +83,10 @@ class _Columns(ast.NodeTransformer):
             known = ", ".join(group.columns) or "nothing"
             raise ConfigError(f"{self.where}: there is no {name}.{node.attr}; it has {known}")
         place = ast.Constant(group.columns[node.attr])
-        return ast.Subscript(node.value, place, ast.Load())
+        number = ast.Subscript(node.value, place, ast.Load())
+        if node.attr in group.whole:
+            return ast.Call(ast.Name("int", ast.Load()), [number], [])
+        return number
 
     def _group(self, node: ast.expr) -> Group | None:
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
@@ -92,6 +98,13 @@ def numbers_of(component: Any) -> dict[str, float]:
     """The fields of a component that are numbers or switches, which its formulas can read."""
     values = {name: getattr(component, name) for name in type(component).model_fields}
     return {name: float(value) for name, value in values.items() if isinstance(value, int | float)}
+
+
+def own_group(component: Any) -> Group:
+    """The group ``self`` of a component's formulas."""
+    names = numbers_of(component)
+    whole = tuple(name for name in names if type(getattr(component, name)) is int)
+    return Group({name: k for k, name in enumerate(names)}, None, whole)
 
 
 def parse(function: Callable[..., float]) -> ast.FunctionDef:
@@ -128,12 +141,12 @@ def compiled(function: Callable[..., float], groups: Mapping[str, Group]) -> For
 
 
 def _frozen(group: Group) -> Any:
-    return tuple(group.columns.items()), group.pairs
+    return tuple(group.columns.items()), group.pairs, group.whole
 
 
 @cache
 def _compiled(function: Callable[..., float], frozen: tuple[tuple[str, Any], ...]) -> Formula:
-    groups = {name: Group(dict(columns), pairs) for name, (columns, pairs) in frozen}
+    groups = {name: Group(dict(columns), *rest) for name, (columns, *rest) in frozen}
     where, tree = _name(function), parse(function)
     names = [*groups, *(f"unused_{k}" for k in range(4 - len(groups))), "i"]
     for argument in tree.args.args:
@@ -162,10 +175,15 @@ def _cfunc(plain: Callable[..., float], where: str) -> Any:
     except (RuntimeError, OSError):  # no folder for the cache can be written
         return compiler(_SIGNATURE, **options)(plain)
     except Exception as error:
-        line = str(error).strip().splitlines()
-        raise ConfigError(
-            f"{where}: numba cannot compile it: {line[-1] if line else ''}"
-        ) from error
+        raise ConfigError(f"{where}: numba cannot compile it: {_reason(error)}") from error
+
+
+def _reason(error: Exception) -> str:
+    """The line of numba's message that says what is wrong."""
+    text = re.sub(r"\x1b\[[0-9;]*m", "", str(error))
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    told = [line for line in lines if not line.startswith(("Failed in", "During:", "File "))]
+    return (told or lines or [type(error).__name__])[0]
 
 
 # What has to stay in memory as long as its address is used, and what it has raised.

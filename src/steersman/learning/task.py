@@ -16,7 +16,15 @@ from pydantic import field_serializer, field_validator
 
 from steersman.config import Component, Of, param, register, required
 from steersman.kernels import reward as kernel
-from steersman.kernels.formula import Formula, Group, check, compiled, from_python, numbers_of
+from steersman.kernels.formula import (
+    Formula,
+    Group,
+    check,
+    compiled,
+    from_python,
+    numbers_of,
+    own_group,
+)
 from steersman.kernels.reward import RewardTable
 from steersman.kernels.vehicle import STEER
 from steersman.types import FloatArray
@@ -74,8 +82,8 @@ class RewardTerm(Component):
 
     def formula(self) -> Formula:
         """The compiled formula."""
-        own = Group({name: k for k, name in enumerate(numbers_of(self))})
-        return compiled(type(self).value, {"step": _STEP, "unused": Group({}), "self": own})
+        groups = {"step": _STEP, "unused": Group({}), "self": own_group(self)}
+        return compiled(type(self).value, groups)
 
 
 @register("reward", "progress")
