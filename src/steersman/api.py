@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from steersman.bench.results import BenchResult
     from steersman.controllers.base import ControllerComponent
     from steersman.episode import Episode
+    from steersman.learning.task import Judged
     from steersman.rollout import Attempt
     from steersman.studies.compare.results import DriveCompareResult, ScenarioCompareResult
     from steersman.studies.findings import FalsifyResult
@@ -184,6 +185,7 @@ def drive_metrics(episode: Episode) -> dict[str, Any]:
 def train(
     *words: Word,
     out: _Folder,
+    reward: Callable[[Judged], float] | None = None,
     overwrite: bool = False,
     resume: bool = False,
     progress: Callable[[dict[str, float]], None] | None = None,
@@ -198,6 +200,7 @@ def train(
     Args:
         words: a preset or a YAML file, assignments, components, or a ``TrainConfig``.
         out: folder for policy, record, checkpoints and logs.
+        reward: a further term of the reward as a Python function of each judged step.
         overwrite: whether an earlier training in ``out`` is replaced.
         resume: go on from the last checkpoint in ``out``.
         progress: called at every validation with the new row of ``progress.csv``.
@@ -213,6 +216,8 @@ def train(
     from steersman.learning.train import train as run
 
     chosen = configuration("train", words, settings, notify)
+    if reward is not None:
+        chosen = chosen.rewarded(reward)
     return run(
         chosen,
         FilePath(out),

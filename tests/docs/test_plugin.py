@@ -112,9 +112,7 @@ def test_its_feature_and_reward_train_and_are_delivered(
     policy = f"controller.file={out / 'policy.onnx'}"
     drive = ["drive", "controller=policy", policy, "path=circle", "duration=1"]
     python(installed, "-c", COMMAND, *drive)
-    told = python(
-        installed, "-c", COMMAND, "export", str(out), "--to", "c", "--out", str(delivered)
-    )
+    python(installed, "-c", COMMAND, "export", str(out), "--to", "c", "--out", str(delivered))
     source = (delivered / "steersman_trained.c").read_text(encoding="utf-8")
     assert "f7_lateral_acceleration_ahead(" in source
     with pytest.raises(DataError) as fault:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import steersman as sm
 from steersman.config import build
 from steersman.errors import ConfigError
 from steersman.kernels import reward as kernel
@@ -26,7 +28,7 @@ from steersman.learning.task import (
     TaskComponent,
 )
 
-from .problems import problem
+from .problems import problem, tiny
 
 REAL = st.floats(-3.0, 3.0)
 STEERS = st.floats(-1.0, 1.0)
@@ -209,6 +211,21 @@ def test_a_python_function_is_not_read_from_a_file() -> None:
     given_by_name = {"task": {"terms": [{"kind": "function", "function": "calm"}]}}
     with pytest.raises(ConfigError, match=r"task\.terms.*a file cannot hold a Python function"):
         build(Problem, given_by_name)
+
+
+def test_training_takes_a_python_function(tmp_path: FilePath) -> None:
+    seen = []
+
+    def calm(step: Judged) -> float:
+        seen.append(step.speed)
+        return -(step.yaw_rate**2)
+
+    config = tiny(steps=300, validation={"interval": 300})
+    file = sm.train(config, reward=calm, out=tmp_path / "calm")
+    assert len(seen) >= 300
+    assert file.is_file()
+    with pytest.raises(ConfigError, match="a file cannot hold a Python function"):
+        sm.train(str(tmp_path / "calm" / "config.yaml"), out=tmp_path / "again")
 
 
 # --------------------------------------------------------------------------- the one sum

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import field_validator, model_validator
@@ -12,6 +12,7 @@ from steersman.errors import ConfigError
 from steersman.learning.algorithms.base import AgentComponent
 from steersman.learning.algorithms.ddpg import Ddpg
 from steersman.learning.problem import CARS_DIFFER, Problem
+from steersman.learning.task import FunctionTerm, Judged
 from steersman.paths.base import PathComponent
 from steersman.paths.random_road import RandomRoad
 from steersman.plants.base import has_one_car
@@ -84,6 +85,13 @@ class TrainConfig(Settings):
                 ("agent", "vehicles"),
             )
         return self
+
+    def rewarded(self, function: Callable[[Judged], float]) -> TrainConfig:
+        """The same training with a Python function as a further term of the reward."""
+        task = self.problem.task
+        terms = (*task.terms, FunctionTerm(function=function))
+        changed = {"task": task.model_copy(update={"terms": terms})}
+        return self.model_copy(update={"problem": self.problem.model_copy(update=changed)})
 
 
 # Drives of a validation where they come one after the other.
