@@ -29,9 +29,8 @@ from steersman.bench.suite import CLEAN, Scenario
 from steersman.bench.suites import core
 from steersman.config import dump
 from steersman.files import make_folder, write_text
-from steersman.learning.config import TrainConfig
+from steersman.learning.config import TrainConfig, load_preset, train_config
 from steersman.learning.parallel import Event, Job, train_all
-from steersman.learning.train import load_preset, train_config
 from steersman.provenance import provenance
 
 NEVER = {"kind": "constant", "at": 0.0}
@@ -183,7 +182,7 @@ def main() -> None:
 
     def tell(event: Event) -> None:
         if event.row is not None:
-            error = event.row["validation_error_mm"]
+            error = event.row.validation_error_mm
             sys.stderr.write(f"{event.job.name}: {event.steps:.0f} steps, {error:.4g} mm\n")
 
     todo = jobs(given.seeds, given.steps, given.runs)

@@ -28,9 +28,9 @@ from steersman.controllers.mpc_pid import MpcPid
 from steersman.files import write_text
 from steersman.kernels import step as lessons
 from steersman.kernels import world as kernel
+from steersman.learning.config import load_preset, train_config
 from steersman.learning.fleet import FleetDriver
 from steersman.learning.problem import Problem
-from steersman.learning.train import load_preset, train_config
 from steersman.learning.vec_env import PathFollowingVecEnv
 from steersman.provenance import provenance
 from steersman.sensing import to_observation

@@ -20,8 +20,7 @@ from stable_baselines3.common.logger import Logger
 
 from steersman.files import write_text
 from steersman.learning.arithmetic import arithmetic
-from steersman.learning.config import TrainConfig
-from steersman.learning.train import load_preset, train_config
+from steersman.learning.config import TrainConfig, load_preset, train_config
 from steersman.learning.vec_env import PathFollowingVecEnv
 from steersman.provenance import provenance
 

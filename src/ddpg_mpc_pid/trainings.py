@@ -53,7 +53,7 @@ def run_trainings(plan: Plan, runs: FilePath, progress: Progress) -> dict[str, A
             steps[event.job.name] = event.steps
         done = sum(steps[job.name] >= job.config.steps for job in every)
         if event.row is not None:
-            error = event.row["validation_error_mm"]
+            error = event.row.validation_error_mm
             text = f"{event.job.name}: {event.steps:.0f} steps, error {error:.3g} mm"
             progress(done, len(every), sum(steps.values()) / total, text)
 

@@ -22,7 +22,10 @@ if TYPE_CHECKING:
     from steersman.bench.results import BenchResult
     from steersman.controllers.base import ControllerComponent
     from steersman.episode import Episode
+    from steersman.learning.imitation.imitate import ImitationResult
+    from steersman.learning.progress import ImitationRow, TrainRow
     from steersman.learning.task import Judged
+    from steersman.learning.train import TrainResult
     from steersman.rollout import Attempt
     from steersman.studies.compare.results import DriveCompareResult, ScenarioCompareResult
     from steersman.studies.findings import FalsifyResult
@@ -188,12 +191,12 @@ def train(
     reward: Callable[[Judged], float] | None = None,
     overwrite: bool = False,
     resume: bool = False,
-    progress: Callable[[dict[str, float]], None] | None = None,
+    progress: Callable[[TrainRow], None] | None = None,
     tick: Callable[[int], None] | None = None,
     notify: Notify | None = None,
     **settings: Any,
-) -> FilePath:
-    """Train an agent while a controller demonstrates; the file of its policy.
+) -> TrainResult:
+    """Train an agent while a controller demonstrates; ``result.policy`` is the policy's file.
 
     ``sm.train("demo", "agent.gamma=0.9", steps=100_000, out="runs/agent")``
 
@@ -234,12 +237,12 @@ def imitate(
     out: _Folder,
     overwrite: bool = False,
     resume: bool = False,
-    progress: Callable[[dict[str, float]], None] | None = None,
+    progress: Callable[[ImitationRow], None] | None = None,
     tick: Callable[[float], None] | None = None,
     notify: Notify | None = None,
     **settings: Any,
-) -> FilePath:
-    """Fit a network to a controller's actions; the file of its policy.
+) -> ImitationResult:
+    """Fit a network to a controller's actions; ``result.policy`` is the policy's file.
 
     ``sm.imitate("precision", "problem.demonstration.controller=mpc_delay", out="runs/dagger")``
 

@@ -15,6 +15,7 @@ from steersman.learning.config import TrainConfig
 from steersman.learning.env import PathFollowingEnv
 from steersman.learning.fleet import FleetDriver
 from steersman.learning.problem import Problem
+from steersman.learning.progress import TrainRow
 from steersman.learning.train import train
 from steersman.learning.validate import Validator
 from steersman.plants.carla import CarlaConfig
@@ -110,14 +111,14 @@ def test_hundreds_of_steps_of_training_and_the_policy_drives(
     carla: CarlaConfig, raw: Any, tmp_path: FilePath
 ) -> None:
     task = merge(PROBLEM, {"plant": carla, "episode_time": 2.0})
-    rows: list[dict[str, float]] = []
+    rows: list[TrainRow] = []
     config = build(TrainConfig, {**TRAIN, "problem": task})
     try:
-        policy = train(config, tmp_path / "out", rows.append)
+        policy = train(config, tmp_path / "out", rows.append).policy
     finally:
         torch.set_flush_denormal(False)
-    assert [row["steps"] for row in rows] == [150, 300]
-    assert rows[-1]["updates"] == pytest.approx(200, abs=1)
+    assert [row.steps for row in rows] == [150, 300]
+    assert rows[-1].updates == pytest.approx(200, abs=1)
     assert left_behind(raw) == (False, 0)
     driver = {"kind": "policy", "file": str(policy)}
     words: dict[str, Any] = {"controller": driver, "duration": 1.0}

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path as FilePath
+from types import SimpleNamespace
 from typing import Any
 
 import numba
@@ -23,6 +24,7 @@ from steersman.config import build, components, families, read_yaml, resolve, to
 from steersman.episode import load_episode
 from steersman.errors import ConfigError, DataError
 from steersman.learning.config import TrainConfig
+from steersman.learning.progress import TrainRow
 from steersman.metrics.base import metrics
 from steersman.rollout import RunConfig
 from steersman.types import Decision
@@ -370,11 +372,11 @@ class TestTrain:
         """What was asked for; nothing is trained."""
         asked: list[TrainConfig] = []
 
-        def train(config: TrainConfig, out: FilePath, reporter: Any, **_: Any) -> FilePath:
+        def train(config: TrainConfig, out: FilePath, reporter: Any, **_: Any) -> SimpleNamespace:
             asked.append(config)
-            row = {"reward_mean": 0.51, "validation_error_mm": 12.3, "off_track_resets": 4.0}
-            reporter({"steps": 500.0, **row})
-            return out / "policy.onnx"
+            scores = {"reward_mean": 0.51, "validation_error_mm": 12.3, "off_track_resets": 4.0}
+            reporter(TrainRow(steps=500.0, **scores))
+            return SimpleNamespace(policy=out / "policy.onnx")
 
         monkeypatch.setattr("steersman.learning.train.train", train)
         return asked
@@ -449,11 +451,15 @@ class TestTrain:
         with pytest.raises(ModuleNotFoundError):
             steersman("train", "--out", "agent")
 
-    def test_a_finished_training_says_so(self, steersman: Steersman, tmp_path: FilePath) -> None:
+    def test_a_finished_training_says_so(
+        self, steersman: Steersman, monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath
+    ) -> None:
         (tmp_path / "agent" / "checkpoints").mkdir(parents=True)
         (tmp_path / "agent" / "checkpoints" / "step_000000700.npz").touch()
         (tmp_path / "agent" / "policy.onnx").touch()
         (tmp_path / "agent" / "config.yaml").write_text(to_yaml(TrainConfig(steps=700)))
+        left = SimpleNamespace(policy=FilePath("agent/policy.onnx"))
+        monkeypatch.setattr("steersman.learning.train.load_training", lambda _: left)
         result = steersman("train", "--out", "agent", "--resume")
         assert (result.exit_code, result.stdout) == (0, "agent/policy.onnx\n")
         assert result.stderr == "agent: finished already\n"

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path as FilePath
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from typer.testing import Result
 
 from steersman.config import build, to_yaml
-from steersman.learning.config import TrainConfig
+from steersman.learning.config import TrainConfig, load_preset
 from steersman.learning.imitation.config import ImitationConfig
-from steersman.learning.train import load_preset
+from steersman.learning.progress import ImitationRow
 
 Steersman = Callable[..., Result]
 
@@ -24,12 +25,12 @@ def imitated(monkeypatch: pytest.MonkeyPatch) -> list[ImitationConfig]:
 
     def imitate(
         config: ImitationConfig, out: FilePath, reporter: Any, notify: Any, **_: Any
-    ) -> FilePath:
+    ) -> SimpleNamespace:
         asked.append(config)
         notify("pid itself")
-        row = {"validation_rms_mm": 30.25, "validation_failures": 1.0, "steer_activity": 0.0051}
-        reporter({"steps": 800.0, "loss": 0.00125, **row})
-        return out / "policy.onnx"
+        scores = {"validation_rms_mm": 30.25, "validation_failures": 1.0, "steer_activity": 0.0051}
+        reporter(ImitationRow(steps=800.0, loss=0.00125, **scores))
+        return SimpleNamespace(policy=out / "policy.onnx")
 
     monkeypatch.setattr("steersman.learning.imitation.imitate.imitate", imitate)
     return asked

@@ -22,7 +22,7 @@ from ddpg_mpc_pid.tracks import per_corner
 from steersman.cli import app
 from steersman.config import dump
 from steersman.errors import DataError, SteersmanError
-from steersman.learning import alarm
+from steersman.learning import progress
 
 
 def silent(*_: Any) -> None:
@@ -186,7 +186,7 @@ def test_any_other_failure_stops_the_study(
 
 
 def test_every_alarm_is_told_from_a_fault() -> None:
-    source = inspect.getsource(alarm.check)
+    source = inspect.getsource(progress.check_progress)
     assert source.count("raise TrainingDiverged") == source.count("agent.learning_rate") == 3
     assert trainings.DIVERGED == "agent.learning_rate"
 

@@ -11,8 +11,8 @@ from steersman import tuned
 from steersman.cli import app
 from steersman.config import build, override, to_yaml
 from steersman.episode import load_episode
+from steersman.learning.config import load_preset, train_config
 from steersman.learning.imitation.imitate import imitation_config
-from steersman.learning.train import load_preset, train_config
 from steersman.logs.write import write_episode
 from steersman.rollout import RunConfig
 from steersman.vehicles import CarlaModel3

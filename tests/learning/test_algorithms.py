@@ -25,12 +25,12 @@ from steersman.learning.algorithms.ppo import Ppo
 from steersman.learning.algorithms.sac import Sac
 from steersman.learning.algorithms.td3 import Td3
 from steersman.learning.arithmetic import arithmetic
-from steersman.learning.config import TrainConfig
+from steersman.learning.config import TrainConfig, train_config
 from steersman.learning.ddpg_update import CompiledDDPG, draw_batches
 from steersman.learning.export import network
 from steersman.learning.parallel import Job, train_all
-from steersman.learning.record import COLUMNS
-from steersman.learning.train import train, train_config
+from steersman.learning.progress import TrainRow, check_progress
+from steersman.learning.train import train
 from steersman.learning.validate import Validator
 from steersman.learning.vec_env import PathFollowingVecEnv
 
@@ -241,7 +241,7 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> dict[str, FilePath]:
 @pytest.mark.parametrize("kind", KINDS)
 def test_writes_its_record(kind: str, trained: dict[str, FilePath]) -> None:
     table = rows(trained[kind])
-    assert list(table[0]) == [name for name in COLUMNS if name != "seconds"]
+    assert list(table[0]) == [name for name in TrainRow._fields if name != "seconds"]
     assert [float(row["steps"]) for row in table[:3]] == [500.0, 1000.0, 1500.0]
     for row in table:
         empty = {name for name, value in row.items() if math.isnan(float(value))}
@@ -393,8 +393,8 @@ def test_stopped_and_resumed_is_uninterrupted(
 ) -> None:
     for at in (500, 1000):
 
-        def stop(row: dict[str, float], at: int = at) -> None:
-            if row["steps"] >= at:
+        def stop(row: Any, at: int = at) -> None:
+            if row.steps >= at:
                 raise Stopped
 
         with pytest.raises(Stopped):
@@ -410,7 +410,7 @@ def test_a_training_from_before_there_were_others_resumes(
 ) -> None:
     """Its config.yaml names no algorithm."""
 
-    def stop(row: dict[str, float]) -> None:
+    def stop(row: Any) -> None:
         raise Stopped
 
     with pytest.raises(Stopped):
@@ -456,11 +456,8 @@ def test_a_training_that_diverges_says_so(kind: str, tmp_path: FilePath) -> None
 
 
 def test_td3s_actor_has_no_loss_before_its_turn() -> None:
-    from steersman.learning import alarm
-
-    row = {"updates": 2.0, "actor_loss": math.nan, "critic_loss": 0.1, "q_mean": 0.0}
-    row["saturated_share"] = 0.0
+    row = TrainRow(updates=2.0, critic_loss=0.1, q_mean=0.0, saturated_share=0.0)
     given: Any = SimpleNamespace(agent=Td3(policy_delay=3), validation=None)
-    alarm.check(given, [row], 1.0)
+    check_progress(given, [row], 1.0)
     with pytest.raises(TrainingDiverged, match="not finite"):
-        alarm.check(given, [{**row, "updates": 3.0}], 1.0)
+        check_progress(given, [row._replace(updates=3.0)], 1.0)

@@ -11,9 +11,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from steersman.config import override
 from steersman.errors import ConfigError
-from steersman.learning.config import TrainConfig
+from steersman.learning.config import TrainConfig, train_config
 from steersman.learning.networks import WeightAverage
-from steersman.learning.train import _Training, train_config
+from steersman.learning.train import _Training
 from steersman.policy_file import read_policy
 
 from .problems import tiny

@@ -11,8 +11,8 @@ import pytest
 
 from steersman.controllers.policy import Policy, load_network
 from steersman.kernels.encode import FEATURE_LIMIT
+from steersman.learning.config import TrainConfig
 from steersman.learning.export import export_policy, network
-from steersman.learning.train import TrainConfig
 from steersman.learning.vec_env import PathFollowingVecEnv
 
 from ..loops import Posed, drive, random_net, random_policy

@@ -18,7 +18,8 @@ from steersman.learning.fleet import FleetDriver
 from steersman.learning.imitation.collect import Dataset, Drives, Driving, collect
 from steersman.learning.imitation.config import FitConfig, ImitationConfig
 from steersman.learning.imitation.fit import Regression, SampleDraw, descend
-from steersman.learning.imitation.imitate import COLUMNS, imitate, imitation_config
+from steersman.learning.imitation.imitate import imitate, imitation_config, load_imitation
+from steersman.learning.progress import ImitationRow
 from steersman.learning.validate import Validator
 
 from ..loops import Posed, drive
@@ -63,7 +64,7 @@ def untimed(folder: FilePath) -> list[dict[str, str]]:
 def done(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
     """An imitation that nothing stopped."""
     folder = tmp_path_factory.mktemp("imitation")
-    assert imitate(config(), folder) == folder / "policy.onnx"
+    assert imitate(config(), folder).policy == folder / "policy.onnx"
     return folder
 
 
@@ -269,7 +270,7 @@ def test_writes_what_a_training_writes(done: FilePath) -> None:
         "config.yaml", "progress.csv", "checkpoints", "tensorboard", "policy.onnx", "policy.json",
     }  # fmt: skip
     table = rows(done)
-    assert list(table[0]) == list(COLUMNS)
+    assert list(table[0]) == list(ImitationRow._fields)
     assert [row["steps"] for row in table] == [400, 800, 1200]
     assert [row["updates"] for row in table] == [500, 1000, 1500]
     assert [row["demo_share"] for row in table] == [1.0, 0.0, 0.0]
@@ -336,8 +337,8 @@ class Stopped(Exception):
 def test_stopped_in_a_round_it_ends_the_same(
     done: FilePath, tmp_path: FilePath, after: int
 ) -> None:
-    def reporter(row: dict[str, float]) -> None:
-        if row["steps"] >= 400 * after:
+    def reporter(row: Any) -> None:
+        if row.steps >= 400 * after:
             raise Stopped
 
     with pytest.raises(Stopped):
@@ -390,3 +391,11 @@ def test_a_loss_that_is_not_finite_ends_it(tmp_path: FilePath) -> None:
 def test_bad_input(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         imitation_config(merge(TINY, changes))
+
+
+def test_the_result_is_read_from_its_folder(done: FilePath) -> None:
+    result = load_imitation(done)
+    assert result.config == config()
+    assert [row.steps for row in result.rows] == [400, 800, 1200]
+    assert result.best.updates == result.card.training["updates"]
+    assert result.best.validation_error_mm == min(row.validation_error_mm for row in result.rows)

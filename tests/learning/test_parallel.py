@@ -40,7 +40,7 @@ def test_each_is_as_if_it_were_alone(tmp_path: FilePath) -> None:
     for i, config in enumerate(configs):
         alone = train(config, tmp_path / f"alone_{i}")
         assert (tmp_path / f"run_{i}" / "policy.onnx").read_bytes() == alone.read_bytes()
-        rows = [e.row["steps"] for e in events if e.job.config == config and e.row is not None]
+        rows = [e.row.steps for e in events if e.job.config == config and e.row is not None]
         assert rows == [500, 600]
 
 

@@ -6,24 +6,17 @@ import csv
 import json
 import math
 from pathlib import Path as FilePath
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 
+from steersman import presets
 from steersman.config import build, read_yaml
 from steersman.controllers.policy import Policy
 from steersman.errors import ConfigError, DataError, TrainingDiverged
-from steersman.learning.config import TrainConfig
-from steersman.learning.train import (
-    COLUMNS,
-    _Training,
-    load_preset,
-    presets,
-    train,
-    train_config,
-)
+from steersman.learning.config import TrainConfig, load_preset, train_config
+from steersman.learning.progress import TrainRow, check_progress
+from steersman.learning.train import load_training, train
 from steersman.learning.validate import Validator
 
 from ..loops import Posed, drive
@@ -34,7 +27,7 @@ from .problems import problem, tiny
 def trained(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
     """Folder of a small training."""
     folder = tmp_path_factory.mktemp("train")
-    assert train(tiny(), folder) == folder / "policy.onnx"
+    assert train(tiny(), folder).policy == folder / "policy.onnx"
     return folder
 
 
@@ -58,7 +51,7 @@ def test_resolved_configuration_reads_back(trained: FilePath) -> None:
 
 def test_progress_has_a_row_for_each_validation(trained: FilePath) -> None:
     table = rows(trained)
-    assert list(table[0]) == list(COLUMNS)
+    assert list(table[0]) == list(TrainRow._fields)
     assert [row["steps"] for row in table] == [500, 1000, 1500]
     assert all(math.isfinite(row["critic_loss"]) for row in table[1:])
     assert table[-1]["updates"] == pytest.approx((1500 - 200) / 4, abs=1)
@@ -105,9 +98,9 @@ def test_same_seed_same_policy(trained: FilePath, tmp_path: FilePath) -> None:
 
 
 def test_reporter_gets_each_row(tmp_path: FilePath) -> None:
-    told: list[dict[str, float]] = []
+    told: list[TrainRow] = []
     train(tiny(steps=600), tmp_path, told.append)
-    assert [row["steps"] for row in told] == [500, 600]
+    assert [row.steps for row in told] == [500, 600]
 
 
 def test_folder_that_cannot_be_made(tmp_path: FilePath) -> None:
@@ -132,8 +125,8 @@ def test_overwriting_leaves_nothing_of_the_earlier_training(tmp_path: FilePath) 
 
 
 def test_presets_are_valid() -> None:
-    assert "demo" in presets()
-    for name in presets():
+    assert "demo" in presets.names()
+    for name in presets.names():
         train_config(load_preset(name))
     with pytest.raises(ConfigError, match="did you mean 'demo'"):
         load_preset("dmeo")
@@ -142,24 +135,13 @@ def test_presets_are_valid() -> None:
 # --------------------------------------------------------------------------------------- alarms
 
 
-def alarmed(config: TrainConfig, history: list[dict[str, float]], largest: float = 1.0) -> Any:
-    """What stands between a training's rows and its alarm."""
-    return SimpleNamespace(
-        config=config,
-        rows=history,
-        env=SimpleNamespace(largest_reward=largest),
-        _largest_reward=lambda: max(1.0, largest),
-    )
+def row(**changes: float) -> TrainRow:
+    calm = TrainRow(updates=100, actor_loss=0.1, critic_loss=0.1, q_mean=1.0, saturated_share=0.1)
+    return calm._replace(**changes)
 
 
-def row(**changes: float) -> dict[str, float]:
-    calm = {"updates": 100, "actor_loss": 0.1, "critic_loss": 0.1, "q_mean": 1.0}
-    return {**calm, "saturated_share": 0.1, **changes}
-
-
-def alarm(*history: dict[str, float], gamma: float = 0.95) -> None:
-    config = tiny(agent={"gamma": gamma})
-    _Training._alarm(alarmed(config, list(history)), history[-1])
+def alarm(*history: TrainRow, gamma: float = 0.95) -> None:
+    check_progress(tiny(agent={"gamma": gamma}), history, 1.0)
 
 
 @pytest.mark.parametrize("name", ["actor_loss", "critic_loss", "q_mean"])
@@ -229,3 +211,47 @@ def test_actions_that_are_nan_cost_the_whole_corridor() -> None:
     score = Validator(problem(), tiny().validation).score(lambda _: np.full(2, math.nan))
     assert math.isfinite(score.total)
     assert score.mean_error > 1.0
+
+
+# --------------------------------------------------------------------------------------- result
+
+
+def test_the_result_is_read_from_its_folder(trained: FilePath) -> None:
+    result = load_training(trained)
+    assert (result.config, result.seed, result.version) == (tiny(), 0, 1)
+    assert [row.steps for row in result.rows] == [500, 1000, 1500]
+    assert result.best.steps == result.card.training["steps"]
+    assert result.best in result.rows
+    assert result.seconds == result.rows[-1].seconds > 0.0
+    assert FilePath(result) == result.policy == trained / "policy.onnx"
+
+
+def test_a_record_of_another_version_is_read(trained: FilePath, tmp_path: FilePath) -> None:
+    """A column less is NaN, a column more is dropped, and an empty cell is no number."""
+    for name in ("config.yaml", "policy.onnx", "policy.json"):
+        (tmp_path / name).write_bytes((trained / name).read_bytes())
+    table = [{k: v for k, v in row.items() if k != "learning_rate"} for row in rows(trained)]
+    lines = [[*table[0], "later"], *([*row.values(), ""] for row in table)]
+    text = "\n".join(",".join(map(str, line)) for line in lines)
+    (tmp_path / "progress.csv").write_text(text, encoding="utf-8")
+    result = load_training(tmp_path)
+    assert math.isnan(result.rows[0].learning_rate)
+    assert result.best.steps == load_training(trained).best.steps
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("steps,updates\n", "holds no row"),
+        ("steps,updates\n1,many\n", "not a record of a training .*many"),
+        (None, "cannot be read"),
+    ],
+)
+def test_a_record_that_is_none_is_named(
+    trained: FilePath, tmp_path: FilePath, text: str | None, message: str
+) -> None:
+    (tmp_path / "config.yaml").write_bytes((trained / "config.yaml").read_bytes())
+    if text is not None:
+        (tmp_path / "progress.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(DataError, match=rf"progress\.csv: {message}"):
+        load_training(tmp_path)

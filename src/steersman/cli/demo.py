@@ -78,7 +78,7 @@ def _train(words: list[str], folder: FilePath) -> FilePath:
     from steersman import api
 
     config = api.configure("train", "demo", *words, notify=note)
-    return train.train_with_bar(config, folder / "training", overwrite=True)
+    return train.train_with_bar(config, folder / "training", overwrite=True).policy
 
 
 def _drive(policy: FilePath, folder: FilePath) -> list[dict[str, Any]]:

@@ -13,6 +13,8 @@ from steersman.cli.output import animated, note, steps_bar, tell_compiling, writ
 
 if TYPE_CHECKING:
     from steersman.learning.imitation.config import ImitationConfig
+    from steersman.learning.imitation.imitate import ImitationResult
+    from steersman.learning.progress import ImitationRow
 
 EXAMPLES = (
     "\b\n"
@@ -61,15 +63,15 @@ def imitate(
     folder = settings.out_folder(out)
     tell_compiling()
     try:
-        policy = imitate_with_bar(config, folder, overwrite=overwrite, resume=resume)
+        result = imitate_with_bar(config, folder, overwrite=overwrite, resume=resume)
     except KeyboardInterrupt:
         raise interrupted(folder, [folder], "the last round") from None
-    write(f"{policy}\n")
+    write(f"{result.policy}\n")
 
 
 def imitate_with_bar(
     config: ImitationConfig, folder: FilePath, *, overwrite: bool, resume: bool
-) -> FilePath:
+) -> ImitationResult:
     """Imitate, and show tracking error and the time left on stderr."""
     from steersman import api
 
@@ -78,12 +80,12 @@ def imitate_with_bar(
     with steps_bar(steps * config.rounds, "imitation", noun) as update:
         text = "imitation"
 
-        def tell(row: dict[str, float]) -> None:
+        def tell(row: ImitationRow) -> None:
             nonlocal text
             text = progress_text(row)
-            done = row["steps"]
+            done = row.steps
             if config.data:
-                done = round(row["updates"] * config.rounds / config.fit.updates)
+                done = round(row.updates * config.rounds / config.fit.updates)
             update(done, text)
 
         def tick(rounds: float) -> None:
@@ -100,9 +102,9 @@ def imitate_with_bar(
         )
 
 
-def progress_text(row: dict[str, float]) -> str:
+def progress_text(row: ImitationRow) -> str:
     """A row of ``progress.csv`` in a few words."""
     return (
-        f"RMS error {row['validation_rms_mm']:.4g} mm, failed {row['validation_failures']:.0f}, "
-        f"steering change {row['steer_activity']:.4f}, loss {row['loss']:.3g}"
+        f"RMS error {row.validation_rms_mm:.4g} mm, failed {row.validation_failures:.0f}, "
+        f"steering change {row.steer_activity:.4f}, loss {row.loss:.3g}"
     )

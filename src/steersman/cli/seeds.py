@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
@@ -16,6 +15,8 @@ from steersman.errors import ConfigError
 if TYPE_CHECKING:
     from steersman.learning.config import TrainConfig
     from steersman.learning.parallel import Event, Job
+    from steersman.learning.progress import TrainRow
+    from steersman.learning.train import TrainResult
 
 _MOST = 10_000
 
@@ -108,38 +109,38 @@ def train_seeds(
         raise typer.Exit(USER_ERROR)
 
 
-def progress_text(row: dict[str, float]) -> str:
+def progress_text(row: TrainRow) -> str:
     """A row of ``progress.csv`` in a few words."""
     return (
-        f"reward {row['reward_mean']:.3g}, error {row['validation_error_mm']:.3g} mm, "
-        f"off track {row['off_track_resets']:.0f}"
+        f"reward {row.reward_mean:.3g}, error {row.validation_error_mm:.3g} mm, "
+        f"off track {row.off_track_resets:.0f}"
     )
 
 
 def _summary(tasks: Sequence[Job], failed: dict[str, str]) -> None:
     """Validation error of each seed's best policy, the best of all marked."""
+    from steersman.learning.train import load_training
+
     out = table("seed", "error [mm]", "failures", "steps", "", right=("error [mm]", "failures"))
-    scores = {job.name: _score(job.out) for job in tasks if job.name not in failed}
-    best = min(scores, key=lambda name: scores[name]["total"], default=None)
+    results = {job.name: load_training(job.out) for job in tasks if job.name not in failed}
+    best = min(results, key=lambda name: _score(results[name]), default=None)
     for job in tasks:
-        score = scores.get(job.name)
-        if score is None:
+        result = results.get(job.name)
+        if result is None:
             out.add_row(str(job.config.seed), "-", "-", "-", "failed")
             continue
         out.add_row(
             str(job.config.seed),
-            f"{1e3 * score['mean_error']:.4g}",
-            f"{score['failures']:.0f}",
-            f"{score['steps']:.0f}",
+            f"{result.best.validation_error_mm:.4g}",
+            f"{result.best.validation_failures:.0f}",
+            f"{result.best.steps:.0f}",
             "best" if job.name == best else "",
         )
     show(out)
     if best is not None:
-        chosen = next(job for job in tasks if job.name == best)
-        write(f"best policy: {chosen.out / 'policy.onnx'}\n")
+        write(f"best policy: {results[best].policy}\n")
 
 
-def _score(folder: FilePath) -> dict[str, float]:
-    """What the card of a training's policy says about its validation."""
-    training = json.loads((folder / "policy.json").read_text(encoding="utf-8"))["training"]
-    return {**training["validation"], "steps": training["steps"]}
+def _score(result: TrainResult) -> float:
+    """What selects the best policy [m]; smaller is better."""
+    return float(result.card.training["validation"]["total"])

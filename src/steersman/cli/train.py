@@ -14,6 +14,8 @@ from steersman.errors import ConfigError
 
 if TYPE_CHECKING:
     from steersman.learning.config import TrainConfig
+    from steersman.learning.progress import TrainRow
+    from steersman.learning.train import TrainResult
 
 EXAMPLES = (
     "\b\n"
@@ -71,10 +73,10 @@ def train(
         seeds.train_seeds(config, chosen, folder, jobs, overwrite=overwrite, resume=resume)
         return
     try:
-        policy = train_with_bar(config, folder, overwrite=overwrite, resume=resume)
+        result = train_with_bar(config, folder, overwrite=overwrite, resume=resume)
     except KeyboardInterrupt:
         raise interrupted(folder, [folder], "the last checkpoint") from None
-    write(f"{policy}\n")
+    write(f"{result.policy}\n")
 
 
 def _resumed(out: str, chosen: list[int] | None) -> list[str]:
@@ -86,17 +88,17 @@ def _resumed(out: str, chosen: list[int] | None) -> list[str]:
 
 def train_with_bar(
     config: TrainConfig, folder: FilePath, *, overwrite: bool, resume: bool = False
-) -> FilePath:
+) -> TrainResult:
     """Train, and show reward, tracking error, off-track resets and the time left on stderr."""
     from steersman import api
 
     with steps_bar(config.steps, "training") as update:
         text = "training"
 
-        def tell(row: dict[str, float]) -> None:
+        def tell(row: TrainRow) -> None:
             nonlocal text
             text = seeds.progress_text(row)
-            update(row["steps"], text)
+            update(row.steps, text)
 
         def tick(steps: int) -> None:
             update(steps, text)

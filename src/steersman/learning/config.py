@@ -7,8 +7,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import field_validator, model_validator
 
-from steersman.config import Of, Settings, build, override, param
-from steersman.errors import ConfigError
+from steersman import presets
+from steersman.config import Of, Settings, build, override, param, read_yaml
+from steersman.errors import ConfigError, suggestion
 from steersman.learning.algorithms.base import AgentComponent
 from steersman.learning.algorithms.ddpg import Ddpg
 from steersman.learning.problem import CARS_DIFFER, Problem
@@ -92,6 +93,27 @@ class TrainConfig(Settings):
         terms = (*task.terms, FunctionTerm(function=function))
         changed = {"task": task.model_copy(update={"terms": terms})}
         return self.model_copy(update={"problem": self.problem.model_copy(update=changed)})
+
+
+def train_config(data: Mapping[str, Any]) -> TrainConfig:
+    """A training configuration from plain data, defaults filled in.
+
+    Raises:
+        ConfigError: it names something unknown or holds values that are not allowed.
+    """
+    return build(TrainConfig, data)
+
+
+def load_preset(name: str) -> dict[str, Any]:
+    """A shipped preset as plain data.
+
+    Raises:
+        ConfigError: there is no preset of that name.
+    """
+    file = presets.locate(name)
+    if file is None:
+        raise ConfigError(f"unknown preset {name!r}{suggestion(name, presets.names())}")
+    return read_yaml(file)
 
 
 # Drives of a validation where they come one after the other.

@@ -23,6 +23,7 @@ from steersman.config import dump
 from steersman.errors import one_line
 from steersman.learning.checkpoint import check_folder
 from steersman.learning.config import TrainConfig
+from steersman.learning.progress import TrainRow
 
 # Every library that might bring its own threads for linear algebra.
 _THREADS = (
@@ -48,7 +49,7 @@ class Event(NamedTuple):
 
     job: Job
     steps: float | None = None
-    row: dict[str, float] | None = None
+    row: TrainRow | None = None
     """The new row of ``progress.csv``, at a validation."""
     note: str | None = None
 
@@ -103,6 +104,8 @@ def train_all(
             elif "error" in message:
                 failed[name] = str(message["error"])
             else:
+                if "row" in message:
+                    message["row"] = TrainRow(**message["row"])
                 tell(Event(running[name].job, **message))
     finally:
         for worker in running.values():

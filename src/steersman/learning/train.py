@@ -5,46 +5,26 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from importlib.resources import files
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from steersman.config import build, read_yaml
-from steersman.errors import ConfigError, suggestion
 from steersman.files import alone, replacing
-from steersman.learning import alarm, checkpoint
+from steersman.learning import checkpoint
 from steersman.learning.arithmetic import arithmetic
 from steersman.learning.config import TrainConfig
 from steersman.learning.networks import WeightAverage
-from steersman.learning.record import COLUMNS, Record
+from steersman.learning.progress import LearningResult, Record, TrainRow, check_progress, learned
 from steersman.learning.snapshot import Tree
-from steersman.policy_file import read_policy
 
 # SB3's own log, which is not wanted: its interval in episodes.
 _NEVER = 2**62
 # What the loop itself counts, beside agent and environments.
 _COUNTERS = ("best", "next_validation", "next_checkpoint", "_marks", "_count")
-Reporter = Callable[[dict[str, float]], None]
-
-
-def presets() -> list[str]:
-    """Names of the shipped training presets."""
-    folder = files("steersman.presets")
-    return sorted(f.name[:-5] for f in folder.iterdir() if f.name.endswith(".yaml"))
-
-
-def load_preset(name: str) -> dict[str, Any]:
-    """A shipped preset as plain data.
-
-    Raises:
-        ConfigError: there is no preset of that name.
-    """
-    known = presets()
-    if name not in known:
-        raise ConfigError(f"unknown preset {name!r}{suggestion(name, known)}")
-    return read_yaml(FilePath(str(files("steersman.presets").joinpath(f"{name}.yaml"))))
+Reporter = Callable[[TrainRow], None]
+TrainResult: TypeAlias = LearningResult[TrainConfig, TrainRow]
 
 
 @alone("out")
@@ -57,8 +37,8 @@ def train(
     notify: Callable[[str], None] | None = None,
     overwrite: bool = False,
     resume: bool = False,
-) -> FilePath:
-    """Run a training and return the path of the exported policy.
+) -> TrainResult:
+    """Run a training and return what it left; ``result.policy`` is the exported policy.
 
     Writes ``config.yaml``, ``progress.csv``, TensorBoard events, ``checkpoints/`` and the best
     policy so far (by validation) as ``policy.onnx`` with its card; ``resume/`` while it runs.
@@ -68,7 +48,7 @@ def train(
         out: folder, made if need be.
         reporter: called at every validation with the new row of ``progress.csv``.
         tick: called about twice a second with the environment steps done.
-        notify: told in a sentence where it resumes, or why not, and which policy is exported.
+        notify: called with a sentence: where it resumes, or why not, and which policy is exported.
         overwrite: replace an earlier training in ``out``.
         resume: go on from the last checkpoint in ``out``, or begin if there is none.
 
@@ -78,29 +58,41 @@ def train(
         TrainingDiverged: losses or values are no longer finite or plausible, or the action
             sticks to its limit.
     """
-    say = notify if notify is not None else _silent
+    say = notify if notify is not None else _no_notice
     finished, saved = checkpoint.begin(config, out, say, overwrite=overwrite, resume=resume)
     if finished:
-        return out / "policy.onnx"
+        return load_training(out)
     with arithmetic(config.threads):
         done = None if saved is None else int(saved["agent"]["counters"]["num_timesteps"])
         if done is not None:
             say(f"{out}: going on after {done} steps")
-        policy = _Training(config, out, reporter, tick, done).run(saved)
-    say(_chosen(policy, config))
-    return policy
+        _Training(config, out, reporter, tick, done).run(saved)
+    result = load_training(out)
+    say(_chosen(result))
+    return result
 
 
-def _chosen(policy: FilePath, config: TrainConfig) -> str:
-    """Which of the policies that were validated is the exported one."""
-    steps = read_policy(policy)[1].training["steps"]
+def load_training(folder: FilePath) -> TrainResult:
+    """The result of a training from its folder, whichever version wrote it.
+
+    Raises:
+        DataError: there is no record or no policy, or one of them cannot be read.
+        ConfigError: ``config.yaml`` holds no training.
+    """
+    config = build(TrainConfig, read_yaml(folder / "config.yaml"))
+    return learned(folder, config, TrainRow)
+
+
+def _chosen(result: TrainResult) -> str:
+    """Which of the validated policies is the exported one."""
+    policy, steps = result.policy, result.card.training["steps"]
     if steps == 0:
         return f"{policy}: the base alone; no correction was better in validation"
-    return f"{policy}: after {steps} of {config.steps} steps, the best in validation"
+    return f"{policy}: after {steps} of {result.config.steps} steps, the best in validation"
 
 
-def _silent(_: str) -> None:
-    """Tell nobody."""
+def _no_notice(_: str) -> None:
+    """The default of ``notify``."""
 
 
 class _Training:
@@ -125,7 +117,7 @@ class _Training:
         self.keeper = Keeper(self.env, out) if config.keep else None
         self.validator = Validator(config.problem, config.validation, self.env.driver.mover.shared)
         self.best = math.inf
-        self.record = Record(out, resumed_at)
+        self.record = Record(out, resumed_at, TrainRow)
         self.rows = self.record.rows
         # Computing time, not the clock: what else the machine does is no part of the training.
         self.begun = time.process_time()
@@ -137,7 +129,7 @@ class _Training:
         self.agent.weights()  # laid flat now, so that every run computes on the same memory
         self.average = WeightAverage(self.agent.actor_net().flat.size)
 
-    def run(self, saved: Tree | None = None) -> FilePath:
+    def run(self, saved: Tree | None = None) -> None:
         """Train to the end, from the beginning or from a checkpoint."""
         from stable_baselines3.common.callbacks import BaseCallback
 
@@ -167,7 +159,7 @@ class _Training:
                 log_interval=_NEVER,
                 reset_num_timesteps=False,
             )
-            if not self.rows or self.rows[-1]["steps"] < agent.num_timesteps:
+            if not self.rows or self.rows[-1].steps < agent.num_timesteps:
                 self._validate()
             if self.keeper is not None:
                 self.keeper.finish(self.config.problem, f"training by {self.config.agent.kind}")
@@ -176,14 +168,13 @@ class _Training:
         finally:
             self.record.close()
             self.env.close()
-        return self.out / "policy.onnx"
 
     def snapshot(self) -> dict[str, Any]:
         """All that the rest of the training depends on."""
         return {
             "agent": self.agent.snapshot(),
             "env": self.env.snapshot(),
-            "rows": self.rows,
+            "rows": self.record.snapshot(),
             "kept": None if self.keeper is None else self.keeper.snapshot(),
             "sums": self._sums,
             "average": self.average.arrays(),
@@ -241,14 +232,14 @@ class _Training:
         self.record.add(row)
         if self.reporter is not None:
             self.reporter(row)
-        self._alarm(row)
+        self._alarm()
         if score.total < self.best:
             self.best = score.total
             self._export(score)
 
-    def _row(self, score: Any) -> dict[str, float]:
+    def _row(self, score: Any) -> TrainRow:
         agent, env, marks = self.agent, self.env, self._marks
-        # NaN where there is nothing to tell: PPO's demonstrator never acts, say.
+        # NaN where there is no number: PPO's demonstrator never acts, for example.
         sampled = agent.sampled_steps - marks["sampled"] or math.nan
         demonstrated = agent.demonstrated_steps if agent.demonstrable else math.nan
         steps = max(env.steps - marks["steps"], 1)
@@ -282,13 +273,11 @@ class _Training:
             "sampled": agent.sampled_steps,
         }
         self._sums[:], self._count = 0.0, 0
-        return {name: float(row[name]) for name in COLUMNS}
+        return TrainRow(**{name: float(value) for name, value in row.items()})
 
-    def _alarm(self, row: dict[str, float]) -> None:
-        alarm.check(self.config, self.rows, self._largest_reward())
-
-    def _largest_reward(self) -> float:
-        return max(1.0, float(np.abs(self.env.largest_reward)))
+    def _alarm(self) -> None:
+        largest = max(1.0, float(np.abs(self.env.largest_reward)))
+        check_progress(self.config, self.rows, largest)
 
     def _export(self, score: Any) -> None:
         from steersman.learning.export import export_policy
@@ -307,12 +296,3 @@ class _Training:
         file = self.out / "checkpoints" / f"step_{self.agent.num_timesteps:09d}.npz"
         with replacing(file) as stream:
             np.savez(stream, **self.agent.weights())
-
-
-def train_config(data: dict[str, Any]) -> TrainConfig:
-    """A training configuration from plain data, defaults filled in.
-
-    Raises:
-        ConfigError: it names something unknown or holds values that are not allowed.
-    """
-    return build(TrainConfig, data)

@@ -33,13 +33,14 @@ def main() -> int:
         channel.write(json.dumps(message) + "\n")
         channel.flush()
 
-    from steersman.learning.train import train, train_config
+    from steersman.learning.config import train_config
+    from steersman.learning.train import train
 
     try:
         train(
             train_config(request["config"]),
             FilePath(request["out"]),
-            lambda row: send(steps=row["steps"], row=row),
+            lambda row: send(steps=row.steps, row=row._asdict()),
             tick=lambda steps: send(steps=steps),
             notify=lambda text: send(note=text),
             overwrite=request["overwrite"],

@@ -12,11 +12,11 @@ import time
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from steersman.config import build
+from steersman.config import build, read_yaml
 from steersman.errors import TrainingDiverged
 from steersman.files import alone, replacing
 from steersman.learning import checkpoint
@@ -26,41 +26,27 @@ from steersman.learning.imitation.collect import Dataset, Drives
 from steersman.learning.imitation.config import ImitationConfig
 from steersman.learning.imitation.fit import Regression
 from steersman.learning.imitation.sources import Driven, Given, Source
-from steersman.learning.record import Record
+from steersman.learning.progress import ImitationRow, LearningResult, Record, learned
 from steersman.learning.snapshot import Tree
 from steersman.learning.validate import Score, Validator
 
-COLUMNS = (
-    "steps",
-    "updates",
-    "seconds",
-    "training_error_mm",
-    "off_track_resets",
-    "demo_share",
-    "action_difference",
-    "loss",
-    "validation_error_mm",
-    "validation_rms_mm",
-    "validation_failures",
-    "steer_activity",
-    "learning_rate",
-)
 # Each of these draws from a generator of its own, in every round.
 _INITIAL, _DRIVES, _BATCHES = range(3)
+ImitationResult: TypeAlias = LearningResult[ImitationConfig, ImitationRow]
 
 
 @alone("out")
 def imitate(
     config: ImitationConfig,
     out: FilePath,
-    reporter: Callable[[dict[str, float]], None] | None = None,
+    reporter: Callable[[ImitationRow], None] | None = None,
     *,
     tick: Callable[[float], None] | None = None,
     notify: Callable[[str], None] | None = None,
     overwrite: bool = False,
     resume: bool = False,
-) -> FilePath:
-    """Fit a network to a demonstrator and return the path of the exported policy.
+) -> ImitationResult:
+    """Fit a network to a demonstrator; ``result.policy`` is the exported policy.
 
     Writes what a training writes: ``config.yaml``, ``progress.csv``, TensorBoard events,
     ``checkpoints/``, and the best policy so far (by validation) as ``policy.onnx`` with its card;
@@ -71,7 +57,7 @@ def imitate(
         out: folder, made if need be.
         reporter: called after every round with the new row of ``progress.csv``.
         tick: called now and then with the rounds done, in parts of one.
-        notify: told in a sentence how the demonstrator drives, where it resumes, or why not.
+        notify: called with a sentence: how the demonstrator drives, where it resumes, or why not.
         overwrite: replace an earlier training in ``out``.
         resume: go on from the last round in ``out``, or begin if there is none.
 
@@ -80,15 +66,27 @@ def imitate(
         ConfigError: the training to be resumed has another configuration.
         TrainingDiverged: the loss is no longer finite.
     """
-    say = notify if notify is not None else _silent
+    say = notify if notify is not None else _no_notice
     given = Given(config) if config.data else None  # read before the folder is touched
     finished, saved = checkpoint.begin(config, out, say, overwrite=overwrite, resume=resume)
     if finished:
-        return out / "policy.onnx"
+        return load_imitation(out)
     with arithmetic(config.threads):
         source: Source = given if given is not None else Driven(config)
         with closing(source):
-            return _Imitation(config, source, out, reporter, tick, say).run(saved)
+            _Imitation(config, source, out, reporter, tick, say).run(saved)
+    return load_imitation(out)
+
+
+def load_imitation(folder: FilePath) -> ImitationResult:
+    """The result of an imitation from its folder, whichever version wrote it.
+
+    Raises:
+        DataError: there is no record or no policy, or one of them cannot be read.
+        ConfigError: ``config.yaml`` holds no imitation.
+    """
+    config = build(ImitationConfig, read_yaml(folder / "config.yaml"))
+    return learned(folder, config, ImitationRow)
 
 
 def imitation_config(data: dict[str, Any]) -> ImitationConfig:
@@ -100,8 +98,8 @@ def imitation_config(data: dict[str, Any]) -> ImitationConfig:
     return build(ImitationConfig, data)
 
 
-def _silent(_: Any) -> None:
-    """Tell nobody."""
+def _no_notice(_: Any) -> None:
+    """The default of ``notify`` and ``tick``."""
 
 
 class _Imitation:
@@ -116,12 +114,12 @@ class _Imitation:
         config: ImitationConfig,
         source: Source,
         out: FilePath,
-        reporter: Callable[[dict[str, float]], None] | None,
+        reporter: Callable[[ImitationRow], None] | None,
         tick: Callable[[float], None] | None,
         say: Callable[[str], None],
     ) -> None:
         self.config, self.source, self.out, self.say = config, source, out, say
-        self.reporter, self.tick = reporter, tick if tick is not None else _silent
+        self.reporter, self.tick = reporter, tick if tick is not None else _no_notice
         problem = config.problem
         mirror = problem.layout.mirror
         self.regression = Regression(config.fit, mirror, self._seed(0, _INITIAL))
@@ -129,18 +127,18 @@ class _Imitation:
         self.data = Dataset.empty(len(mirror))
         self.best, self.off_track = math.inf, 0
         self.demonstrator: Score | None = None
-        self.record: Record
+        self.record: Record[ImitationRow]
         self.begun = time.process_time()
 
     def _seed(self, round_: int, use: int) -> np.random.SeedSequence:
         return np.random.SeedSequence([self.config.seed, round_, use])
 
-    def run(self, saved: Tree | None) -> FilePath:
+    def run(self, saved: Tree | None) -> None:
         """All rounds that are left."""
         done = 0 if saved is None else int(saved["round"])
         per_round = self.source.per_round
         resumed = None if saved is None else done * per_round
-        self.record = Record(self.out, resumed, COLUMNS)
+        self.record = Record(self.out, resumed, ImitationRow)
         try:
             if saved is None:
                 self.demonstrator = self.source.judge()
@@ -157,7 +155,6 @@ class _Imitation:
         finally:
             self.record.close()
             self.validator.close()
-        return self.out / "policy.onnx"
 
     def _round(self, k: int) -> None:
         config, regression = self.config, self.regression
@@ -186,7 +183,7 @@ class _Imitation:
             self.best = score.total
             self._export(k + 1, score)
 
-    def _row(self, k: int, drives: Drives, loss: float, score: Score) -> dict[str, float]:
+    def _row(self, k: int, drives: Drives, loss: float, score: Score) -> ImitationRow:
         row = {
             "steps": (k + 1) * self.source.per_round,
             "updates": self.regression.updates,
@@ -202,7 +199,7 @@ class _Imitation:
             "steer_activity": score.steer_activity,
             "learning_rate": self.regression.rate(),
         }
-        return {name: float(row[name]) for name in COLUMNS}
+        return ImitationRow(**{name: float(value) for name, value in row.items()})
 
     def _export(self, rounds: int, score: Score) -> None:
         config = self.config
@@ -229,7 +226,7 @@ class _Imitation:
             "round": rounds,
             "data": self.data._asdict(),
             "weights": self.regression.weights(),
-            "rows": self.record.rows,
+            "rows": self.record.snapshot(),
             "best": self.best,
             "off_track": self.off_track,
             "demonstrator": self.demonstrator,
