@@ -24,7 +24,7 @@ import numpy as np
 
 from steersman.bench.drive import measure
 from steersman.bench.entrants import entrant
-from steersman.bench.results import Row
+from steersman.bench.results import BenchRow
 from steersman.bench.suite import CLEAN, Scenario
 from steersman.bench.suites import core
 from steersman.config import dump
@@ -112,7 +112,7 @@ def curve(folder: Path) -> dict[str, list[float]]:
     return {name: [float(row[name]) for row in rows] for name in names}
 
 
-def rms(rows: Sequence[Row]) -> float:
+def rms(rows: Sequence[BenchRow]) -> float:
     """Root mean square over the scenarios' charged errors [mm]."""
     return 1e3 * float(np.sqrt(np.mean([row.charged_rms_m**2 for row in rows])))
 

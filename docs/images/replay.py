@@ -16,7 +16,7 @@ from playwright.sync_api import sync_playwright
 from steersman import tuned
 from steersman.config import build, read_yaml
 from steersman.metrics.base import summarise
-from steersman.report import Run, write_report
+from steersman.report import ReportRun, write_report
 from steersman.rollout import RunConfig, run
 
 HERE = Path(__file__).resolve().parent
@@ -26,7 +26,7 @@ DRIVERS = ("policy", "pid_feedforward", "pure_pursuit")
 CURSOR, CLOSER = 9.1, 2
 
 
-def drive(name: str) -> Run:
+def drive(name: str) -> ReportRun:
     """A part of a lap, with a delay of the steering that nobody is told of."""
     file = tuned.locate(f"tuned/{name}")
     controller = name if file is None else read_yaml(file)["controller"]
@@ -39,7 +39,7 @@ def drive(name: str) -> Run:
         "duration": SECONDS,
     }
     episode = run(build(RunConfig, tree))
-    return Run(name.replace("_", " "), episode, summarise(episode), config=dict(episode.meta))
+    return ReportRun(name.replace("_", " "), episode, summarise(episode), config=dict(episode.meta))
 
 
 def main() -> None:

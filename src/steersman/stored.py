@@ -12,7 +12,7 @@ from steersman.errors import DataError
 from steersman.files import write_text
 
 
-class Stored(BaseModel):
+class StoredResult(BaseModel):
     """A result whose fields are the keys of its JSON object.
 
     A field that came later has a default, so that older files load; keys that are no fields are
@@ -57,7 +57,7 @@ def optional() -> Any:
     return Field(None, exclude_if=lambda value: value is None)
 
 
-class Sourced(Stored):
+class SourcedResult(StoredResult):
     """A result with what made it."""
 
     versions: dict[str, str] = Field({})

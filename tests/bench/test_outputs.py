@@ -13,7 +13,7 @@ import pytest
 from steersman.bench import suites
 from steersman.bench.entrants import Entrant, entrants
 from steersman.bench.replay import median_cases, worst_cases
-from steersman.bench.results import BenchResult, Row, write_table
+from steersman.bench.results import BenchResult, BenchRow, write_table
 from steersman.bench.runner import bench
 from steersman.bench.summary import results
 from steersman.config import resolve
@@ -27,16 +27,16 @@ SCENARIOS = suites.quick().scenarios((1,))
 WHO = entrants(["pid", "stanley", "mpc_pid"])
 
 
-def result(rows: list[Row], who: list[Entrant]) -> BenchResult:
+def result(rows: list[BenchRow], who: list[Entrant]) -> BenchResult:
     return results("quick", suites.quick(), [1], rows, who)
 
 
 @pytest.fixture(scope="module")
-def rows(tmp_path_factory: pytest.TempPathFactory) -> list[Row]:
+def rows(tmp_path_factory: pytest.TempPathFactory) -> list[BenchRow]:
     return bench(SCENARIOS, WHO, tmp_path_factory.mktemp("bench"), jobs=1)
 
 
-def test_the_table_is_the_rows(rows: list[Row], tmp_path: FilePath) -> None:
+def test_the_table_is_the_rows(rows: list[BenchRow], tmp_path: FilePath) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
     file = write_table(rows, tmp_path)
     assert file is not None
@@ -46,7 +46,7 @@ def test_the_table_is_the_rows(rows: list[Row], tmp_path: FilePath) -> None:
     assert str(table.schema.field("completed").type) == "bool"
 
 
-def test_the_worst_case_is_the_worst_and_drives_again(rows: list[Row]) -> None:
+def test_the_worst_case_is_the_worst_and_drives_again(rows: list[BenchRow]) -> None:
     cases = {case.controller: case for case in worst_cases(rows, SCENARIOS, WHO)}
     assert list(cases) == [e.name for e in WHO]
     for name, case in cases.items():
@@ -61,7 +61,7 @@ def test_the_worst_case_is_the_worst_and_drives_again(rows: list[Row]) -> None:
         assert offset - 0.02 <= near <= offset + 0.7
 
 
-def test_the_median_case_is_in_the_middle(rows: list[Row]) -> None:
+def test_the_median_case_is_in_the_middle(rows: list[BenchRow]) -> None:
     for case in median_cases(rows, SCENARIOS, WHO):
         own = sorted(r.charged_rms_m for r in rows if r.controller == case.controller)
         assert own.index(case.rms_m) == (len(own) - 1) // 2
@@ -76,7 +76,7 @@ def test_the_median_case_is_in_the_middle(rows: list[Row]) -> None:
         assert list(case.episodes) in ([case.controller], [case.controller, case.best])
 
 
-def test_no_server_is_asked_for_median_cases(rows: list[Row]) -> None:
+def test_no_server_is_asked_for_median_cases(rows: list[BenchRow]) -> None:
     elsewhere = [
         s._replace(run=s.run.model_copy(update={"plant": resolve("plant", "carla")}))
         for s in SCENARIOS
@@ -89,7 +89,9 @@ def colours(figure: str, mark: str) -> list[str]:
     return [str(e.get(mark)) for e in root.iter() if e.get(mark) in PALETTE]
 
 
-def test_a_controller_has_one_colour_in_all_figures(rows: list[Row], tmp_path: FilePath) -> None:
+def test_a_controller_has_one_colour_in_all_figures(
+    rows: list[BenchRow], tmp_path: FilePath
+) -> None:
     who = [WHO[0], WHO[1]._replace(learned=True), WHO[2]]
     found = result(rows, who)
     cases = worst_cases(rows, SCENARIOS, who)
@@ -107,7 +109,7 @@ def test_a_controller_has_one_colour_in_all_figures(rows: list[Row], tmp_path: F
     assert groups[0].title.startswith(f"{order[0]}, worst: ")
 
 
-def test_intervals_over_few_paths_come_with_a_warning(rows: list[Row]) -> None:
+def test_intervals_over_few_paths_come_with_a_warning(rows: list[BenchRow]) -> None:
     found = result(rows, WHO)
     (warning,) = sections(found.summary, [])[0]["warnings"]
     assert warning.startswith("all scenarios, clean, disturbed: the intervals rest on only 2 paths")
@@ -119,7 +121,7 @@ def test_intervals_over_few_paths_come_with_a_warning(rows: list[Row]) -> None:
     assert "no intervals" in warning
 
 
-def test_the_page_stands_alone(rows: list[Row], tmp_path: FilePath) -> None:
+def test_the_page_stands_alone(rows: list[BenchRow], tmp_path: FilePath) -> None:
     found = result(rows, WHO)
     page = write_benchmark(found, worst_cases(rows, SCENARIOS, WHO), tmp_path / "report.html")
     text = page.read_text(encoding="utf-8")
@@ -131,7 +133,7 @@ def test_the_page_stands_alone(rows: list[Row], tmp_path: FilePath) -> None:
     assert (tmp_path / "plots" / "sweep_delay.svg").exists()
 
 
-def test_one_controller_has_a_page_too(rows: list[Row], tmp_path: FilePath) -> None:
+def test_one_controller_has_a_page_too(rows: list[BenchRow], tmp_path: FilePath) -> None:
     one: list[Entrant] = WHO[:1]
     own = [row for row in rows if row.controller == "pid"]
     page = write_benchmark(result(own, one), [], tmp_path / "report.html")

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from steersman.bench.pairs import against, contrast, joined
-from steersman.bench.results import Row
+from steersman.bench.results import BenchRow
 from steersman.bench.statistics import Clusters
 
 PATHS = [f"road_{k}" for k in range(8)]
 
 
-def rows(factor: float = 1.0, paths: Sequence[str] = PATHS, seed: int = 0) -> list[Row]:
+def rows(factor: float = 1.0, paths: Sequence[str] = PATHS, seed: int = 0) -> list[BenchRow]:
     """Three scenarios on each path; roads differ by far more than controllers do."""
     rng = np.random.default_rng(seed)
     out = []
@@ -31,7 +31,7 @@ def rows(factor: float = 1.0, paths: Sequence[str] = PATHS, seed: int = 0) -> li
                 "steer_change_rms": 0.01, "steer_reversals_per_min": 5.0,
                 "weighted_acceleration_m_s2": 0.3, "control_time_us_p50": 4.0,
             }  # fmt: skip
-            out.append(Row.model_validate(row))
+            out.append(BenchRow.model_validate(row))
     return out
 
 

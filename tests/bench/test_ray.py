@@ -14,7 +14,7 @@ import pytest
 
 from steersman.bench import suites
 from steersman.bench.entrants import entrants
-from steersman.bench.results import Row
+from steersman.bench.results import BenchRow
 from steersman.bench.runner import bench
 
 SCRIPT = FilePath(__file__).with_name("ray_cluster.py")
@@ -28,7 +28,7 @@ SETTINGS = {
 LONGEST = 400.0
 
 
-def untimed(rows: list[Row]) -> list[dict[str, Any]]:
+def untimed(rows: list[BenchRow]) -> list[dict[str, Any]]:
     other = ("control_time", "computing_time", "deadline_misses", "commit")
     return [{k: v for k, v in row.plain().items() if not k.startswith(other)} for row in rows]
 
@@ -46,4 +46,4 @@ def test_two_nodes_drive_what_one_process_drives(tmp_path: FilePath) -> None:
     found = json.loads(done.stdout.splitlines()[-1])
     assert found["nodes"] == 2
     here = bench(suites.quick().scenarios((3,))[:3], entrants(["pid"]), tmp_path / "here", jobs=1)
-    assert untimed([Row.model_validate(row) for row in found["rows"]]) == untimed(here)
+    assert untimed([BenchRow.model_validate(row) for row in found["rows"]]) == untimed(here)

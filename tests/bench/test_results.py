@@ -11,7 +11,7 @@ from steersman.bench import results as module
 from steersman.bench import suites
 from steersman.bench.drive import key, measure
 from steersman.bench.entrants import entrants
-from steersman.bench.results import BenchResult, Row, row_version
+from steersman.bench.results import BenchResult, BenchRow, row_version
 from steersman.bench.summary import results
 from steersman.errors import DataError
 from steersman.metrics.base import Metric, metrics
@@ -51,7 +51,7 @@ def test_a_result_is_what_its_file_holds(tmp_path: FilePath) -> None:
     found = results("quick", suites.quick(), [0], rows, WHO)
     found.write(tmp_path / "r.json")
     assert BenchResult.read(tmp_path / "r.json") == found
-    assert Row.model_validate(json.loads(json.dumps(rows[0].plain()))) == rows[0]
+    assert BenchRow.model_validate(json.loads(json.dumps(rows[0].plain()))) == rows[0]
 
 
 @pytest.mark.parametrize(

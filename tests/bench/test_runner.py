@@ -13,7 +13,7 @@ import pytest
 from steersman.bench import runner, suites
 from steersman.bench.entrants import Entrant, entrants
 from steersman.bench.journal import NAME, Journal
-from steersman.bench.results import Row
+from steersman.bench.results import BenchRow
 from steersman.bench.runner import bench, plan
 from steersman.bench.suite import Scenario, Suite
 from steersman.bench.summary import summarise_rows
@@ -29,35 +29,35 @@ SCENARIOS = suites.quick().scenarios((3,))
 PAIR = entrants(["pid", "mpc_pid"])
 
 
-def untimed(rows: list[Row]) -> list[dict[str, Any]]:
+def untimed(rows: list[BenchRow]) -> list[dict[str, Any]]:
     """Without what tells of the machine: computing times, and the commit of a busy work tree."""
     other = ("control_time", "computing_time", "deadline_misses", "commit")
     return [{k: v for k, v in r.plain().items() if not k.startswith(other)} for r in rows]
 
 
 @pytest.fixture(scope="module")
-def rows(tmp_path_factory: pytest.TempPathFactory) -> list[Row]:
+def rows(tmp_path_factory: pytest.TempPathFactory) -> list[BenchRow]:
     """The quick suite, driven in one process."""
     return bench(SCENARIOS, PAIR, tmp_path_factory.mktemp("bench"), jobs=1)
 
 
-def test_every_entrant_drives_every_scenario_in_order(rows: list[Row]) -> None:
+def test_every_entrant_drives_every_scenario_in_order(rows: list[BenchRow]) -> None:
     assert [(r.scenario, r.controller) for r in rows] == [
         (s.name, e.name) for s in SCENARIOS for e in PAIR
     ]
     plain = [json.loads(json.dumps(row.plain(), allow_nan=False)) for row in rows]
-    assert [Row.model_validate(row) for row in plain] == rows
+    assert [BenchRow.model_validate(row) for row in plain] == rows
 
 
 def test_processes_change_nothing_but_the_time(
-    rows: list[Row], tmp_path: FilePath, monkeypatch: Any
+    rows: list[BenchRow], tmp_path: FilePath, monkeypatch: Any
 ) -> None:
     monkeypatch.setattr(runner, "_CHUNK_RUNS", 5)
     assert untimed(bench(SCENARIOS, PAIR, tmp_path, jobs=2)) == untimed(rows)
 
 
 def test_an_interrupted_bench_goes_on(
-    rows: list[Row], tmp_path: FilePath, monkeypatch: Any
+    rows: list[BenchRow], tmp_path: FilePath, monkeypatch: Any
 ) -> None:
     monkeypatch.setattr(runner, "_CHUNK_RUNS", 3)
 
@@ -103,7 +103,7 @@ def test_a_killed_process_is_told_in_a_line(tmp_path: FilePath, monkeypatch: Any
         bench(SCENARIOS, [deadly], tmp_path, jobs=2)
 
 
-def test_what_is_finished_is_not_driven_again(rows: list[Row], tmp_path: FilePath) -> None:
+def test_what_is_finished_is_not_driven_again(rows: list[BenchRow], tmp_path: FilePath) -> None:
     first = bench(SCENARIOS, PAIR[:1], tmp_path, jobs=1)
     before = (tmp_path / NAME).read_bytes()
     told: list[float] = []
@@ -121,7 +121,7 @@ def test_a_key_changes_with_the_scenario_and_the_controller() -> None:
     assert len({task.key for task in tasks}) == len(tasks)
 
 
-def test_a_journal_of_something_else_is_refused(rows: list[Row], tmp_path: FilePath) -> None:
+def test_a_journal_of_something_else_is_refused(rows: list[BenchRow], tmp_path: FilePath) -> None:
     kept = json.dumps(rows[0].plain()) + "\n"
     (tmp_path / NAME).write_text(kept + "nonsense\n", encoding="utf-8")
     with pytest.raises(DataError, match="line 2: not a row"):

@@ -9,16 +9,18 @@ import pytest
 
 from steersman.bench.disturbance import Disturbance
 from steersman.bench.entrants import entrants
-from steersman.bench.results import IntervalEstimate, Row
+from steersman.bench.results import BenchRow, IntervalEstimate
 from steersman.bench.statistics import Clusters
 from steersman.bench.summary import summarise_rows
 
 PID, MPC = entrants(["pid", "mpc_pid"])
 
 
-def row(controller: str, path: str, rms: float, disturbance: str = "clean", **words: Any) -> Row:
+def row(
+    controller: str, path: str, rms: float, disturbance: str = "clean", **words: Any
+) -> BenchRow:
     figures = {f"disturbance_{name}": v for name, v in Disturbance().figures().items()}
-    return Row.model_validate(figures | {
+    return BenchRow.model_validate(figures | {
         "controller": controller, "path": path, "disturbance": disturbance, "kind": controller,
         "scenario": f"{path}/{disturbance}", "completed": True, "end": "duration", "fallbacks": 0,
         "charged_rms_m": rms, "charged_mean_m": rms, "charged_p95_m": rms, "charged_max_m": rms,

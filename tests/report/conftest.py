@@ -13,7 +13,7 @@ import pytest
 from steersman.config import build
 from steersman.episode import COLUMNS, Episode
 from steersman.metrics.base import summarise
-from steersman.report import Run, write_report
+from steersman.report import ReportRun, write_report
 from steersman.report.article import write_article
 from steersman.report.scene import Group
 from steersman.report.signals import Drive
@@ -67,7 +67,7 @@ def driven(name, **tree):
     base = {"path": "figure_eight", "speed": {"kind": "constant_speed", "speed": 12.0}}
     config = build(RunConfig, {**base, "duration": 8.0, **tree})
     episode = run(config)
-    return Run(name, episode, summarise(episode), config=dict(episode.meta))
+    return ReportRun(name, episode, summarise(episode), config=dict(episode.meta))
 
 
 @pytest.fixture(scope="module")
@@ -83,11 +83,13 @@ def drives():
             driven("MPC", controller="mpc_pid"),
             driven(EVIL, controller="stanley", sensor=noisy),
             off,
-            Run("training", training={"steps": np.arange(3.0), EVIL: np.array([9.0, 0.1, 4.0])}),
+            ReportRun(
+                "training", training={"steps": np.arange(3.0), EVIL: np.array([9.0, 0.1, 4.0])}
+            ),
         ],
-        "one step": [Run(EVIL, one, summarise(one), config=one.meta)],
+        "one step": [ReportRun(EVIL, one, summarise(one), config=one.meta)],
         "off": [off],
-        "nothing": [Run("nothing", circle(n=0))],
+        "nothing": [ReportRun("nothing", circle(n=0))],
     }
 
 

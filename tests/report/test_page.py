@@ -16,7 +16,7 @@ import pytest
 from steersman.config import build
 from steersman.errors import DataError, SteersmanError
 from steersman.metrics.base import summarise
-from steersman.report import Run, Table, tables, web, write_report
+from steersman.report import ReportRun, Table, tables, web, write_report
 from steersman.report import html as module
 from steersman.report.html import LIMIT, group_title, render
 from steersman.report.signals import Drive, group_by_path
@@ -32,21 +32,25 @@ def runs(drive):
     meta = {"config": {"path": {"kind": "circle"}, "corridor": 2.0}, "seed": 1}
     good, bad = drive(meta=meta), drive(end="off_track", meta={EVIL: EVIL})
     return [
-        Run("pid", good, summarise(good), config=good.meta),
-        Run(EVIL, bad, {**summarise(bad), "fallbacks": 3}, config=bad.meta),
-        Run("same", good, summarise(good), config=good.meta),
-        Run("training", training={"steps": np.arange(3.0), EVIL: np.arange(3.0)}),
-        Run("table", table=Table(EVIL, {"a": EVIL, "b": "b"}, [{"a": EVIL}, {"a": 1.5, "b": 2}])),
+        ReportRun("pid", good, summarise(good), config=good.meta),
+        ReportRun(EVIL, bad, {**summarise(bad), "fallbacks": 3}, config=bad.meta),
+        ReportRun("same", good, summarise(good), config=good.meta),
+        ReportRun("training", training={"steps": np.arange(3.0), EVIL: np.arange(3.0)}),
+        ReportRun(
+            "table", table=Table(EVIL, {"a": EVIL, "b": "b"}, [{"a": EVIL}, {"a": 1.5, "b": 2}])
+        ),
     ]
 
 
 def test_the_table_of_runs_tells_who_drove_what(drive):
     config = {"controller": {"kind": "stanley"}, "vehicle": "bmw_320i"}
     episode = drive(meta={"config": config})
-    known = tables.summary_row(Run("a", episode, summarise(episode), config=config))
-    meta = tables.summary_row(Run("c", episode, summarise(episode), config=dict(episode.meta)))
+    known = tables.summary_row(ReportRun("a", episode, summarise(episode), config=config))
+    meta = tables.summary_row(
+        ReportRun("c", episode, summarise(episode), config=dict(episode.meta))
+    )
     assert [cell.text for cell in meta[:2]] == ["stanley", "bmw_320i"]
-    unknown = tables.summary_row(Run("b", episode, summarise(episode)))
+    unknown = tables.summary_row(ReportRun("b", episode, summarise(episode)))
     assert [cell.text for cell in known[:3]] == ["stanley", "bmw_320i", "duration"]
     assert [cell.text for cell in unknown[:2]] == [tables.NOTHING] * 2
 
@@ -131,7 +135,7 @@ def test_twenty_minutes_are_kept_step_by_step():
     columns["time"] = 0.05 * np.arange(24_000)
     episode = replace(minute, columns=columns)
     assert len(episode) == 24_000
-    page = render([Run("long", episode, summarise(episode))], "t")
+    page = render([ReportRun("long", episode, summarise(episode))], "t")
     assert len(page) < LIMIT / 2
     (found,) = json.loads(packed(page, "data"))["groups"][0]["runs"]
     assert found["kept"]
@@ -156,19 +160,21 @@ def test_runs_that_failed_and_fallbacks_are_marked(runs):
 def test_a_single_drive_has_its_figures_in_large_letters(drive):
     episode = drive(n=100, end="roll_over")
     values = {**summarise(episode), "interventions": 2}
-    page = render([Run("one", episode, values)], "t")
+    page = render([ReportRun("one", episode, values)], "t")
     tiles = re.findall(r"<div><dt>([^<]*)</dt><dd([^>]*)>([^<]*)", page)
     found = {title: (text.strip(), "bad" in marks) for title, marks, text in tiles}
     assert found["ended by"] == ("roll over", True)
     assert found["max |d|"] == ("10", False)
     assert found["interventions"] == ("2", True)
     assert "interventions" not in dict(
-        re.findall(r"<dt>([^<]*)</dt>(.)", render([Run("one", episode, summarise(episode))], "t"))
+        re.findall(
+            r"<dt>([^<]*)</dt>(.)", render([ReportRun("one", episode, summarise(episode))], "t")
+        )
     )
-    several = render([Run("one", episode, values), Run("two", episode, values)], "t")
+    several = render([ReportRun("one", episode, values), ReportRun("two", episode, values)], "t")
     assert "<dt>ended by" not in several
     assert "inter-ventions" in several
-    assert "inter-ventions" not in render([Run("one", episode, summarise(episode))] * 2, "t")
+    assert "inter-ventions" not in render([ReportRun("one", episode, summarise(episode))] * 2, "t")
 
 
 def test_nothing_in_the_script_ends_it_early():
@@ -183,7 +189,11 @@ def test_each_configuration_is_shown_once(runs):
 
 def test_tables_alone_need_no_script():
     page = render(
-        [Run("t", table=Table("T", {"a": "A"}, [{"a": None}])), Run("m", metrics={"x": 1.0})], "t"
+        [
+            ReportRun("t", table=Table("T", {"a": "A"}, [{"a": None}])),
+            ReportRun("m", metrics={"x": 1.0}),
+        ],
+        "t",
     )
     Outline(page)
     assert len(page) < 20_000
@@ -194,14 +204,14 @@ def test_tables_alone_need_no_script():
 @pytest.mark.parametrize("n", [0, 1, 2])
 def test_very_short_drives(drive, n):
     episode = drive(n=n)
-    page = render([Run("short", episode, summarise(episode))], "t")
+    page = render([ReportRun("short", episode, summarise(episode))], "t")
     Outline(page)
     assert "short" in page
     assert not re.search(r">\s*nan\s*<", page, re.IGNORECASE)
 
 
 def test_a_training_without_rows():
-    page = render([Run("t", training={"steps": np.array([]), "loss": np.array([])})], "t")
+    page = render([ReportRun("t", training={"steps": np.array([]), "loss": np.array([])})], "t")
     assert "Nothing was recorded yet" in page
 
 

@@ -14,7 +14,7 @@ from hypothesis.extra.numpy import arrays
 from steersman.config import build, resolve
 from steersman.controllers.pid import Pid
 from steersman.faults import Fault
-from steersman.report import Run
+from steersman.report import ReportRun
 from steersman.report import scene as module
 from steersman.report.marks import MOST, marks
 from steersman.report.pack import Blob, stretches
@@ -305,7 +305,7 @@ class TestRebuilt:
     def test_without_a_configuration_the_default_car_is_drawn_and_told(self, episode):
         bare = replace(episode, meta={})
         assert vehicle_of(bare)[1] is False
-        groups = group_by_path([Run("a", bare), Run("b", episode)])
+        groups = group_by_path([ReportRun("a", bare), ReportRun("b", episode)])
         (found,) = scenes([Group("g", groups[0], 1.5)], Blob())
         assert [run["car"]["known"] for run in found["runs"]] == [False, True]
         assert [run["seen"] is None for run in found["runs"]] == [True, False]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from steersman.bench.along import distance
-from steersman.report import Run
+from steersman.report import ReportRun
 from steersman.report.signals import decimate, group_by_path, look
 from steersman.report.training import curves
 
@@ -62,7 +62,9 @@ def test_runs_on_the_same_path_are_grouped(drive):
     }
     moved = {"path_x": runs["a"]["path_x"] + 5.0}
     runs["moved"] = replace(runs["moved"], columns={**runs["moved"].columns, **moved})
-    groups = group_by_path([Run("none"), *(Run(name, episode=e) for name, e in runs.items())])
+    groups = group_by_path(
+        [ReportRun("none"), *(ReportRun(name, episode=e) for name, e in runs.items())]
+    )
     assert [[drive.name for drive in group] for group in groups] == [
         ["a", "shorter and elsewhere", "no overlap", "empty"],
         ["another radius"],
@@ -80,14 +82,14 @@ def test_curves_skip_empty_columns_and_cells():
     nan = np.nan
     one = {"steps": np.array([1.0, 2, 3]), "loss": np.array([nan, 0.123456789, 3e-9])}
     two = {"steps": np.array([1.0]), "own<": np.array([4.0]), "empty": np.array([nan])}
-    got = curves([Run("a", training=one), Run("b", training=two), Run("c")])
+    got = curves([ReportRun("a", training=one), ReportRun("b", training=two), ReportRun("c")])
     assert (got["x"], got["panels"]) == ("environment steps", ["loss", "own<"])
     assert got["runs"][0]["panels"][0] == {"x": [2.0, 3.0], "y": [0.12346, 3e-9]}
     assert got["runs"][0]["panels"][1] == {"x": [], "y": []}
-    assert curves([Run("c")]) is None
+    assert curves([ReportRun("c")]) is None
 
 
 def test_curves_without_a_common_axis_count_rows():
-    got = curves([Run("a", training={"loss": np.array([3.0, 2.0])})])
+    got = curves([ReportRun("a", training={"loss": np.array([3.0, 2.0])})])
     assert got["x"] == "row"
     assert got["runs"][0]["panels"][0]["x"] == [0.0, 1.0]

@@ -15,7 +15,7 @@ import numpy as np
 from steersman.bench.pairs import Contrast, Quantity, contrast
 from steersman.bench.statistics import Blocks, block_length
 from steersman.episode import Episode
-from steersman.stored import Stored
+from steersman.stored import StoredResult
 from steersman.types import FloatArray
 
 # Distance between places that are compared [m].
@@ -86,7 +86,7 @@ def same_path(a: Episode, b: Episode) -> bool:
     return float(np.median(np.hypot(*gaps))) < SAME_PATH
 
 
-class AlongComparison(Stored):
+class AlongComparison(StoredResult):
     """A drive against another at the same places of their path."""
 
     from_m: float

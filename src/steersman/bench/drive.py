@@ -14,7 +14,7 @@ import time
 import numpy as np
 
 from steersman.bench.entrants import Entrant
-from steersman.bench.results import Row, row_version
+from steersman.bench.results import BenchRow, row_version
 from steersman.bench.suite import Scenario
 from steersman.config import dump
 from steersman.episode import Episode
@@ -78,14 +78,14 @@ def drive(scenario: Scenario, entrant: Entrant) -> Episode:
     return attempt(fitted(scenario, entrant)).of_controller()
 
 
-def measure(scenario: Scenario, entrant: Entrant, key: str = "") -> Row:
+def measure(scenario: Scenario, entrant: Entrant, key: str = "") -> BenchRow:
     """Everything that is kept of a drive; numbers are finite or None."""
     begun = time.process_time()
     episode = drive(scenario, entrant)
     config, errors = scenario.run, episode["lateral_error"]
     share, corridor = driven_share(config, episode), config.corridor
     largest = corridor if share < 1.0 else charged_quantile(errors, 1.0, corridor, 1.0)
-    row = Row(
+    row = BenchRow(
         key=key,
         controller=entrant.name,
         kind=entrant.controller.kind,

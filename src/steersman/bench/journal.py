@@ -9,14 +9,14 @@ from pathlib import Path as FilePath
 
 from pydantic import ValidationError
 
-from steersman.bench.results import Row
+from steersman.bench.results import BenchRow
 from steersman.errors import DataError
 from steersman.files import make_folder
 
 NAME = "rows.jsonl"
 
 
-def read_rows(folder: FilePath) -> dict[str, Row]:
+def read_rows(folder: FilePath) -> dict[str, BenchRow]:
     """The finished rows of a folder by their key; nothing in it is changed.
 
     Raises:
@@ -25,17 +25,17 @@ def read_rows(folder: FilePath) -> dict[str, Row]:
     return _read(folder / NAME)[0]
 
 
-def _read(file: FilePath) -> tuple[dict[str, Row], int, int]:
+def _read(file: FilePath) -> tuple[dict[str, BenchRow], int, int]:
     """Rows by key, the bytes of the lines that are whole, and those of the file."""
     try:
         text = file.read_bytes() if file.exists() else b""
     except OSError as error:
         raise DataError(f"{file}: cannot be read ({error.strerror})") from None
     whole = text[: text.rfind(b"\n") + 1]
-    rows: dict[str, Row] = {}
+    rows: dict[str, BenchRow] = {}
     for number, line in enumerate(whole.splitlines(), start=1):
         try:
-            row = Row.model_validate_json(line)
+            row = BenchRow.model_validate_json(line)
         except ValidationError:
             raise DataError(f"{file}, line {number}: not a row of a benchmark") from None
         rows[row.key] = row
@@ -60,7 +60,7 @@ class Journal:
         if whole != size:
             os.truncate(self.file, whole)
 
-    def add(self, rows: Iterable[Row]) -> None:
+    def add(self, rows: Iterable[BenchRow]) -> None:
         """Append rows.
 
         Raises:

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from steersman.bench.results import IntervalEstimate, Row
+from steersman.bench.results import BenchRow, IntervalEstimate
 from steersman.bench.statistics import Clusters, Interval, Statistic
 from steersman.bench.suite import CLEAN
-from steersman.stored import Stored
+from steersman.stored import StoredResult
 from steersman.types import FloatArray
 
 # With fewer paths an interval says little about other roads.
@@ -47,7 +47,7 @@ class Quantity(NamedTuple):
     """Which rows it is over."""
 
 
-class Contrast(Stored):
+class Contrast(StoredResult):
     """A figure of two samples of the same items; None where it is undefined."""
 
     base: float | None
@@ -67,7 +67,7 @@ class PairedContrast(Contrast):
     """Paths that they are on."""
 
 
-class PathPairs(Stored):
+class PathPairs(StoredResult):
     """RMS errors of two controllers on one path [m]."""
 
     pairs: int
@@ -75,7 +75,7 @@ class PathPairs(Stored):
     own: float
 
 
-class PairedComparison(Stored):
+class PairedComparison(StoredResult):
     """A controller's rows against those of another, the base."""
 
     name: str
@@ -89,15 +89,15 @@ class PairedComparison(Stored):
     by_path: dict[str, PathPairs]
 
 
-def _measured(metric: str) -> Callable[[Row], Any]:
+def _measured(metric: str) -> Callable[[BenchRow], Any]:
     return lambda row: row.metrics.get(metric)
 
 
-def _is_clean(row: Row) -> bool:
+def _is_clean(row: BenchRow) -> bool:
     return row.disturbance == CLEAN
 
 
-def _error(row: Row) -> float:
+def _error(row: BenchRow) -> float:
     return row.charged_rms_m
 
 
@@ -122,13 +122,13 @@ FIGURES: dict[str, Quantity] = {
 }
 
 
-def joined(base: Sequence[Row], own: Sequence[Row]) -> list[tuple[Row, Row]]:
+def joined(base: Sequence[BenchRow], own: Sequence[BenchRow]) -> list[tuple[BenchRow, BenchRow]]:
     """The pairs of rows of the scenarios that both drove, in the order of ``base``."""
     mine = {row.scenario: row for row in own}
     return [(row, mine[row.scenario]) for row in base if row.scenario in mine]
 
 
-def against(base: Sequence[Row], own: Sequence[Row], name: str = "") -> PairedComparison:
+def against(base: Sequence[BenchRow], own: Sequence[BenchRow], name: str = "") -> PairedComparison:
     """A controller's rows against the base's; ``name`` is the controller's in the result."""
     pairs = joined(base, own)
     figures = {}
@@ -151,7 +151,7 @@ def against(base: Sequence[Row], own: Sequence[Row], name: str = "") -> PairedCo
     )
 
 
-def _defined(figure: Quantity, pair: tuple[Row, Row]) -> bool:
+def _defined(figure: Quantity, pair: tuple[BenchRow, BenchRow]) -> bool:
     return all(figure.group(row) and figure.value(row) is not None for row in pair)
 
 
@@ -194,7 +194,7 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _by_path(pairs: Sequence[tuple[Row, Row]]) -> dict[str, PathPairs]:
+def _by_path(pairs: Sequence[tuple[BenchRow, BenchRow]]) -> dict[str, PathPairs]:
     out = {}
     for path in dict.fromkeys(one.path for one, _ in pairs):
         mine = [pair for pair in pairs if pair[0].path == path]

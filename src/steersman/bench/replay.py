@@ -9,7 +9,7 @@ import numpy as np
 
 from steersman.bench.drive import drive
 from steersman.bench.entrants import Entrant
-from steersman.bench.results import Row
+from steersman.bench.results import BenchRow
 from steersman.bench.suite import Scenario
 from steersman.episode import Episode
 from steersman.types import FloatArray
@@ -61,14 +61,14 @@ class ShownCase(NamedTuple):
 
 
 def worst_cases(
-    rows: Sequence[Row], scenarios: Sequence[Scenario], entrants: Sequence[Entrant]
+    rows: Sequence[BenchRow], scenarios: Sequence[Scenario], entrants: Sequence[Entrant]
 ) -> list[ShownCase]:
     """For each controller the scenario of its largest error."""
     return _cases("worst", rows, scenarios, entrants)
 
 
 def median_cases(
-    rows: Sequence[Row], scenarios: Sequence[Scenario], entrants: Sequence[Entrant]
+    rows: Sequence[BenchRow], scenarios: Sequence[Scenario], entrants: Sequence[Entrant]
 ) -> list[ShownCase]:
     """For each controller the scenario of its median error.
 
@@ -81,7 +81,7 @@ def median_cases(
 
 def _cases(
     which: Literal["worst", "median"],
-    rows: Sequence[Row],
+    rows: Sequence[BenchRow],
     scenarios: Sequence[Scenario],
     entrants: Sequence[Entrant],
 ) -> list[ShownCase]:

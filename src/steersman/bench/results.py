@@ -16,14 +16,14 @@ from steersman.bench.disturbance import Disturbance
 from steersman.bench.statistics import Interval
 from steersman.files import replacing
 from steersman.metrics.base import Values, metrics
-from steersman.stored import Sourced, Stored, optional
+from steersman.stored import SourcedResult, StoredResult, optional
 
 FORMAT = 1
 RESULTS, PARQUET = "results.json", "results.parquet"
 _APPLIED = "disturbance_"
 
 
-class Row(Stored):
+class BenchRow(StoredResult):
     """One scenario driven by one controller.
 
     Files hold it as one flat object: ``applied`` under names with ``disturbance_`` before them,
@@ -102,13 +102,13 @@ def row_version() -> str:
 
     A row of another version does not have the same columns: its scenario is driven again.
     """
-    fields = {name: str(field.annotation) for name, field in Row.model_fields.items()}
+    fields = {name: str(field.annotation) for name, field in BenchRow.model_fields.items()}
     measured = {name: [m.unit, m.dtype.__name__] for name, m in metrics(benchmark=True).items()}
     columns = [fields, list(Disturbance().figures()), measured]
     return hashlib.sha256(json.dumps(columns).encode()).hexdigest()[:12]
 
 
-class IntervalEstimate(Stored):
+class IntervalEstimate(StoredResult):
     """A figure with its 95 % interval; None where it is undefined."""
 
     value: float | None
@@ -126,7 +126,7 @@ class IntervalEstimate(Stored):
         return IntervalEstimate(**{k: None if v is None else factor * v for k, v in numbers})
 
 
-class PooledErrors(Stored):
+class PooledErrors(StoredResult):
     """Lateral errors of a group of rows, each row of the same weight."""
 
     runs: int
@@ -141,7 +141,7 @@ class PooledErrors(Stored):
     p95_m: float | None
 
 
-class ErrorRatio(Stored):
+class ErrorRatio(StoredResult):
     """RMS errors over those of another controller in the same scenarios."""
 
     rms: IntervalEstimate
@@ -150,7 +150,7 @@ class ErrorRatio(Stored):
     """Geometric mean of the scenarios' ratios."""
 
 
-class ControllerSummary(Stored):
+class ControllerSummary(StoredResult):
     """The figures of a controller over all its rows."""
 
     learned: bool
@@ -187,7 +187,7 @@ class ControllerSummary(Stored):
         return found
 
 
-class Profiles(Stored):
+class Profiles(StoredResult):
     """Shares of the scenarios within a factor of the best controller's error."""
 
     factors: list[float]
@@ -195,14 +195,14 @@ class Profiles(Stored):
     """By controller, one for each factor."""
 
 
-class SweepStep(Stored):
+class SweepStep(StoredResult):
     """A disturbance that differs from a clean run in one number alone."""
 
     disturbance: str
     value: float
 
 
-class Summary(Stored):
+class Summary(StoredResult):
     """The figures of all controllers."""
 
     controllers: dict[str, ControllerSummary]
@@ -218,7 +218,7 @@ class Summary(Stored):
     scenarios: int
 
 
-class MapRecord(Stored):
+class MapRecord(StoredResult):
     """What a benchmark made of an OpenDRIVE map."""
 
     sha256: str | None
@@ -233,7 +233,7 @@ class MapRecord(Stored):
     why_not_more: str = ""
 
 
-class BenchResult(Sourced):
+class BenchResult(SourcedResult):
     """The content of ``results.json``."""
 
     format: int = FORMAT
@@ -252,7 +252,7 @@ class BenchResult(Sourced):
     """Scenarios that the plant cannot do, by the name of their disturbance."""
 
 
-def write_table(rows: Sequence[Row], out: FilePath) -> FilePath | None:
+def write_table(rows: Sequence[BenchRow], out: FilePath) -> FilePath | None:
     """Write ``results.parquet``: one row for each drive, with every column.
 
     A column without a single defined value holds numbers.

@@ -11,7 +11,7 @@ from steersman.bench import drive
 from steersman.bench.engines import ENGINES
 from steersman.bench.entrants import Entrant
 from steersman.bench.journal import Journal
-from steersman.bench.results import Row
+from steersman.bench.results import BenchRow
 from steersman.bench.suite import Scenario
 from steersman.errors import ConfigError, suggestion
 from steersman.files import alone
@@ -53,7 +53,7 @@ def bench(
     engine: str = "local",
     jobs: int | None = None,
     progress: Progress | None = None,
-) -> list[Row]:
+) -> list[BenchRow]:
     """Drive what is not yet driven, and return the rows of all tasks, scenario by scenario.
 
     Rows are kept in ``out`` as they come, under keys that change with scenario and controller:
@@ -95,7 +95,7 @@ def bench(
     ]
 
 
-def _row(task: Any) -> Row:
+def _row(task: Any) -> BenchRow:
     return drive.measure(task.scenario, task.entrant, task.key)
 
 

@@ -131,7 +131,7 @@ class Clusters:
         _, self._cluster = np.unique(np.asarray(names, dtype=str), return_inverse=True)
         count = int(self._cluster.max()) + 1 if self._cluster.size else 0
         self._sizes = np.bincount(self._cluster, minlength=count).astype(np.float64)
-        # Row 0 is the sample itself; then how often each cluster was drawn.
+        # BenchRow 0 is the sample itself; then how often each cluster was drawn.
         self._drawn = np.ones((1, count))
         if count:
             rng = np.random.default_rng(seed)

@@ -17,12 +17,12 @@ from steersman.bench.entrants import Entrant
 from steersman.bench.maps import Map
 from steersman.bench.results import (
     BenchResult,
+    BenchRow,
     ControllerSummary,
     ErrorRatio,
     IntervalEstimate,
     PooledErrors,
     Profiles,
-    Row,
     Summary,
     SweepStep,
 )
@@ -62,7 +62,7 @@ def results(
     name: str,
     suite: Suite,
     seeds: Sequence[int],
-    rows: Sequence[Row],
+    rows: Sequence[BenchRow],
     entrants: Sequence[Entrant],
     maps: Sequence[Map] = (),
 ) -> BenchResult:
@@ -81,7 +81,7 @@ def results(
     )
 
 
-def summarise_rows(rows: Sequence[Row], entrants: Sequence[Named]) -> Summary:
+def summarise_rows(rows: Sequence[BenchRow], entrants: Sequence[Named]) -> Summary:
     """Figures of every controller, in the order of their error over all scenarios."""
     table = {e.name: [row for row in rows if row.controller == e.name] for e in entrants}
     learned = {e.name: e.learned for e in entrants}
@@ -108,7 +108,7 @@ def summarise_rows(rows: Sequence[Row], entrants: Sequence[Named]) -> Summary:
     )
 
 
-def _figures(rows: Sequence[Row]) -> dict[str, Any]:
+def _figures(rows: Sequence[BenchRow]) -> dict[str, Any]:
     failed = [row.end for row in rows if not row.completed]
     steps = sum(round(row.number("duration_s") / row.dt_s) for row in rows)
     counted = ("interventions", "fallbacks", "deadline_misses_50ms", "deadline_misses_10ms")
@@ -129,7 +129,7 @@ def _figures(rows: Sequence[Row]) -> dict[str, Any]:
     }
 
 
-def _gentle(rows: Sequence[Row]) -> set[str]:
+def _gentle(rows: Sequence[BenchRow]) -> set[str]:
     """Scenarios whose road asks for no more than the standards of comfort allow.
 
     What a road asks for is the most over all controllers: a drive that ends early sees less of it.
@@ -142,7 +142,7 @@ def _gentle(rows: Sequence[Row]) -> set[str]:
     return {name for name, most in asked.items() if most <= MOST_ACCELERATION}
 
 
-def _standards(rows: Sequence[Row]) -> dict[str, Any]:
+def _standards(rows: Sequence[BenchRow]) -> dict[str, Any]:
     """Shares of these runs that kept to the limits."""
     return {
         "gentle_runs": len(rows),
@@ -151,7 +151,7 @@ def _standards(rows: Sequence[Row]) -> dict[str, Any]:
     }
 
 
-def profiles(table: Mapping[str, Sequence[Row]]) -> Profiles:
+def profiles(table: Mapping[str, Sequence[BenchRow]]) -> Profiles:
     """Performance profiles: the share of scenarios within a factor of the best controller's error.
 
     Source: E. Dolan and J. More, "Benchmarking optimization software with performance profiles",
@@ -168,11 +168,11 @@ def profiles(table: Mapping[str, Sequence[Row]]) -> Profiles:
     return Profiles(factors=list(FACTORS_OF_BEST), shares=shares)
 
 
-def _fine(row: Row) -> float:
+def _fine(row: BenchRow) -> float:
     return max(row.charged_rms_m, _FINEST)
 
 
-def _by(table: Mapping[str, Sequence[Row]], factor: str) -> dict[str, dict[str, PooledErrors]]:
+def _by(table: Mapping[str, Sequence[BenchRow]], factor: str) -> dict[str, dict[str, PooledErrors]]:
     """Errors of each controller for each value of a factor, values in the order of the suite."""
     values = dict.fromkeys(getattr(row, factor) for rows in table.values() for row in rows)
     return {
@@ -184,7 +184,7 @@ def _by(table: Mapping[str, Sequence[Row]], factor: str) -> dict[str, dict[str, 
     }
 
 
-def _sweep(rows: Sequence[Row], name: str) -> list[SweepStep]:
+def _sweep(rows: Sequence[BenchRow], name: str) -> list[SweepStep]:
     """Disturbances that differ from a clean run in one figure alone, by its size."""
     neutral = Disturbance().figures()
     found = {}
@@ -197,7 +197,7 @@ def _sweep(rows: Sequence[Row], name: str) -> list[SweepStep]:
     return [SweepStep(disturbance=word, value=found[word]) for word in order]
 
 
-def _errors(rows: Sequence[Row]) -> PooledErrors:
+def _errors(rows: Sequence[BenchRow]) -> PooledErrors:
     squares = _column(row.charged_rms_m for row in rows) ** 2
     clusters = Clusters([row.path for row in rows])
     return PooledErrors(
@@ -211,7 +211,7 @@ def _errors(rows: Sequence[Row]) -> PooledErrors:
     )
 
 
-def _ratios(rows: Sequence[Row], base: Sequence[Row]) -> dict[str, ErrorRatio]:
+def _ratios(rows: Sequence[BenchRow], base: Sequence[BenchRow]) -> dict[str, ErrorRatio]:
     """Ratios of the RMS error to another controller's, over the scenarios that both drove."""
     out = {}
     for name in GROUPS:
@@ -235,11 +235,11 @@ def _exp_mean(logs: FloatArray) -> Callable[[Any], FloatArray]:
     return lambda mean: np.exp(mean(logs))
 
 
-def _in_group(rows: Sequence[Row], name: str) -> list[Row]:
+def _in_group(rows: Sequence[BenchRow], name: str) -> list[BenchRow]:
     return [row for row in rows if GROUPS[name](row.disturbance)]
 
 
-def _measured(rows: Sequence[Row], metric: str) -> FloatArray:
+def _measured(rows: Sequence[BenchRow], metric: str) -> FloatArray:
     """A metric's defined values."""
     return _column(v for row in rows if (v := row.metrics.get(metric)) is not None)
 

@@ -117,10 +117,10 @@ def _replay(page: FilePath | None, config: RunConfig, episode: Episode) -> None:
     if page is None:
         return
     from steersman.metrics.base import summarise
-    from steersman.report import Run, write_report
+    from steersman.report import ReportRun, write_report
 
     name = config.controller.kind.replace("_", " ")
-    drive = Run(name, episode, summarise(episode), config=dict(episode.meta))
+    drive = ReportRun(name, episode, summarise(episode), config=dict(episode.meta))
     write_report([drive], page, f"{name} on {config.path.kind.replace('_', ' ')}")
     note(f"replay: {page}")
 

@@ -60,8 +60,8 @@ def _close(one: float | None, other: float | None) -> bool:
 
 def _episodes() -> dict[str, Episode]:
     rng = np.random.default_rng(0)
-    whole = {name: rng.normal(size=_ROWS) for name in COLUMNS}
-    whole |= {"time": _DT * np.arange(_ROWS), "v_x": 10.0 + whole["v_x"]}
+    whole: dict[str, FloatArray] = {name: rng.normal(size=_ROWS) for name in COLUMNS}
+    whole |= {"time": _DT * np.arange(_ROWS, dtype=np.float64), "v_x": 10.0 + whole["v_x"]}
     whole |= {name: np.zeros(_ROWS) for name in ("status", "driver", "reason")}
     fine = rng.normal(size=(10 * _ROWS, 2))
     one = {name: values[:1] for name, values in whole.items()}

@@ -15,7 +15,7 @@ from steersman.report import benchmark
 from steersman.report.article import write_article
 from steersman.report.cases import replays
 from steersman.report.html import write_report
-from steersman.report.runs import Run, Table, read_progress
+from steersman.report.runs import ReportRun, Table, read_progress
 from steersman.report.tables import text
 from steersman.studies.compare.results import (
     AnyComparison,
@@ -136,21 +136,26 @@ def write_comparison(
     return write_article(page, out, TITLE, source, replay=replays(found.summary, cases))
 
 
-def _runs(found: DriveCompareResult, episodes: Mapping[str, Episode]) -> list[Run]:
+def _runs(found: DriveCompareResult, episodes: Mapping[str, Episode]) -> list[ReportRun]:
     """Every drive, the legend, and every comparison as a table."""
     drives = [
-        Run(name, episode=episode, metrics=found.metrics[name], config=_driven(episode))
+        ReportRun(name, episode=episode, metrics=found.metrics[name], config=_driven(episode))
         for name, episode in episodes.items()
     ]
     columns = {"letter": "", "name": "drive", "source": "from"}
     who = [dict(zip(columns, line, strict=True)) for line in legend(found)]
     tables = [
-        Run(f"comparison {k}", table=Table(" ".join(sentences(found, k)), headers(found, k), lines))
+        ReportRun(
+            f"comparison {k}", table=Table(" ".join(sentences(found, k)), headers(found, k), lines)
+        )
         for k in range(len(found.comparisons))
         if (lines := rows(found, k))
     ]
     notes = Table("To keep in mind", {"note": ""}, [{"note": line} for line in found.warnings])
-    legends = [Run("drives", table=Table("Drives", columns, who)), Run("notes", table=notes)]
+    legends = [
+        ReportRun("drives", table=Table("Drives", columns, who)),
+        ReportRun("notes", table=notes),
+    ]
     return [*drives, *legends, *tables]
 
 

@@ -15,7 +15,7 @@ from steersman.errors import DataError
 from steersman.files import write_text
 from steersman.report import tables, web
 from steersman.report.conditions import by_conditions
-from steersman.report.runs import Run
+from steersman.report.runs import ReportRun
 from steersman.report.scene import Group
 from steersman.report.seen import recorded
 from steersman.report.signals import Drive, group_by_path, look
@@ -30,7 +30,7 @@ _DASHES = {"solid": "none", "dash": "7 4", "dot": "2 3", "dashdot": "7 3 2 3"}
 
 
 def write_report(
-    runs: Sequence[Run],
+    runs: Sequence[ReportRun],
     out: FilePath,
     title: str = "Steersman report",
 ) -> FilePath:
@@ -54,7 +54,7 @@ def write_report(
     return FilePath(out)
 
 
-def render(runs: Sequence[Run], title: str) -> str:
+def render(runs: Sequence[ReportRun], title: str) -> str:
     """The page as text."""
     groups = group_by_path(runs)
     training = curves(runs)
@@ -80,7 +80,7 @@ def render(runs: Sequence[Run], title: str) -> str:
     )
 
 
-def _tiles(runs: Sequence[Run]) -> list[tables.Tile]:
+def _tiles(runs: Sequence[ReportRun]) -> list[tables.Tile]:
     """The main figures in large letters, where there is one drive and nothing else."""
     return tables.tiles(runs[0]) if len(runs) == 1 and runs[0].episode is not None else []
 
@@ -101,12 +101,12 @@ def half_width(group: Sequence[Drive]) -> float:
     return float(width) if isinstance(width, (int, float)) else CORRIDOR
 
 
-def _measured(runs: Sequence[Run]) -> list[Run]:
+def _measured(runs: Sequence[ReportRun]) -> list[ReportRun]:
     return [run for run in runs if run.metrics]
 
 
 def _summaries(
-    runs: Sequence[Run], groups: Sequence[Sequence[Drive]]
+    runs: Sequence[ReportRun], groups: Sequence[Sequence[Drive]]
 ) -> list[tuple[str, list[tuple[str, list[tables.Cell]]]]]:
     """Rows of the summary table under the title of their path."""
     columns = tables.summary_columns(runs)
@@ -127,7 +127,7 @@ def _legend(names: Sequence[str]) -> list[dict[str, str]]:
     ]
 
 
-def _configs(runs: Sequence[Run]) -> list[tuple[str, str]]:
+def _configs(runs: Sequence[ReportRun]) -> list[tuple[str, str]]:
     """Each configuration once, under the names of all runs that had it."""
     names: dict[str, list[str]] = {}
     for run in runs:

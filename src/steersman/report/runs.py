@@ -37,7 +37,7 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Run:
+class ReportRun:
     """One thing to report; whatever it does not have is left out of the page.
 
     Attributes:
@@ -57,14 +57,14 @@ class Run:
     config: Mapping[str, Any] = field(default_factory=dict)
 
 
-def load_runs(folders: Iterable[FilePath]) -> list[Run]:
+def load_runs(folders: Iterable[FilePath]) -> list[ReportRun]:
     """Everything to report in these folders (or ``.npz`` files), sorted within each.
 
     Raises:
         DataError: a folder is missing or holds nothing to report, or a file is corrupt.
     """
     roots = [FilePath(folder) for folder in folders]
-    runs: list[Run] = []
+    runs: list[ReportRun] = []
     for root in roots:
         found = _load_root(root, prefix=len(roots) > 1)
         if not found:
@@ -76,7 +76,7 @@ def load_runs(folders: Iterable[FilePath]) -> list[Run]:
     return _distinct(runs)
 
 
-def _load_root(root: FilePath, *, prefix: bool) -> list[Run]:
+def _load_root(root: FilePath, *, prefix: bool) -> list[ReportRun]:
     if not root.exists():
         raise DataError(f"{root}: no such folder")
     if root.is_file():
@@ -119,7 +119,7 @@ def _name(file: FilePath, root: FilePath, *, prefix: bool) -> str:
     return "/".join([whole, *parts] if prefix or not parts else parts)
 
 
-def _distinct(runs: list[Run]) -> list[Run]:
+def _distinct(runs: list[ReportRun]) -> list[ReportRun]:
     """Number the names that occur more than once among things of the same sort."""
     seen: dict[tuple[str, bool], int] = {}
     out = []
@@ -130,30 +130,30 @@ def _distinct(runs: list[Run]) -> list[Run]:
     return out
 
 
-def _load_episode(file: FilePath, name: str, root: FilePath) -> Run:
+def _load_episode(file: FilePath, name: str, root: FilePath) -> ReportRun:
     episode = load_episode(file)
     beside = file.with_name("metrics.json")
     recorded = read_json_object(beside) if file.name == "episode.npz" and beside.exists() else {}
     own = file.name == "episode.npz" and (file.parent / "config.yaml").exists()
     config = _config(file, root) if own or not episode.meta else dict(episode.meta)
     metrics = {**summarise(episode), **recorded}
-    return Run(name, episode=episode, metrics=metrics, config=config)
+    return ReportRun(name, episode=episode, metrics=metrics, config=config)
 
 
-def _load_metrics(file: FilePath, name: str, root: FilePath) -> Run:
-    return Run(name, metrics=read_json_object(file), config=_config(file, root))
+def _load_metrics(file: FilePath, name: str, root: FilePath) -> ReportRun:
+    return ReportRun(name, metrics=read_json_object(file), config=_config(file, root))
 
 
-def _load_training(file: FilePath, name: str, root: FilePath) -> Run:
+def _load_training(file: FilePath, name: str, root: FilePath) -> ReportRun:
     card = file.with_name("policy.json")
     config = _config(file, root)
     if card.exists():
         config = {"policy": read_json_object(card), **({"config": config} if config else {})}
-    return Run(name, training=read_progress(file), config=config)
+    return ReportRun(name, training=read_progress(file), config=config)
 
 
-def _load_table(file: FilePath, name: str, root: FilePath) -> Run:
-    return Run(name, table=read_table(file))
+def _load_table(file: FilePath, name: str, root: FilePath) -> ReportRun:
+    return ReportRun(name, table=read_table(file))
 
 
 def _config(file: FilePath, root: FilePath) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from steersman.bench.along import same_path
 from steersman.episode import Episode
-from steersman.report.runs import Run
+from steersman.report.runs import ReportRun
 from steersman.types import FloatArray
 
 # Okabe and Ito's palette without yellow and black, which vanish on white and on black.
@@ -77,7 +77,7 @@ class Drive(NamedTuple):
     episode: Episode
 
 
-def group_by_path(runs: Sequence[Run]) -> list[list[Drive]]:
+def group_by_path(runs: Sequence[ReportRun]) -> list[list[Drive]]:
     """The runs with episodes, those on the same path together, in order of appearance."""
     groups: list[list[Drive]] = []
     for run in runs:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from steersman.metrics.base import metrics
-from steersman.report.runs import Run, Table
+from steersman.report.runs import ReportRun, Table
 
 NOTHING = "\u2013"
 """What stands for an undefined value: a dash."""
@@ -86,13 +86,13 @@ def flat(metrics: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     return out
 
 
-def summary_columns(runs: Sequence[Run]) -> list[Column]:
+def summary_columns(runs: Sequence[ReportRun]) -> list[Column]:
     """The columns of these runs' summary: interventions only where there was one."""
     any_ = any(run.metrics.get("interventions") for run in runs)
     return [column for column in SUMMARY if any_ or column.header != _IF_ANY]
 
 
-def summary_row(run: Run, columns: Sequence[Column] = SUMMARY) -> list[Cell]:
+def summary_row(run: ReportRun, columns: Sequence[Column] = SUMMARY) -> list[Cell]:
     """Who drove what, how the run ended, and the summary's metrics."""
     values = flat(run.metrics)
     done = values.get("completed")
@@ -121,7 +121,7 @@ _TILES = ("mean |d|", "95 % |d|", "max |d|", "mean speed", "max |a_y|", "clip-pe
 _IF_ANY = "inter-ventions"
 
 
-def tiles(run: Run) -> list[Tile]:
+def tiles(run: ReportRun) -> list[Tile]:
     """Who drove what, how it ended, and the main figures of one drive."""
     values = flat(run.metrics)
     done = values.get("completed")
@@ -140,7 +140,7 @@ def tiles(run: Run) -> list[Tile]:
     return out
 
 
-def _kind(run: Run, part: str) -> str:
+def _kind(run: ReportRun, part: str) -> str:
     """The kind of a part of the run's configuration; a dash where none is known.
 
     What an episode recorded of its run stands under ``config``, beside seed and versions.
@@ -151,7 +151,7 @@ def _kind(run: Run, part: str) -> str:
     return NOTHING if kind is None else str(kind)
 
 
-def _elsewhere(run: Run) -> str:
+def _elsewhere(run: ReportRun) -> str:
     """Whose numbers they are, if not the embedded simulator's: a stand-in's are never CARLA's."""
     found = _kind(run, "plant")
     return "" if found in {NOTHING, "simulator", "embedded simulator"} else found
@@ -164,7 +164,7 @@ def _summary_cell(values: Mapping[str, Any], column: Column) -> Cell:
     return Cell(text(value, 3), number=True, bad=column.metric in _BAD and bool(value))
 
 
-def all_metrics(runs: Sequence[Run]) -> list[dict[str, Any]]:
+def all_metrics(runs: Sequence[ReportRun]) -> list[dict[str, Any]]:
     """Every metric of every run: a row for each metric, in the order of first appearance."""
     values = [flat(run.metrics) for run in runs]
     names = dict.fromkeys(name for run in values for name in run)

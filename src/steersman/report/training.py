@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from steersman.report.runs import Run
+from steersman.report.runs import ReportRun
 from steersman.report.signals import decimate, look
 from steersman.types import FloatArray
 
@@ -39,7 +39,7 @@ FIRST = ("validation_error_mm", "reward_mean", "off_track_resets")
 POINTS = 2000
 
 
-def curves(runs: Sequence[Run]) -> dict[str, Any] | None:
+def curves(runs: Sequence[ReportRun]) -> dict[str, Any] | None:
     """The data of the training plots, None if nothing was trained."""
     tables = {run.name: run.training for run in runs if run.training is not None}
     if not tables:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from steersman.config import dump
 from steersman.provenance import provenance
-from steersman.stored import Sourced, Stored
+from steersman.stored import SourcedResult, StoredResult
 from steersman.studies.hunt import Bracket
 from steersman.studies.perturbation import AXES, shown
 from steersman.studies.tried import Tried
@@ -23,7 +23,7 @@ class MildestFailure(Tried):
     """Physical values of the quantities, under names with their units."""
 
 
-class SingleFailure(Stored):
+class SingleFailure(StoredResult):
     """A quantity disturbed alone, to one of its sides; None where nothing failed."""
 
     name: str
@@ -37,7 +37,7 @@ class SingleFailure(Stored):
     """Of the two values."""
 
 
-class FalsifyResult(Sourced):
+class FalsifyResult(SourcedResult):
     """The content of ``falsify.json``."""
 
     falsified: bool

@@ -7,14 +7,14 @@ from typing import Any
 
 from pydantic import Field
 
-from steersman.stored import Sourced, Stored
+from steersman.stored import SourcedResult, StoredResult
 from steersman.studies.objective import TrialCost
 
 # The two figures of which a trial on the front cannot have less of both.
 TRADED = ("rms_error_m", "steer_change_rms")
 
 
-class TrialFigures(Stored):
+class TrialFigures(StoredResult):
     """The figures of :class:`TrialCost`; all but the cost are None in studies of before them."""
 
     number: int
@@ -36,12 +36,12 @@ class TuningTrial(TrialFigures):
     chosen: bool = False
 
 
-class TuningTrials(Stored):
+class TuningTrials(StoredResult):
     """The content of ``pareto.json``."""
 
     controller: str
     """The controller's kind."""
-    traded: list[str] = Field(list(TRADED))
+    traded: list[str] = Field(default_factory=lambda: list(TRADED))
     failures: int | None
     """The fewest failed drives of a trial."""
     measured: int
@@ -55,7 +55,7 @@ class TuningTrials(Stored):
         return next(row for row in self.trials if row.chosen)
 
 
-class TuneResult(Sourced):
+class TuneResult(SourcedResult):
     """The content of ``result.json``."""
 
     controller: dict[str, Any]

@@ -12,13 +12,13 @@ import numpy as np
 
 from steersman.errors import DataError
 from steersman.rollout import RunConfig, attempt
-from steersman.stored import Stored
+from steersman.stored import StoredResult
 from steersman.studies.perturbation import Point, norm
 
 Key: TypeAlias = tuple[float, ...]
 
 
-class Tried(Stored):
+class Tried(StoredResult):
     """A disturbance that was driven."""
 
     stage: str

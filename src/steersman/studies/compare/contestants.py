@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 from steersman.bench.entrants import Entrant, entrant
 from steersman.bench.journal import NAME as ROWS
 from steersman.bench.journal import read_rows
-from steersman.bench.results import RESULTS, BenchResult, Row
+from steersman.bench.results import RESULTS, BenchResult, BenchRow
 from steersman.bench.suite import Suite
 from steersman.config import build, read_yaml
 from steersman.episode import Episode, is_episode, load_episode
@@ -32,7 +32,7 @@ class Contestant(NamedTuple):
     learned: bool = False
     """Whether a policy is part of it, as far as is known."""
     episode: Episode | None = None
-    rows: tuple[Row, ...] = ()
+    rows: tuple[BenchRow, ...] = ()
     entrant: Entrant | None = None
     folder: FilePath | None = None
 
@@ -132,7 +132,7 @@ def _name(file: FilePath) -> str:
 
 def _from_rows(folder: FilePath, chosen: Sequence[str], name: str) -> list[Contestant]:
     """A contestant for each controller of a benchmark, those that were given in their order."""
-    by_name: dict[str, dict[str, Row]] = {}
+    by_name: dict[str, dict[str, BenchRow]] = {}
     for row in _rows(folder):
         by_name.setdefault(row.controller, {})[row.scenario] = row  # the last counts
     for word in chosen:
@@ -152,7 +152,7 @@ def _from_rows(folder: FilePath, chosen: Sequence[str], name: str) -> list[Conte
     return out
 
 
-def _rows(folder: FilePath) -> list[Row]:
+def _rows(folder: FilePath) -> list[BenchRow]:
     """The rows of a benchmark's controllers; of those of its last command, if that is known."""
     if not (folder / ROWS).is_file():
         raise DataError(f"{folder / ROWS}: no such file; expected the folder of a benchmark")

@@ -12,14 +12,14 @@ from steersman.bench.along import AlongComparison
 from steersman.bench.pairs import PairedComparison
 from steersman.bench.results import Summary
 from steersman.policy_file import locate, read_policy
-from steersman.stored import Sourced, Stored, optional
+from steersman.stored import SourcedResult, StoredResult, optional
 from steersman.studies.compare.contestants import Contestant
 
 FORMAT = 1
 _LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 
-class TrainingRecord(Stored):
+class TrainingRecord(StoredResult):
     """What the card of a policy says of its training."""
 
     steps: float | None
@@ -30,7 +30,7 @@ class TrainingRecord(Stored):
     validation_steer_activity: float | None
 
 
-class ContestantRecord(Stored):
+class ContestantRecord(StoredResult):
     """One side of a comparison."""
 
     letter: str
@@ -43,7 +43,7 @@ class ContestantRecord(Stored):
     training: TrainingRecord | None = optional()
 
 
-class CompareResult(Sourced):
+class CompareResult(SourcedResult):
     """What every comparison has; the first contestant is what the others are compared with."""
 
     format: int = FORMAT
@@ -63,7 +63,7 @@ class ScenarioCompareResult(CompareResult):
     comparisons: list[PairedComparison]
 
 
-class FieldDifference(Stored):
+class FieldDifference(StoredResult):
     """A setting in which two drives differ; None where one has no such setting."""
 
     field: str
@@ -71,7 +71,7 @@ class FieldDifference(Stored):
     own: Any
 
 
-class DriveComparison(Stored):
+class DriveComparison(StoredResult):
     """A drive against the first."""
 
     name: str

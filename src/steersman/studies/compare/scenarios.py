@@ -9,7 +9,7 @@ from typing import NamedTuple
 from steersman.bench import drive
 from steersman.bench.pairs import FEW_PATHS, against
 from steersman.bench.replay import ShownCase, median_cases, worst_cases
-from steersman.bench.results import Row
+from steersman.bench.results import BenchRow
 from steersman.bench.runner import bench
 from steersman.bench.suite import Scenario, Suite
 from steersman.bench.suites import suite as read_suite
@@ -152,9 +152,9 @@ def few_paths(count: int) -> str:
     return f"only {count} independent paths: the intervals are rough"
 
 
-def _saved(found: Sequence[Contestant], over: ComparedScenarios) -> dict[str, list[Row]]:
+def _saved(found: Sequence[Contestant], over: ComparedScenarios) -> dict[str, list[BenchRow]]:
     """Each contestant's rows of the planned scenarios, under its own name, in their order."""
-    out: dict[str, list[Row]] = {}
+    out: dict[str, list[BenchRow]] = {}
     for one in found:
         mine = {row.scenario: row for row in one.rows}
         out[one.name] = [
@@ -165,7 +165,7 @@ def _saved(found: Sequence[Contestant], over: ComparedScenarios) -> dict[str, li
     return out
 
 
-def _missing(rows: Mapping[str, Sequence[Row]], over: ComparedScenarios) -> list[str]:
+def _missing(rows: Mapping[str, Sequence[BenchRow]], over: ComparedScenarios) -> list[str]:
     short = [f"{name} {len(own)}" for name, own in rows.items() if len(own) < len(over.scenarios)]
     if not short:
         return []
