@@ -1,23 +1,22 @@
-"""What holds for every registered controller. A new one is found here with no further edit."""
+"""What holds for every registered component. A new one is found here with no further edit."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-import numpy as np
 import pytest
 
-from steersman.config import build, components, dump, resolve
+from steersman import contracts
+from steersman.config import build, components, resolve
+from steersman.contracts import controller as contract
+from steersman.contracts import path, sensor, speed, vehicle
 from steersman.controllers.base import ControllerComponent
+from steersman.errors import ConfigError
 from steersman.learning.config import TrainConfig
-from steersman.paths.basic import Circle
-from steersman.plants.simulator import SimulatorConfig
-from steersman.sensing import WaypointSensor
-from steersman.types import Observation, Status
+from steersman.types import Observation
 
-from .loops import CAR, DT, Posed, answers, beside, drive, observe, random_policy, same, scenes
+from .loops import Posed, random_policy, scenes
 
 # Further settings of kinds whose defaults leave code aside.
 VARIANTS: dict[str, dict[str, Any]] = {
@@ -73,240 +72,84 @@ def controller(request: pytest.FixtureRequest, policies: dict[str, str]) -> Cont
     return make(request.param, policies)
 
 
-def tolerance(controller: ControllerComponent, single: float = 1e-6) -> float:
-    """Of a comparison; a policy's network has single precision."""
-    return single if controller.kind == "policy" else 1e-9
-
-
-def steering(controller: ControllerComponent, observations: list[Observation]) -> list[float]:
-    return [decision.steer for decision in answers(controller, observations)]
-
-
-def test_load_undoes_dump(controller: ControllerComponent) -> None:
-    again = resolve("controller", dump(controller))
-    assert again == controller
-    assert isinstance(again, ControllerComponent)
-    observations = scenes(Posed())
-    assert answers(again, observations) == answers(controller, observations)
-
-
-def test_mirrored_observation_gives_negated_steering(controller: ControllerComponent) -> None:
-    left = steering(controller, scenes(Posed()))
-    right = steering(controller, scenes(Posed(side=-1.0), side=-1.0))
-    assert left == pytest.approx([-u for u in right], abs=tolerance(controller))
-    assert max(map(abs, left)) > 1e-3
-
-
-def test_mirrored_circle_gives_mirrored_run(controller: ControllerComponent) -> None:
-    left = drive(controller, Circle(direction="left"), duration=4.0)
-    right = drive(controller, Circle(direction="right"), duration=4.0)
-    assert left.end == right.end
-    close = tolerance(controller, 1e-5)
-    for name in ("lateral_error", "heading_error", "steer_command", "yaw_rate"):
-        assert left[name] == pytest.approx(-right[name], abs=close), name
-
-
-MOVED = Posed(x=-350.0, y=120.0, psi=2.4)
-
-
-def test_steering_knows_no_place_and_direction(controller: ControllerComponent) -> None:
-    here, there = steering(controller, scenes(Posed())), steering(controller, scenes(MOVED))
-    assert here == pytest.approx(there, abs=tolerance(controller))
+@pytest.mark.parametrize(
+    "check", [*contract.CHECKS, *contract.MIRRORED], ids=lambda check: check.__name__
+)
+def test_controllers_keep_their_contract(
+    controller: ControllerComponent, check: Callable[[ControllerComponent], Iterator[str]]
+) -> None:
+    assert list(check(controller)) == []
 
 
 def test_observations_know_no_place_and_direction() -> None:
-    for a, b in zip(scenes(Posed()), scenes(MOVED), strict=True):
+    moved = Posed(x=-350.0, y=120.0, psi=2.4)
+    for a, b in zip(scenes(Posed()), scenes(moved), strict=True):
         assert a[:8] == pytest.approx(b[:8], abs=1e-10)
         assert a.preview == pytest.approx(b.preview, abs=1e-10)
 
 
-def test_closed_loop_knows_no_place_and_direction(controller: ControllerComponent) -> None:
-    here, there = (drive(controller, path, duration=6.0) for path in (Posed(), MOVED))
-    assert here.end == there.end
-    close = tolerance(controller, 1e-5)
-    for name in ("s", "lateral_error", "heading_error", "course_error", "steer_command", "v_x"):
-        assert here[name] == pytest.approx(there[name], abs=close), name
+NEEDS_FILE = ("csv", "mcap", "opendrive", "file")
+CONTRACTS: dict[str, Callable[[Any], list[str]]] = {
+    "speed": speed.check,
+    "vehicle": vehicle.check,
+    "sensor": sensor.check,
+}
+OTHERS = [(f, kind) for f in CONTRACTS for kind in components(f) if kind not in NEEDS_FILE]
 
 
-def plain() -> Observation:
-    path = Posed()
-    return observe(path, beside(path, 30.0, d=0.1, heading=0.02, steer=0.25), 30.0)
+@pytest.mark.parametrize(("family", "kind"), OTHERS, ids=[f"{f}.{k}" for f, k in OTHERS])
+def test_speeds_vehicles_and_sensors_keep_theirs(family: str, kind: str) -> None:
+    assert CONTRACTS[family](resolve(family, kind)) == []
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-@pytest.mark.parametrize("field", [*Observation._fields[:8], "preview"])
-def test_input_that_is_not_finite_is_a_marked_fallback(
-    controller: ControllerComponent, field: str, value: float
-) -> None:
-    good = plain()
-    if field == "preview":
-        points = good.preview.copy()
-        points[7, 1] = value
-        bad = good._replace(preview=points)
-    else:
-        bad = good._replace(**{field: value})
-    state = controller.init(CAR, DT)
-    decision, after = controller.step(state, bad)
-    assert decision.status is Status.FALLBACK
-    assert decision.steer == (0.0 if field == "steer" else 0.25)
-    # The next good observation is answered as if nothing had been.
-    assert controller.step(after, good)[0] == controller.step(controller.init(CAR, DT), good)[0]
+class Lefty(ControllerComponent):
+    """A controller that breaks much: it remembers by itself, and steers to the left alone."""
+
+    def init(self, vehicle: object, dt: float) -> list[float]:
+        return []
+
+    def decide(self, state: Any, observation: Observation) -> tuple[float, Any, Any]:
+        state.append(observation.lateral_error)
+        return 0.1 * len(state), contract.Status.SOLVED, state
 
 
-@pytest.mark.parametrize("size", [1e-300, 1e3, 1e9, 1e100, 1e300])
-def test_any_finite_input_gives_a_command(controller: ControllerComponent, size: float) -> None:
-    good, points = plain(), plain().preview
-    extremes = [good._replace(**{f: s * size}) for f in Observation._fields[1:8] for s in (1, -1)]
-    extremes += [good._replace(preview=s * size * points) for s in (1.0, -1.0)]
-    extremes += [good._replace(v_x=v, v_y=0.0) for v in (0.0, -5.0, 200.0)]
-    for decision in answers(controller, extremes):
-        assert -1.0 <= decision.steer <= 1.0
-        assert decision.status in set(Status)
+def test_a_controller_that_breaks_its_contract_is_found_out() -> None:
+    found = " ".join(contract.check(Lefty()))
+    assert "left and right are not steered alike" in found
+    assert "the same state and observation give two answers" in found
 
 
-@pytest.mark.parametrize("size", [1e3, 1e100, 1e300])
-def test_extreme_input_leaves_nothing_behind(controller: ControllerComponent, size: float) -> None:
-    """A glitch may be answered by anything within the limits, but not the minute after it."""
-    good = plain()
-    for field in Observation._fields[1:8]:
-        state = controller.init(CAR, DT)
-        for observation in (good, good._replace(**{field: size}), *[good] * 5):
-            decision, state = controller.step(state, observation)
-        assert decision.status in {Status.SOLVED, Status.SATURATED}, field
+@pytest.mark.parametrize(
+    ("word", "name"),
+    [
+        ("controller.lqr", "controller.lqr"),
+        ("tuned/lqr", "controller.lqr"),
+        ("circle", "path.circle"),
+        ("vehicle.bmw_320i", "vehicle.bmw_320i"),
+    ],
+)
+def test_check_takes_words(word: str, name: str) -> None:
+    assert contracts.check(word) == (name, [])
 
 
-def test_a_standing_car_gets_an_ordinary_answer(controller: ControllerComponent) -> None:
-    path = Posed()
-    cars = [beside(path, 30.0, d=d, heading=0.05, velocity=(0.0, 0.0)) for d in (0.0, 0.3, -0.3)]
-    for decision in answers(controller, [observe(path, car, 30.0) for car in cars]):
-        assert decision.status in {Status.SOLVED, Status.SATURATED}
+def test_wrong_words_of_check_are_one_line() -> None:
+    with pytest.raises(
+        ConfigError, match=r"'csv' is in several families; write path\.csv or speed"
+    ):
+        contracts.check("csv")
+    with pytest.raises(ConfigError, match=r"unknown component 'controller\.lqrr'; did you mean"):
+        contracts.check("controller.lqrr")
+    with pytest.raises(ConfigError, match="schedule: has no contract; families that have: "):
+        contracts.check("schedule.constant")
 
 
-def test_limits_are_kept(controller: ControllerComponent) -> None:
-    rng = np.random.default_rng(1)
-    path = Posed()
-    observations = [
-        observe(path, beside(path, 30.0, d=d, heading=h, velocity=(v, 0.0)), 30.0)
-        for d, h, v in rng.uniform((-20.0, -3.0, 0.0), (20.0, 3.0, 60.0), (60, 3)).tolist()
-    ]
-    assert all(-1.0 <= u <= 1.0 for u in steering(controller, observations))
+def test_a_path_that_does_not_join_is_found_out() -> None:
+    from steersman.paths.segments import Segment, from_segments
 
+    class Broken(path.PathComponent):
+        def build_table(self) -> Any:
+            table = from_segments([Segment(50.0, 0.0, 0.0), Segment(50.0, 0.02, 0.02)])
+            table.pieces[-3:, 1] += 0.5
+            return table
 
-def test_same_seed_same_episode(controller: ControllerComponent) -> None:
-    noisy = WaypointSensor(error_range=0.1)
-    runs = [drive(controller, Posed(), sensor=noisy, seed=seed, duration=4.0) for seed in (5, 5, 6)]
-    assert same(runs[0], runs[1])
-    assert not same(runs[0], runs[2])
-
-
-def test_one_object_drives_two_cars_in_turn(controller: ControllerComponent) -> None:
-    observations = scenes(Posed()), scenes(Posed(side=-1.0), side=0.5)
-    alone = [answers(controller, row) for row in observations]
-    states = [controller.init(CAR, DT) for _ in observations]
-    together: list[list[Any]] = [[], []]
-    for pair in zip(*observations, strict=True):
-        for i, observation in enumerate(pair):
-            decision, states[i] = controller.step(states[i], observation)
-            together[i].append(decision)
-    assert together == alone
-
-
-def test_one_first_state_serves_many_cars(controller: ControllerComponent) -> None:
-    """The demonstrator starts every episode of every vehicle from one state."""
-    fresh, observations = controller.init(CAR, DT), scenes(Posed())
-    first = answers(controller, observations, fresh)
-    answers(controller, scenes(Posed(side=-1.0), side=-1.0), fresh)
-    assert answers(controller, observations, fresh) == first
-
-
-def test_asking_twice_gives_the_same_answer(controller: ControllerComponent) -> None:
-    state = controller.init(CAR, DT)
-    for observation in scenes(Posed()):
-        once, after = controller.step(state, observation)
-        again, _ = controller.step(state, observation)
-        assert once == again
-        state = after
-
-
-def commands(seed: int = 0) -> list[float]:
-    """Somebody else's commands."""
-    return np.random.default_rng(seed).uniform(-0.3, 0.3, 25).tolist()
-
-
-def told(
-    controller: ControllerComponent, observations: list[Observation], *others: list[float]
-) -> list[float]:
-    """Steering after ``others`` were told, one after the other, of each step."""
-    state, out = controller.init(CAR, DT), []
-    for observation, *steers in zip(observations, *others, strict=True):
-        decision, state = controller.step(state, observation)
-        for steer in steers:
-            state = controller.executed(state, steer)
-        out.append(decision.steer)
-    return out
-
-
-def test_its_own_command_is_no_news(controller: ControllerComponent) -> None:
-    observations = scenes(Posed())
-    alone = steering(controller, observations)
-    assert told(controller, observations, alone) == alone
-
-
-def test_the_last_that_is_told_counts(controller: ControllerComponent) -> None:
-    observations = scenes(Posed())
-    once = told(controller, observations, commands())
-    twice = told(controller, observations, commands(1), commands())
-    assert twice == pytest.approx(once, abs=tolerance(controller))
-
-
-def test_mirrored_news_gives_negated_steering(controller: ControllerComponent) -> None:
-    left = told(controller, scenes(Posed()), commands())
-    mirrored = scenes(Posed(side=-1.0), side=-1.0), [-u for u in commands()]
-    right = told(controller, *mirrored)
-    assert left == pytest.approx([-u for u in right], abs=tolerance(controller))
-
-
-def test_telling_leaves_the_state_alone(controller: ControllerComponent) -> None:
-    observations = scenes(Posed())
-    alone, state = steering(controller, observations), controller.init(CAR, DT)
-    for observation, steer, expected in zip(observations, commands(), alone, strict=True):
-        decision, state = controller.step(state, observation)
-        other, _ = controller.step(controller.executed(state, steer), observation)
-        assert decision.steer == expected
-        assert -1.0 <= other.steer <= 1.0
-
-
-def test_before_the_first_step_there_is_nothing_to_tell(controller: ControllerComponent) -> None:
-    fresh, first = controller.init(CAR, DT), plain()
-    assert (
-        controller.step(controller.executed(fresh, 0.0), first)[0]
-        == (controller.step(fresh, first)[0])
-    )
-
-
-def test_observation_is_left_alone(controller: ControllerComponent) -> None:
-    observation = plain()
-    kept = observation.preview.copy()
-    controller.step(controller.init(CAR, DT), observation)
-    assert np.array_equal(observation.preview, kept)
-
-
-@pytest.mark.parametrize("kind", components("controller"))
-def test_what_tuning_may_change_holds_the_defaults(kind: str) -> None:
-    for name, (low, high, log) in components("controller")[kind].search.items():
-        value: Any = make(kind, {})
-        for part in name.split("."):
-            value = getattr(value, part)
-        assert low <= value <= high, name
-        assert low < high, name
-        assert low > 0.0 or not log, name
-
-
-@pytest.mark.parametrize("name", [name for name in ALL if name not in PROBLEMS])
-@pytest.mark.parametrize("dt", [0.01, 0.1])
-def test_other_control_periods(name: str, dt: float) -> None:
-    """A policy belongs to the period it was trained with, and says so (test_policy_file)."""
-    controller = make(name, {})
-    episode = drive(controller, Posed(), plant=SimulatorConfig(dt=dt), duration=2.0)
-    assert episode.dt == dt
-    assert len(episode) == round(2.0 / dt)
+    assert any("pieces are" in text for text in path.check(Broken()))

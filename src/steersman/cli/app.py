@@ -35,6 +35,11 @@ COMMANDS = {
         "Show the fields of a component, or all settings of a command.",
         "SHOW_EXAMPLES",
     ),
+    "check": Entry(
+        "components:check_component",
+        "Check a component against the contract of its family.",
+        "CHECK_EXAMPLES",
+    ),
     "drive": Entry("drive:drive", "Drive one closed loop and print what was measured."),
     "train": Entry("train:train", "Train an agent and export its policy."),
     "imitate": Entry(

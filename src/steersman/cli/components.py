@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from steersman.cli.output import show, show_json, table
+from steersman.cli.output import note, show, show_json, table, tell_compiling, write
 from steersman.errors import ConfigError, one_line, suggestion
 
 if TYPE_CHECKING:
@@ -25,6 +25,14 @@ SHOW_EXAMPLES = (
     "  steersman show path circle --json\n"
     "  steersman show drive\n"
     "  steersman show train"
+)
+CHECK_EXAMPLES = (
+    "\b\nExamples:\n"
+    "  steersman check controller.lqr\n"
+    "  steersman check vector_field k_heading=2\n"
+    "  steersman check track.csv\n"
+    "\n"
+    "The exit code is 1 if anything is found."
 )
 # Whole commands whose settings can be shown, beside the components.
 _COMMANDS = ("drive", "train", "imitate", "tune", "falsify", "bench")
@@ -86,6 +94,33 @@ def show_component(
     show(*(f"\n{text}" for text in about), "")
     if fields:
         show(_field_table(fields))
+
+
+def check_component(
+    words: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="NAME|FAMILY.NAME [key=value ...]", help="A component, and fields of it."
+        ),
+    ],
+) -> None:
+    """Check a component against the contract of its family, as the author of a plug-in does.
+
+    Prints a line for each finding.
+    """
+    from steersman.commands import split
+    from steersman.contracts import check
+
+    name, assignments = split(words)
+    if name is None:
+        raise ConfigError(f"{words[0]!r} is a setting; first comes a name, e.g. controller.lqr")
+    tell_compiling()
+    component, found = check(name, assignments)
+    for text in found:
+        write(f"{component}: {text}\n")
+    note(f"{component}: {len(found) or 'no'} finding{'' if len(found) == 1 else 's'}")
+    if found:
+        raise typer.Exit(1)
 
 
 def _find(kind: str, name: str | None) -> tuple[type[BaseModel], BaseModel | None]:

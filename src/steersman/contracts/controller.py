@@ -1,0 +1,338 @@
+"""What every controller has to fulfil."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from steersman.config import dump, resolve
+from steersman.contracts import findings
+from steersman.contracts.scenes import (
+    CAR,
+    DT,
+    PosedRoad,
+    answers,
+    beside,
+    drive,
+    observe,
+    same,
+    scenes,
+)
+from steersman.controllers.base import ControllerComponent
+from steersman.paths.basic import Circle
+from steersman.plants.simulator import SimulatorConfig
+from steersman.sensing import WaypointSensor
+from steersman.types import Observation, Status
+
+_MOVED = PosedRoad(x=-350.0, y=120.0, psi=2.4)
+_NUMBERS = Observation._fields[:8]
+_ANSWERED = {Status.SOLVED, Status.SATURATED}
+# Differences that rounding makes: of one answer, and of a drive.
+_CLOSE, _DRIVEN = 1e-9, 1e-9
+_SINGLE, _SINGLE_DRIVEN = 1e-6, 1e-5
+
+
+def check(controller: ControllerComponent) -> list[str]:
+    """What a controller does otherwise than every controller has to.
+
+    Mirror symmetry is no part of it where a trained network decides.
+    """
+    symmetric = () if _learned(dump(controller)) else MIRRORED
+    return findings((*CHECKS, *symmetric), controller)
+
+
+def _learned(data: Any) -> bool:
+    """Whether there is a policy in a dumped controller, however deep."""
+    if not isinstance(data, dict):
+        return False
+    return data.get("kind") == "policy" or any(map(_learned, data.values()))
+
+
+def _close(controller: ControllerComponent, driven: bool = False) -> float:
+    single = _learned(dump(controller))  # a network computes in single precision
+    return (_SINGLE_DRIVEN if driven else _SINGLE) if single else (_DRIVEN if driven else _CLOSE)
+
+
+def _differ(one: Any, other: Any, tolerance: float) -> bool:
+    a, b = np.asarray(one, float), np.asarray(other, float)
+    return a.shape != b.shape or not np.allclose(a, b, rtol=1e-6, atol=tolerance, equal_nan=True)
+
+
+def steering(controller: ControllerComponent, observations: list[Observation]) -> list[float]:
+    """The commands to a row of observations."""
+    return [decision.steer for decision in answers(controller, observations)]
+
+
+def plain() -> Observation:
+    """An ordinary observation."""
+    path = PosedRoad()
+    return observe(path, beside(path, 30.0, d=0.1, heading=0.02, steer=0.25), 30.0)
+
+
+def _with(observation: Observation, name: str, value: float) -> Observation:
+    """The observation with another value of one of its numbers."""
+    return Observation(**{**observation._asdict(), name: value})
+
+
+def loading_undoes_dumping(controller: ControllerComponent) -> Iterator[str]:
+    """As data and back the controller is equal, and steers equally."""
+    if not controller.kind:
+        return
+    again = resolve("controller", dump(controller))
+    assert isinstance(again, ControllerComponent)
+    if again != controller:
+        yield "its plain data give another controller"
+    elif answers(again, scenes(PosedRoad())) != answers(controller, scenes(PosedRoad())):
+        yield "made again from its plain data it steers otherwise"
+
+
+def a_mirrored_observation_gives_negated_steering(
+    controller: ControllerComponent,
+) -> Iterator[str]:
+    """Left and right are alike."""
+    left = steering(controller, scenes(PosedRoad()))
+    right = steering(controller, scenes(PosedRoad(side=-1.0), side=-1.0))
+    if _differ(left, [-u for u in right], _close(controller)):
+        yield "left and right are not steered alike"
+    if max(map(abs, left)) <= 1e-3:  # noqa: PLR2004 - as good as none
+        yield "steers nothing"
+
+
+def a_mirrored_circle_gives_a_mirrored_drive(controller: ControllerComponent) -> Iterator[str]:
+    """The closed loop is symmetric, too."""
+    left = drive(controller, Circle(direction="left"), duration=4.0)
+    right = drive(controller, Circle(direction="right"), duration=4.0)
+    if left.end != right.end:
+        yield f"ends by {left.end} to the left and by {right.end} to the right"
+        return
+    for name in ("lateral_error", "heading_error", "steer_command", "yaw_rate"):
+        if _differ(left[name], -right[name], _close(controller, driven=True)):
+            yield f"{name} differs between the left and the right circle"
+
+
+def place_and_direction_do_not_matter(controller: ControllerComponent) -> Iterator[str]:
+    """The same road elsewhere is steered equally, in the open and in the closed loop."""
+    here, there = (steering(controller, scenes(road)) for road in (PosedRoad(), _MOVED))
+    if _differ(here, there, _close(controller)):
+        yield "steers otherwise on the same road elsewhere"
+    one, other = (drive(controller, road, duration=6.0) for road in (PosedRoad(), _MOVED))
+    if one.end != other.end:
+        yield f"ends by {one.end} here and by {other.end} elsewhere"
+        return
+    for name in ("s", "lateral_error", "heading_error", "course_error", "steer_command", "v_x"):
+        if _differ(one[name], other[name], _close(controller, driven=True)):
+            yield f"{name} differs on the same road elsewhere"
+
+
+def input_that_is_not_finite_is_a_marked_fallback(
+    controller: ControllerComponent,
+) -> Iterator[str]:
+    """The present steering is answered, and the next observation as if nothing had been."""
+    good = plain()
+    points = good.preview.copy()
+    fresh = controller.step(controller.init(CAR, DT), good)[0]
+    for value in (math.nan, math.inf, -math.inf):
+        points[7, 1] = value
+        bad = {name: _with(good, name, value) for name in _NUMBERS}
+        for name, seen in {**bad, "preview": good._replace(preview=points.copy())}.items():
+            decision, after = controller.step(controller.init(CAR, DT), seen)
+            if decision.status is not Status.FALLBACK:
+                yield f"{name} {value}: not marked as a fallback"
+            if decision.steer != (0.0 if name == "steer" else good.steer):
+                yield f"{name} {value}: not answered by the present steering"
+            if controller.step(after, good)[0] != fresh:
+                yield f"{name} {value}: changes the next answer"
+
+
+def any_finite_input_gives_a_command(controller: ControllerComponent) -> Iterator[str]:
+    """However large, small or odd."""
+    good, points = plain(), plain().preview
+    for size in (1e-300, 1e3, 1e9, 1e100, 1e300):
+        row = [_with(good, f, s * size) for f in _NUMBERS[1:] for s in (1, -1)]
+        row += [good._replace(preview=s * size * points) for s in (1.0, -1.0)]
+        row += [good._replace(v_x=v, v_y=0.0) for v in (0.0, -5.0, 200.0)]
+        for decision in answers(controller, row):
+            if not -1.0 <= decision.steer <= 1.0:
+                yield f"answers {decision.steer} to input of the size {size:g}"
+
+
+def extreme_input_leaves_nothing_behind(controller: ControllerComponent) -> Iterator[str]:
+    """One glitch may be answered by anything within the limits, but not what follows."""
+    good = plain()
+    for size in (1e3, 1e100, 1e300):
+        for field in _NUMBERS[1:]:
+            state = controller.init(CAR, DT)
+            for observation in (good, _with(good, field, size), *[good] * 5):
+                decision, state = controller.step(state, observation)
+            if decision.status not in _ANSWERED:
+                yield f"five steps after {field} = {size:g} it still answers by a fallback"
+
+
+def a_standing_car_gets_an_ordinary_answer(controller: ControllerComponent) -> Iterator[str]:
+    """No division by the speed."""
+    path = PosedRoad()
+    cars = [beside(path, 30.0, d=d, heading=0.05, velocity=(0.0, 0.0)) for d in (0.0, 0.3, -0.3)]
+    for decision in answers(controller, [observe(path, car, 30.0) for car in cars]):
+        if decision.status not in _ANSWERED:
+            yield "answers a standing car by a fallback"
+
+
+def limits_are_kept(controller: ControllerComponent) -> Iterator[str]:
+    """Far from the path and at any heading, too."""
+    rng, path = np.random.default_rng(1), PosedRoad()
+    row = [
+        observe(path, beside(path, 30.0, d=d, heading=h, velocity=(v, 0.0)), 30.0)
+        for d, h, v in rng.uniform((-20.0, -3.0, 0.0), (20.0, 3.0, 60.0), (60, 3)).tolist()
+    ]
+    worst = max(map(abs, steering(controller, row)))
+    if not worst <= 1.0:
+        yield f"commands {worst}"
+
+
+def the_same_seed_gives_the_same_episode(controller: ControllerComponent) -> Iterator[str]:
+    """To the bit; and another seed another one."""
+    noisy = WaypointSensor(error_range=0.1)
+    one, again, other = (
+        drive(controller, PosedRoad(), sensor=noisy, seed=seed, duration=4.0) for seed in (5, 5, 6)
+    )
+    if not same(one, again):
+        yield "two drives with one seed differ"
+    if same(one, other):
+        yield "drives with two seeds are equal, although the sensor's errors differ"
+
+
+def one_object_drives_two_cars(controller: ControllerComponent) -> Iterator[str]:
+    """What changes is in the state alone: two cars in turn are steered as each alone."""
+    rows = scenes(PosedRoad()), scenes(PosedRoad(side=-1.0), side=0.5)
+    alone = [answers(controller, row) for row in rows]
+    states = [controller.init(CAR, DT) for _ in rows]
+    together: list[list[Any]] = [[], []]
+    for pair in zip(*rows, strict=True):
+        for i, observation in enumerate(pair):
+            decision, states[i] = controller.step(states[i], observation)
+            together[i].append(decision)
+    if together != alone:
+        yield "two cars in turn are steered otherwise than each alone"
+
+
+def a_state_is_left_alone(controller: ControllerComponent) -> Iterator[str]:
+    """A first state serves many cars, and the same state gives the same answer twice."""
+    fresh, row = controller.init(CAR, DT), scenes(PosedRoad())
+    first = answers(controller, row, fresh)
+    answers(controller, scenes(PosedRoad(side=-1.0), side=-1.0), fresh)
+    if answers(controller, row, fresh) != first:
+        yield "a first state that was used once gives other answers"
+    state = controller.init(CAR, DT)
+    for observation in row:
+        once, after = controller.step(state, observation)
+        if controller.step(state, observation)[0] != once:
+            yield "the same state and observation give two answers"
+        state = after
+
+
+def an_observation_is_left_alone(controller: ControllerComponent) -> Iterator[str]:
+    """Its array of waypoints is the sensor's."""
+    observation = plain()
+    kept = observation.preview.copy()
+    controller.step(controller.init(CAR, DT), observation)
+    if not np.array_equal(observation.preview, kept):
+        yield "changes the observation's preview"
+
+
+def commands(seed: int = 0) -> list[float]:
+    """Commands of another controller, which were executed in place of its own."""
+    return [float(u) for u in np.random.default_rng(seed).uniform(-0.3, 0.3, 25)]
+
+
+def after_executed(
+    controller: ControllerComponent, observations: list[Observation], *others: list[float]
+) -> list[float]:
+    """Steering, where ``executed`` was called with each of ``others`` after every step."""
+    state, out = controller.init(CAR, DT), []
+    for observation, *steers in zip(observations, *others, strict=True):
+        decision, state = controller.step(state, observation)
+        for steer in steers:
+            state = controller.executed(state, steer)
+        out.append(decision.steer)
+    return out
+
+
+def the_executed_command_counts(controller: ControllerComponent) -> Iterator[str]:
+    """Its own command changes nothing, the last one counts, and the state is left alone."""
+    row = scenes(PosedRoad())
+    alone = steering(controller, row)
+    if after_executed(controller, row, alone) != alone:
+        yield "its own command, passed to executed(), changes its steering"
+    once = after_executed(controller, row, commands())
+    twice = after_executed(controller, row, commands(1), commands())
+    if _differ(once, twice, _close(controller)):
+        yield "of two commands passed to executed() not the last one counts"
+    state = controller.init(CAR, DT)
+    for observation, steer, expected in zip(row, commands(), alone, strict=True):
+        decision, state = controller.step(state, observation)
+        controller.step(controller.executed(state, steer), observation)
+        if decision.steer != expected:
+            yield "executed() changes the state that it was given"
+            return
+    fresh = controller.init(CAR, DT)
+    if (
+        controller.step(controller.executed(fresh, 0.0), plain())[0]
+        != (controller.step(fresh, plain())[0])
+    ):
+        yield "executed() before the first step changes the first answer"
+
+
+def mirrored_executed_commands_give_negated_steering(
+    controller: ControllerComponent,
+) -> Iterator[str]:
+    """Left and right are alike there, too."""
+    left = after_executed(controller, scenes(PosedRoad()), commands())
+    mirrored = scenes(PosedRoad(side=-1.0), side=-1.0), [-u for u in commands()]
+    if _differ(left, [-u for u in after_executed(controller, *mirrored)], _close(controller)):
+        yield "after mirrored commands, passed to executed(), left and right differ"
+
+
+def search_ranges_hold_the_defaults(controller: ControllerComponent) -> Iterator[str]:
+    """What ``steersman tune`` may change lies around what it starts from."""
+    for name, (low, high, log) in controller.search.items():
+        value: Any = type(controller)()
+        for part in name.split("."):
+            value = getattr(value, part)
+        if not low <= value <= high or not low < high:
+            yield f"search {name}: {low:g} to {high:g} does not hold the default {value:g}"
+        if log and not low > 0.0:
+            yield f"search {name}: logarithmic from {low:g}, which is not greater than 0"
+
+
+def other_control_periods_work(controller: ControllerComponent) -> Iterator[str]:
+    """A hundredth and a tenth of a second; a policy belongs to the period of its training."""
+    for dt in () if _learned(dump(controller)) else (0.01, 0.1):
+        episode = drive(controller, PosedRoad(), plant=SimulatorConfig(dt=dt), duration=2.0)
+        if len(episode) != round(2.0 / dt):
+            yield f"dt {dt:g} s: ends after {len(episode) * dt:.2f} s by {episode.end}"
+
+
+MIRRORED = (
+    a_mirrored_observation_gives_negated_steering,
+    a_mirrored_circle_gives_a_mirrored_drive,
+    mirrored_executed_commands_give_negated_steering,
+)
+CHECKS = (
+    loading_undoes_dumping,
+    place_and_direction_do_not_matter,
+    input_that_is_not_finite_is_a_marked_fallback,
+    any_finite_input_gives_a_command,
+    extreme_input_leaves_nothing_behind,
+    a_standing_car_gets_an_ordinary_answer,
+    limits_are_kept,
+    the_same_seed_gives_the_same_episode,
+    one_object_drives_two_cars,
+    a_state_is_left_alone,
+    an_observation_is_left_alone,
+    the_executed_command_counts,
+    search_ranges_hold_the_defaults,
+    other_control_periods_work,
+)

@@ -1,0 +1,62 @@
+"""What every source of throttle and brake has to fulfil."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from steersman.config import dump, resolve
+from steersman.contracts import findings
+from steersman.contracts.scenes import DT, PosedRoad, beside, drive, same
+from steersman.controllers.pid import Pid
+from steersman.speed import SpeedComponent
+
+
+def check(speed: SpeedComponent) -> list[str]:
+    """What a source of speed does otherwise than every source has to."""
+    return findings(CHECKS, speed)
+
+
+def loading_undoes_dumping(speed: SpeedComponent) -> Iterator[str]:
+    """As data and back it is equal."""
+    if speed.kind and resolve("speed", dump(speed)) != speed:
+        yield "its plain data give another one"
+
+
+def pedals_are_in_their_range(speed: SpeedComponent) -> Iterator[str]:
+    """Throttle and brake are in [0, 1] at any speed, and never pressed together."""
+    path = PosedRoad()
+    start = speed.start_speed(path, 0.0)
+    if not 0.0 <= start < np.inf:
+        yield f"starts at {start} m/s"
+    state = speed.init(path, DT, beside(path, 0.0, velocity=(start, 0.0)))
+    for i, v in enumerate((0.0, 5.0, start, 40.0, 80.0) * 4):
+        car = beside(path, 2.0 * i, velocity=(v, 0.0), time=i * DT)
+        throttle, brake, state = speed.step(state, car, 2.0 * i)
+        if not (0.0 <= throttle <= 1.0 and 0.0 <= brake <= 1.0):
+            yield f"throttle {throttle}, brake {brake} at {v:g} m/s"
+        if throttle > 0.0 and brake > 0.0:
+            yield f"presses both pedals at {v:g} m/s"
+
+
+def a_drive_repeats(speed: SpeedComponent) -> Iterator[str]:
+    """Two drives with one seed are equal to the bit."""
+    one, again = (drive(Pid(), PosedRoad(), speed=speed, duration=3.0) for _ in range(2))
+    if not same(one, again):
+        yield "two drives with one seed differ"
+
+
+def a_drawn_profile_repeats(speed: SpeedComponent) -> Iterator[str]:
+    """The profile that a training draws depends on the generator alone."""
+    one, again = (speed.draw(np.random.default_rng(3), 20.0) for _ in range(2))
+    if any(not np.array_equal(a, b) for a, b in zip(one, again, strict=True)):
+        yield "one generator gives two profiles"
+
+
+CHECKS = (
+    loading_undoes_dumping,
+    pedals_are_in_their_range,
+    a_drive_repeats,
+    a_drawn_profile_repeats,
+)
