@@ -133,9 +133,7 @@ def test_check_takes_words(word: str, name: str) -> None:
 
 
 def test_wrong_words_of_check_are_one_line() -> None:
-    with pytest.raises(
-        ConfigError, match=r"'csv' is in several families; write path\.csv or speed"
-    ):
+    with pytest.raises(ConfigError, match=r"'csv' is in several families; write path"):
         contracts.check("csv")
     with pytest.raises(ConfigError, match=r"unknown component 'controller\.lqrr'; did you mean"):
         contracts.check("controller.lqrr")
