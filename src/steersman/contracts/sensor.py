@@ -26,7 +26,7 @@ def _seen(sensor: WaypointSensor, road: PosedRoad, seed: int, side: float = 1.0)
 
 def _same(one: Observation, other: Observation, tolerance: float = 0.0) -> bool:
     rows = [np.hstack([np.ravel(np.asarray(value)) for value in seen]) for seen in (one, other)]
-    return rows[0].shape == rows[1].shape and np.allclose(*rows, rtol=0.0, atol=tolerance)
+    return rows[0].shape == rows[1].shape and np.allclose(rows[0], rows[1], 0.0, tolerance)
 
 
 def loading_undoes_dumping(sensor: WaypointSensor) -> Iterator[str]:
