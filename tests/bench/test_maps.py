@@ -60,7 +60,7 @@ def test_ways_on_each_map(folder: FilePath, maps: list[Map]) -> None:
     assert knot.sharp_km == knot.lanes_km > 0.0
     assert knot.why_not.startswith("no way of 500 m was found that takes no lane twice and bends")
     json.dumps([each.record().plain() for each in found.values()], allow_nan=False)
-    assert knot.told().startswith(
+    assert knot.described().startswith(
         "knot.xodr: left out, no course; 0.03 of 0.03 km of lanes are left out: they bend below 6 m"
     )
 
@@ -151,9 +151,9 @@ def test_a_broken_map_is_left_out_with_its_reason(tmp_path: FilePath) -> None:
     (tmp_path / "folder.xodr").mkdir()
     xodr_maps.write(tmp_path / "wavy.xodr", xodr_maps.wavy())
     found = {each.name: each for each in read_maps(tmp_path)}
-    assert found["broken.xodr"].told() == f"broken.xodr: left out, no course; {WHY}"
+    assert found["broken.xodr"].described() == f"broken.xodr: left out, no course; {WHY}"
     assert [name for name, each in found.items() if each.courses] == ["wavy.xodr"]
-    assert all("\n" not in each.told() and each.why_not for each in found.values())
+    assert all("\n" not in each.described() and each.why_not for each in found.values())
     assert found["broken.xodr"].record().sha256 is None
     assert set(with_maps(None, list(found.values())).courses) == set(found["wavy.xodr"].courses)
 

@@ -179,7 +179,7 @@ def test_trainings_drive_with_their_policies(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("pid",), "there are two needed to compare; given pid"),
+        (("pid",), "two are needed to compare; given pid"),
         (("pid", "lqrr"), "unknown controller 'lqrr'; did you mean 'lqr'?"),
         (("pid", "none/"), "unknown controller 'none/'"),
         (("pid", "empty"), "empty: holds nothing to compare"),

@@ -49,7 +49,7 @@ def key(plan: str, config: RunConfig, entrant: Entrant) -> str:
     Args:
         plan: digest of the scenario, of :func:`digest`.
         config: the run as it is driven, of :func:`fitted`.
-        entrant: who drives.
+        entrant: the controller.
     """
     sensor = f"{config.sensor.count} {config.sensor.spacing!r}"
     return _hashed(f"{row_version()} {plan} {entrant.digest} {sensor}")
@@ -116,7 +116,7 @@ def driven_share(run: RunConfig, episode: Episode) -> float:
         share = len(episode) * episode.dt / (60.0 if run.duration is None else run.duration)
     else:
         share = episode.distance / ((run.laps or 1.0) * run.path.length - _start(run))
-    # Whoever failed has something left to be charged for.
+    # A drive that failed has always something left that it is charged for.
     return min(max(share, 0.0), 1.0 - 1e-9)
 
 
@@ -158,7 +158,7 @@ def _bounded(errors: FloatArray, corridor: float) -> FloatArray:
 
 
 def check(scenario: Scenario, entrant: Entrant) -> None:
-    """Drive a moment of the scenario, so that what does not fit is told before anything runs.
+    """Drive 0.2 s of the scenario, so that what does not fit is refused before anything runs.
 
     It also compiles the kernels, or loads them, once before many processes do.
 

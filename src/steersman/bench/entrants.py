@@ -1,4 +1,4 @@
-"""Who takes part in a benchmark: controllers by kind, by YAML file, by a policy's ONNX file."""
+"""The controllers of a benchmark, by kind, by YAML file, by a policy's ONNX file."""
 
 from __future__ import annotations
 

@@ -51,8 +51,8 @@ class Map(NamedTuple):
     why_not: str
     """Why there are fewer ways than wanted, if so; why it cannot be read, if that is so."""
 
-    def told(self) -> str:
-        """For the reader, in a line."""
+    def described(self) -> str:
+        """One line for the terminal."""
         lengths = ", ".join(f"{course.path.length:.0f} m" for course in self.courses.values())
         text = f"{self.name}: " + (f"courses of {lengths}" if lengths else "left out, no course")
         if self.sharp_km > 0.0:

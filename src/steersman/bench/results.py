@@ -175,7 +175,7 @@ class ControllerSummary(StoredResult):
     control_steps: int
     computing_us_per_step: float
     gentle_runs: int
-    """Drives whose road asks for no more than the standards of comfort allow."""
+    """Drives whose path needs no more acceleration than the standards of comfort allow."""
     iso_11270_share: float | None
     r79_share: float | None
     ratio: dict[str, ErrorRatio] | None = optional()

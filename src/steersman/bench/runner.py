@@ -63,11 +63,11 @@ def bench(
 
     Args:
         scenarios: what is driven.
-        entrants: who drives.
+        entrants: the controllers.
         out: folder of the journal.
         engine: where it is computed: ``local``, or on a cluster with ``ray``.
         jobs: processes at a time on this machine; None: one for each core.
-        progress: told (simulated seconds done, simulated seconds in all), about.
+        progress: called with about (simulated seconds done, simulated seconds in all).
 
     Raises:
         ConfigError: a controller does not fit the suite, or the engine is unknown.

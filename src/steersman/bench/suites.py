@@ -130,7 +130,7 @@ def standard() -> Suite:
 def core() -> Suite:
     """A quarter of the test suite: every track, four roads, and the commonest disturbances.
 
-    These are delay, waypoint noise, and a car of other mass and stiffness than anybody was told.
+    These are delay, waypoint noise, and a car whose mass and stiffness are not those of the model.
     """
     whole = standard()
     left_out = {f"road_{seed}" for seed in HELD_OUT[4:]}

@@ -130,9 +130,9 @@ def _figures(rows: Sequence[BenchRow]) -> dict[str, Any]:
 
 
 def _gentle(rows: Sequence[BenchRow]) -> set[str]:
-    """Scenarios whose road asks for no more than the standards of comfort allow.
+    """Scenarios whose path needs no more acceleration than the standards of comfort allow.
 
-    What a road asks for is the most over all controllers: a drive that ends early sees less of it.
+    That is the largest value over all controllers: a drive that ends early sees less of the path.
     """
     asked: dict[str, float] = {}
     for row in rows:

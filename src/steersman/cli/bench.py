@@ -139,7 +139,7 @@ def _plan(suite: str, assignments: Sequence[str], folder: str | None) -> tuple[S
     base = None if suite == ALONE else read_suite(suite)
     found = read_maps(FilePath(folder))
     for each in found:
-        note(each.told())
+        note(each.described())
     return laid_over(with_maps(base, found), assignments), found
 
 
@@ -198,19 +198,19 @@ def _drive(scenarios: Any, found: Any, folder: FilePath, jobs: int | None, engin
 
 @contextmanager
 def suite_progress(title: str) -> Iterator[Callable[[float, float], None]]:
-    """Told (simulated seconds done, in all): a bar in a terminal, else now and then a line."""
+    """A function of (simulated seconds done, in all) that draws a bar, or now and then a line."""
     note(title)
     if animated():
         with share_bar("driving") as update:
             assert update is not None  # it is where stderr is a terminal
             yield lambda done, total: update(done / max(total, 1.0))
         return
-    told = 0.0
+    shown = 0.0
 
     def line(done: float, total: float) -> None:
-        nonlocal told
-        if done >= told + TOLD * total or done >= total:
-            told = done
+        nonlocal shown
+        if done >= shown + TOLD * total or done >= total:
+            shown = done
             share = 100.0 * done / max(total, 1.0)
             note(f"{share:.0f} % of {total / 60.0:.0f} simulated minutes")
 

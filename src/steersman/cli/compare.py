@@ -206,9 +206,9 @@ def _show_metrics(outcome: DriveCompareResult) -> None:
     from steersman.metrics.base import metrics
     from steersman.report.tables import text
 
-    everybody = outcome.contestants
-    for first in range(0, len(everybody), _COLUMNS):
-        some = everybody[first : first + _COLUMNS]
+    sides = outcome.contestants
+    for first in range(0, len(sides), _COLUMNS):
+        some = sides[first : first + _COLUMNS]
         letters = [one.letter for one in some]
         out = table("measured", "unit", *letters, right=tuple(letters))
         found = [outcome.metrics[one.name] for one in some]

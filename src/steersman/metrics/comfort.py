@@ -1,6 +1,6 @@
 """Metrics that a benchmark adds: standards of comfort, deadlines, shares.
 
-Accelerations come from the plant's integration steps (``plant.record``), since UN R79 asks for
+Accelerations come from the plant's integration steps (``plant.record``), since UN R79 needs
 100 Hz or more. Sources: ISO 11270:2014 (lane keeping: |a_y| at most 3 m/s^2, lateral jerk as a
 moving average over 0.5 s at most 5 m/s^3); UN Regulation No. 79, Annex 8 (a_y through a
 fourth-order Butterworth low-pass of 0.5 Hz, jerk as the moving average over 0.5 s of its
@@ -27,7 +27,7 @@ from steersman.types import FloatArray
 
 # Limits of ISO 11270 and UN R79.
 MOST_ACCELERATION, MOST_JERK = 3.0, 5.0
-# UN R79's filter, and the sampling that it asks for [Hz].
+# UN R79's filter, and the least sampling rate [Hz].
 _R79_CUT, _R79_ORDER, _R79_RATE = 0.5, 4, 100.0
 # W_d of ISO 2631-1, Table A.1: high-pass, and transition from acceleration to velocity. Its
 # low-pass at 100 Hz lies beyond what is sampled.
@@ -44,7 +44,7 @@ def sampled_rate(episode: Episode) -> float:
 
 
 def _fine(episode: Episode, column: int) -> FloatArray | None:
-    """Recorded acceleration, column 0 for a_x and 1 for a_y; None if it is of no use."""
+    """Recorded acceleration (column 0: a_x, 1: a_y); None without any, or if one is not finite."""
     values = episode.fine[:, column]
     return values if values.size and bool(np.isfinite(values).all()) else None
 
@@ -81,7 +81,7 @@ def _r79(episode: Episode) -> FloatArray | None:
 
 
 def _settled(sos: Any, values: FloatArray) -> FloatArray:
-    """Filter as if the first value had been there for ever."""
+    """Filter from the steady state of the first value."""
     from scipy import signal
 
     filtered: FloatArray
@@ -114,11 +114,9 @@ def weighted_acceleration(episode: Episode) -> float:
     return math.sqrt(float(sum(squares)))
 
 
-@_benchmark(
-    "path_acceleration_m_s2", "m/s^2", "largest lateral acceleration that the path asks for"
-)
+@_benchmark("path_acceleration_m_s2", "m/s^2", "largest lateral acceleration that the path needs")
 def path_acceleration(episode: Episode) -> float:
-    """Largest lateral acceleration that the path itself asks for, v^2 |kappa| [m/s^2]."""
+    """Largest lateral acceleration that the path needs at the driven speed, v^2 |kappa| [m/s^2]."""
     if not len(episode):
         return math.nan
     speed2 = np.square(episode["v_x"]) + np.square(episode["v_y"])

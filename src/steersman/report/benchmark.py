@@ -182,7 +182,7 @@ def _disturbances(summary: Summary) -> dict[str, Any]:
         if len(steps) >= _SEVERAL:
             section["figures"].append(_sweep(summary, name, axis, steps))
     section["text"].append(
-        "On slippery roads speeds are lower too: they ask for at most 60 % of the grip."
+        "On slippery roads speeds are lower too: they need at most 60 % of the grip."
     )
     return section
 
@@ -262,7 +262,7 @@ def _ride(summary: Summary) -> dict[str, Any]:
         "title": "Comfort and effort",
         "text": [
             "ISO 11270 and UN R79 allow 3 m/s² and 5 m/s³ of lateral acceleration and jerk. Their "
-            "shares are over the runs whose road asks for no more than 3 m/s²: elsewhere no "
+            "shares are over the runs whose path needs no more than 3 m/s²: elsewhere no "
             "controller could keep to it. Computing times hold whatever else the machine did; "
             "everything is plant, sensing, controller, record and metrics, in processor time."
         ],

@@ -13,7 +13,7 @@ from steersman.report.tables import flat, text
 
 CROWD = 6
 """Up to so many drives are shown together whatever their conditions."""
-# Parts of a configuration that are no conditions: who drives, and what the group shares anyway.
+# Parts of a configuration that are no conditions: the controller, and what the group shares.
 _OTHERS = ("controller", "path", "seed")
 
 

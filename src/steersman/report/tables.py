@@ -32,7 +32,7 @@ class Cell(NamedTuple):
     bad: bool = False
 
 
-# Of these any is too many.
+# Metrics of which every value but 0 is marked.
 _BAD = frozenset({"fallbacks", "interventions"})
 SUMMARY = (
     Column("mean_abs_lateral_error_m", "mean |d|", "mm", 1e3),
@@ -93,7 +93,7 @@ def summary_columns(runs: Sequence[ReportRun]) -> list[Column]:
 
 
 def summary_row(run: ReportRun, columns: Sequence[Column] = SUMMARY) -> list[Cell]:
-    """Who drove what, how the run ended, and the summary's metrics."""
+    """Controller, car, how the run ended, and the summary's metrics."""
     values = flat(run.metrics)
     done = values.get("completed")
     end = str(values.get("end", NOTHING)).replace("_", " ")
@@ -122,7 +122,7 @@ _IF_ANY = "inter-ventions"
 
 
 def tiles(run: ReportRun) -> list[Tile]:
-    """Who drove what, how it ended, and the main figures of one drive."""
+    """Controller, car, how the drive ended, and its main figures."""
     values = flat(run.metrics)
     done = values.get("completed")
     end = str(values.get("end", NOTHING)).replace("_", " ")
@@ -152,7 +152,7 @@ def _kind(run: ReportRun, part: str) -> str:
 
 
 def _elsewhere(run: ReportRun) -> str:
-    """Whose numbers they are, if not the embedded simulator's: a stand-in's are never CARLA's."""
+    """The plant, if it is not the embedded simulator: a stand-in's numbers are not CARLA's."""
     found = _kind(run, "plant")
     return "" if found in {NOTHING, "simulator", "embedded simulator"} else found
 

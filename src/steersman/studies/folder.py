@@ -1,4 +1,4 @@
-"""The folder of a study holds its configuration, so that nobody goes on with another one."""
+"""The folder of a study holds its configuration, so that no other study goes on in it."""
 
 from __future__ import annotations
 

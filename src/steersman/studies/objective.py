@@ -1,4 +1,4 @@
-"""What a run costs in a tuning: tracking error, smoothness and failure, told apart.
+"""What a run costs in a tuning: its tracking error, smoothness and failure.
 
 The cost of a run is its RMS lateral error [m] plus a price on the RMS steering rate; a run that
 ends early is charged the corridor's half width for the part it did not drive. The cost of several

@@ -137,7 +137,7 @@ def _opened(config: TuneConfig, out: FilePath) -> Any:
 
     journal = out / "study.jsonl"
     # Optuna's own lock stays behind if it is killed while it writes, and would be waited for; by
-    # now this process is alone in the folder, so nobody holds it.
+    # now this process is alone in the folder, so no other one holds it.
     journal.with_name(f"{journal.name}.lock").unlink(missing_ok=True)
     study = optuna.create_study(
         study_name=config.controller.kind,

@@ -15,7 +15,7 @@ from steersman.config import build, read_yaml
 from steersman.episode import Episode, is_episode, load_episode
 from steersman.errors import ConfigError, DataError, suggestion
 
-# Most of them: they are told apart by a letter each.
+# Each has a letter of its own.
 MOST = 26
 _SHOWN = 4
 _EPISODE, _PROGRESS, _POLICY, _TUNED = "episode.npz", "progress.csv", "policy.onnx", "tuned.yaml"
@@ -59,7 +59,7 @@ def contestants(words: Sequence[str]) -> list[Contestant]:
     found = [one for word in words for one in _contestants(word)]
     if len(found) < 2:  # noqa: PLR2004 - one is compared with another
         given = f"; given {words[0]}" if words else ""
-        raise ConfigError(f"there are two needed to compare{given}")
+        raise ConfigError(f"two are needed to compare{given}")
     if len(found) > MOST:
         raise ConfigError(f"{len(found)} to compare; at most {MOST}")
     return _distinct(found)
