@@ -36,7 +36,7 @@ def get_actor_definitions(calls: Dispatcher) -> list[Any]:
 
 @answers(Reply.VALUE)
 def get_spectator(calls: Dispatcher) -> list[Any]:
-    """The actor that nobody sees with."""
+    """The actor that stands for the spectator's camera; there is no picture."""
     return calls.world.spectator.wire()
 
 
@@ -169,7 +169,7 @@ def get_vehicle_light_states(_: Dispatcher) -> list[Any]:
 
 @answers(Reply.BARE)
 def apply_batch(calls: Dispatcher, commands: list[Any], tick: bool = False) -> list[Any]:
-    """Execute commands in turn, and tick if asked to; an actor or an error for each."""
+    """Execute commands in turn, then tick if ``tick``; an actor or an error for each."""
     done = [_execute(calls, command, None) for command in commands]
     if tick:
         tick_cue(calls)

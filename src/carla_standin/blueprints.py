@@ -66,7 +66,7 @@ def default_models() -> dict[str, VehicleBlueprint]:
 
 
 def _given(name: str, kind: int, value: str) -> list[Any]:
-    """An attribute that is told and cannot be set."""
+    """An attribute that can be read and not set."""
     return [name, kind, value, [], False, False]
 
 
@@ -76,7 +76,7 @@ def _choice(name: str, kind: int, *values: str) -> list[Any]:
 
 
 def _car(model: VehicleBlueprint) -> list[list[Any]]:
-    """Attributes of a vehicle, as 0.9.16 makes them; without ``driver_id``: nobody sits in it."""
+    """Attributes of a vehicle, as 0.9.16 makes them, but for ``driver_id``."""
     fittings = str(model.fittings).lower()
     return [
         _choice("role_name", _STRING, "autopilot", "scenario", "ego_vehicle"),

@@ -30,7 +30,7 @@ _NOTHING_ELSEWHERE = frozenset(
         "unload_map_layer",
     }
 )
-# Calls by which the client drives cars itself; their names would not tell a user what was refused.
+# Calls of the traffic manager; their names would not say to a user what is missing.
 _AUTOPILOT = frozenset(
     {
         "add_traffic_manager_running",

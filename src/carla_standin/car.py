@@ -13,7 +13,7 @@ FRONT_LEFT, FRONT_RIGHT, BACK_LEFT, BACK_RIGHT = range(4)
 # Throttle, steer (right-positive), brake, hand brake, reverse, manual gear, gear.
 _CENTRED = (0.0, 0.0, 0.0, False, False, False, 0)
 _STEER = 1
-# A slower rate than this counts as none being asked for [rad/s].
+# A requested rate below this counts as no request [rad/s].
 _NO_RATE = 1e-3
 
 
@@ -215,7 +215,7 @@ class VehicleControl:
 
         Like CARLA's controller (AckermannController.cpp): what the steering law then makes of a
         command (the curve over speed, the outer wheel) is not undone, so the wheels turn less than
-        asked for. The rate holds from one command to the next, wherever the wheels are.
+        requested. The rate holds from one command to the next, wherever the wheels are.
         """
         angle = min(max(0.0 - wanted.steer, -lock), lock)
         if abs(wanted.steer_speed) >= _NO_RATE:

@@ -80,7 +80,7 @@ _LIKE = (
 
 
 def read_out(actor: Actor) -> list[Any]:
-    """The physics control of a vehicle; where its wheels are is told in the world's axes."""
+    """The physics control of a vehicle; positions of wheels are in the world's axes."""
     model = _model(actor)
     kept = actor.applied_physics
     physics = PhysicsControl(*kept) if kept is not None else describe(model)
@@ -164,7 +164,7 @@ def apply(actor: Actor, values: Any) -> list[str]:
 
 
 def _vehicle(spawned: VehicleBlueprint, new: PhysicsControl) -> tuple[sm.Vehicle, float]:
-    """Our parameters, and the offset of the centre of mass [m], that a physics control asks for."""
+    """Our parameters, and the offset of the centre of mass [m], of a physics control."""
     base = spawned.vehicle
     if len(new.wheels) != _WHEELS:
         raise sm.ConfigError(f"{len(new.wheels)} wheels; {_WHEELS} are known here")

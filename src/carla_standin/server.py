@@ -24,7 +24,7 @@ HOST = "127.0.0.1"
 PORT = 2000
 # Connections at once, of each port.
 MAX_CLIENTS = 32
-# Replies nobody waits for are sent when there are so many [bytes].
+# Replies to calls that ignore them are sent when there are so many [bytes].
 _REPLIES = 4096
 _STREAM_ID = struct.Struct("<I")
 # Longest pause of the loop that asynchronous mode makes up for, and longest sleep of its clock [s].
@@ -52,7 +52,7 @@ class StandinServer:
         self.world = StandinWorld(vehicles or default_models())
         self._atlas = MapLibrary(maps)
         self.streams = Streams()
-        self.sessions: set[Connection] = set()
+        self.sessions: set[ClientConnection] = set()
         self._open: list[asyncio.Server] = []
         self._clock: asyncio.Task[None] | None = None
 
@@ -85,13 +85,13 @@ class StandinServer:
             await server.wait_closed()
 
     async def until(self, stop: asyncio.Event) -> None:
-        """Serve until then; a fault in the clock of asynchronous mode ends it before."""
+        """Serve until ``stop``; a fault in the clock of asynchronous mode ends it before."""
         assert self._clock is not None
-        told = asyncio.create_task(stop.wait())
-        await asyncio.wait({told, self._clock}, return_when=asyncio.FIRST_COMPLETED)
+        stopped = asyncio.create_task(stop.wait())
+        await asyncio.wait({stopped, self._clock}, return_when=asyncio.FIRST_COMPLETED)
         if self._clock.done():
             self._clock.result()
-        told.cancel()
+        stopped.cancel()
 
     async def _listen(self, factory: Callable[[], asyncio.Protocol], port: int) -> int:
         loop = asyncio.get_running_loop()
@@ -126,7 +126,7 @@ class StandinServer:
                 last = max(last + period, now - _CATCH_UP)
                 calls.tick()
 
-    def admit(self, session: Connection) -> bool:
+    def admit(self, session: ClientConnection) -> bool:
         """Whether there is room for one more connection; counts it if so."""
         alike = sum(type(other) is type(session) for other in self.sessions)
         if alike >= MAX_CLIENTS:
@@ -136,7 +136,7 @@ class StandinServer:
         return True
 
 
-class Connection(asyncio.Protocol):
+class ClientConnection(asyncio.Protocol):
     """A connection of either kind."""
 
     connection: asyncio.Transport
@@ -146,7 +146,7 @@ class Connection(asyncio.Protocol):
         self.server = server
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """A client has come."""
+        """A client has connected."""
         assert isinstance(transport, asyncio.Transport)
         self.connection = transport
         transport.set_write_buffer_limits(high=MAX_WAITING)
@@ -154,16 +154,16 @@ class Connection(asyncio.Protocol):
             transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """A client has gone."""
+        """A client has disconnected."""
         self.server.sessions.discard(self)
 
     def reject(self, why: str) -> None:
-        """Close the connection of somebody who does not speak the protocol."""
+        """Close the connection: what came is not the protocol."""
         warn_once(f"stand-in: connection closed: {why:.200}")
         self.connection.abort()
 
 
-class CallConnection(Connection):
+class CallConnection(ClientConnection):
     """A client's calls."""
 
     def __init__(self, server: StandinServer, calls: Dispatcher) -> None:
@@ -188,7 +188,7 @@ class CallConnection(Connection):
     def _work(self) -> None:
         """Answer until there is no more to answer, or the client does not take the answers.
 
-        Nobody waits for the reply to a call that ignores it, but the client keeps a note of the
+        A call may ignore its reply, but the client keeps a note of the
         call until the reply is there: these travel with the next one that is waited for.
         """
         awaited = False
@@ -222,7 +222,7 @@ class CallConnection(Connection):
         self.data_received(b"")
 
 
-class StreamConnection(Connection):
+class StreamConnection(ClientConnection):
     """A client's subscription to one stream."""
 
     def __init__(self, server: StandinServer) -> None:
@@ -246,14 +246,14 @@ class StreamConnection(Connection):
             self.connection.write(data)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The client has gone, or has stopped listening."""
+        """The client has disconnected or stopped listening."""
         super().connection_lost(exc)
         if self._stream is not None:
             self.server.streams.leave(self._stream, self)
 
 
 def serve(server: StandinServer, ready: Callable[[StandinServer], None]) -> None:
-    """Run a server until it is interrupted or told to terminate.
+    """Run a server until SIGINT or SIGTERM.
 
     Raises:
         PortTaken: see :class:`StandinServer`.

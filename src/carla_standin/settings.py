@@ -75,7 +75,7 @@ class EpisodeSettings:
 
     @property
     def substeps(self) -> int:
-        """Integration steps that the client asks for in a tick; the simulator may take more."""
+        """Integration steps of a tick in the client's settings; the simulator may take more."""
         if not self.substepping:
             return 1
         wanted = math.ceil(self.period / self.max_substep_delta - 1e-9)

@@ -1,4 +1,4 @@
-"""Who gets which stream: subscriptions, and those that are under way."""
+"""Which connections get which stream: subscriptions, and those that are under way."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Streams:
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        """Nobody listens; ``clock`` tells the time [s]."""
+        """Without listeners; ``clock`` gives the time [s]."""
         self._clock = clock
         self._listeners: dict[int, set[Listener]] = {}
         self._expected: dict[int, list[_Expected]] = {}
@@ -67,7 +67,7 @@ class Streams:
             self._listeners.pop(stream, None)
 
     def publish(self, message: StreamMessage) -> None:
-        """Send to all who listen, and keep for those who are about to."""
+        """Send to all listeners, and keep for subscriptions that are under way."""
         listeners = self._listeners.get(message.stream, ())
         waiting = self._expected.get(message.stream, ())
         if not listeners and not waiting:

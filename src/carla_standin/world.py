@@ -24,12 +24,12 @@ MAX_ACTORS = 1000
 _EPISODE = struct.Struct("<Qdf3iI")
 _WORLD_OBSERVER = 17
 _NO_CHANGE = 0
-# Of a clear day, which is what the stand-in returns for the weather until told another.
+# A clear day: the weather until a client sets another.
 _WEATHER = [10.0, 0.0, 0.0, 10.0, 0.0, 45.0, 2.0, 0.75, 0.1, 0.0, 1.0, 0.03, 0.0331, 0.0]
 
 
 class StreamMessage(NamedTuple):
-    """Something to send to whoever listens to a stream."""
+    """A message for all listeners of a stream."""
 
     stream: int
     payload: bytes

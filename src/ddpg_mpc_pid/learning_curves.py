@@ -189,7 +189,7 @@ def _range(values: Any) -> float:
 
 def _saving(alone: Sequence[float], helped: Sequence[float], limit: float, plan: Plan) -> Any:
     if not (np.isfinite(alone).any() or np.isfinite(helped).any()):
-        return None  # nobody got there: nothing to compare
+        return None  # no seed got there: nothing to compare
     return st.bootstrap(
         lambda a, b: st.saving(a, b, limit), alone, helped, repetitions=plan.repetitions
     )._asdict()

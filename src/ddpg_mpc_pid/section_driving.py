@@ -52,7 +52,7 @@ def circle_section(found: Mapping[str, Any]) -> dict[str, Any]:
             "Median over seeds, and the worst seed. AOE is the mean heading error; the least AOE "
             "is the steady side-slip of the simulated car at the speed reached, which no "
             "controller can go below with zero lateral error; the course error is without it. The "
-            "paper tells no speeds: 9.9 to 24.2 m/s are inferred from its AOE. The same throttle "
+            "paper gives no speeds: 9.9 to 24.2 m/s are inferred from its AOE. The same throttle "
             "is not the same speed, so errors compare at equal speed.",
         ],
         "findings": findings,
@@ -102,7 +102,7 @@ def _circle_findings(test: Mapping[str, Any], agent: Mapping[str, Any]) -> list[
                 f"{name}: AOE {number(mine['aoe_deg'])} deg against {paper['aoe_deg']:g} (agrees: "
                 f"within {percent(_CLOSE)}); side-slip alone makes {number(least)} deg at "
                 f"{number(mine['steady_speed'], 'm/s')}, {number(away)} deg from what was measured "
-                "in the last half: the figure tells of the car and its speed rather than of the "
+                "in the last half: the figure depends on the car and its speed rather than on the "
                 "controller.",
             )
         )
@@ -155,7 +155,7 @@ def robustness_section(found: Mapping[str, Any]) -> dict[str, Any]:
             "With waypoints shifted anew at every step, all seeds stayed on the road with "
             + (f"{', '.join(f'{r:g}' for r in held)} m" if held else "no range")
             + f" of {', '.join(f'{r:g}' for r in found['ranges'])} m (agrees: with all; the paper "
-            "does not tell its range).",
+            "does not give its range).",
         )
     ]
     far, last = found["every_step"]["agent"][-1], found["every_step"]["mpc_pid"][-1]

@@ -16,7 +16,7 @@ _CLAIMED = "both"
 _LOSSES = (("track", "tracking reward alone"), ("fixed", "demonstration reward, fixed"))
 # A seed whose best error is above this has never driven [mm].
 _LOST = 1000.0
-# The largest error on the way to which a saving is asked for [m].
+# The largest error on the way to which a saving is reported [m].
 _ASKED = 0.1
 
 
@@ -180,7 +180,7 @@ def _saving_findings(learning: Mapping[str, Any]) -> list[dict[str, Any]]:
         end = {
             True: "the demonstration accelerates training",
             False: "the demonstration slows training down",
-            None: "the interval holds zero, so these seeds do not tell",
+            None: "the interval holds zero, so these seeds do not decide it",
         }[known]
         others = ", ".join(
             f"{interval(s[cost]['saving'], 100.0)} % of {words}"
@@ -215,7 +215,7 @@ def _spread_findings(learning: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def _collapsed(methods: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """What the paper does not tell: seeds that never learn to drive."""
+    """What the paper does not report: seeds that never learn to drive."""
     counts = {m["label"]: method_row(m)["never"] for m in methods.values()}
     lost = [f"{n} with '{label}'" for label, n in counts.items() if n]
     if not lost:

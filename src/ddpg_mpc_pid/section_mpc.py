@@ -84,7 +84,7 @@ def timing_section(found: Mapping[str, Any]) -> dict[str, Any]:
                 f"Depending on which two implementations are compared, the policy saves between "
                 f"{percent(min(shares))} and {percent(max(shares))} of MPC's time a lap (the "
                 "paper: 78 %; agrees: every pair saves at least that, differs: none does). The "
-                "figure tells of the implementations, not of the methods; and the paper's times "
+                "figure depends on the implementations, not on the methods; and the paper's times "
                 "hold the simulator, too.",
             )
         ]

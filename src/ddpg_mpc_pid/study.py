@@ -131,7 +131,7 @@ def plain(value: Any, digits: int = _DIGITS) -> Any:
     return float(f"{number:.{digits}g}") if abs(number) < float("inf") else None
 
 
-class Estimate(NamedTuple):
+class StudyEstimate(NamedTuple):
     """What is to be done."""
 
     trainings: int
@@ -140,7 +140,7 @@ class Estimate(NamedTuple):
     minutes: float
 
 
-def estimate(plan: Plan) -> Estimate:
+def estimate(plan: Plan) -> StudyEstimate:
     """How long the plan takes on two cores, roughly."""
     configs = [t.config for t in plan.trainings()]
     agents: list[Any] = [c.agent for c in configs]
@@ -149,7 +149,7 @@ def estimate(plan: Plan) -> Estimate:
     training = sum(n * max(s, 0.02) * _UPDATE for n, s in zip(updates, size, strict=True))
     around = len(configs) * _AROUND
     drives = _DRIVES if plan.monza_seconds is None else 0.2
-    return Estimate(len(configs), max(updates), (training + around) / AT_ONCE / 60.0 + drives)
+    return StudyEstimate(len(configs), max(updates), (training + around) / AT_ONCE / 60.0 + drives)
 
 
 @sm.files.alone("root")

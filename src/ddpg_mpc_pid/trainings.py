@@ -15,7 +15,7 @@ AT_ONCE = 2
 # Every message about a training that diverged ends with this advice: that is a result, not a
 # fault of the study.
 DIVERGED = "agent.learning_rate"
-# Told: trainings done, trainings in all, share of all steps done, what happened.
+# Called with: trainings done, trainings in all, share of all steps done, what happened.
 Progress = Callable[[int, int, float, str], None]
 _KEPT = (
     "steps",
@@ -48,7 +48,7 @@ def run_trainings(plan: Plan, runs: FilePath, progress: Progress) -> dict[str, A
     steps = {job.name: 0.0 if job in todo else float(job.config.steps) for job in every}
     total = sum(float(job.config.steps) for job in every)
 
-    def tell(event: sm.Event) -> None:
+    def report(event: sm.Event) -> None:
         if event.steps is not None:
             steps[event.job.name] = event.steps
         done = sum(steps[job.name] >= job.config.steps for job in every)
@@ -57,7 +57,7 @@ def run_trainings(plan: Plan, runs: FilePath, progress: Progress) -> dict[str, A
             text = f"{event.job.name}: {event.steps:.0f} steps, error {error:.3g} mm"
             progress(done, len(every), sum(steps.values()) / total, text)
 
-    failed = sm.train_all(todo, AT_ONCE, tell, resume=True)
+    failed = sm.train_all(todo, AT_ONCE, report, resume=True)
     faults = {name: text for name, text in failed.items() if DIVERGED not in text}
     if faults:
         name, text = next(iter(faults.items()))

@@ -34,7 +34,7 @@ def interval(found: Mapping[str, Any] | None, scale: float = 1.0, digits: int = 
 
 
 def verdict(found: Mapping[str, Any] | None) -> bool | None:
-    """True if the interval lies above zero, False if below, None if it cannot be told."""
+    """True if the interval lies above zero, False if below, else None."""
     if found is None or found["low"] is None or found["high"] is None:
         return None
     if found["low"] > 0.0:

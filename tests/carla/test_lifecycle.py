@@ -117,7 +117,7 @@ def test_somebody_who_is_no_carla_server(lib: Any, words: bytes) -> None:
     with listening() as listener:
         other = threading.Thread(target=answer)
         other.start()
-        with pytest.raises(PlantError, match="somebody answers, but not as a CARLA server does"):
+        with pytest.raises(PlantError, match="something answers, but not as a CARLA server does"):
             config(listener.getsockname()[1]).make(CarlaModel3())
         other.join()
 
@@ -305,7 +305,7 @@ def test_a_vehicle_that_somebody_destroys_is_told_and_replaced(
     with driving(carla) as plant:
         number = plant._actor.id
         raw.get_world().get_actor(number).destroy()
-        with pytest.raises(PlantError, match=f"vehicle {number} was destroyed by somebody else"):
+        with pytest.raises(PlantError, match=f"vehicle {number} was destroyed by another client"):
             plant.step(HOLD)
         assert plant.reset(START, 6.0, 0.0).v_x == pytest.approx(6.0, abs=1e-4)
     with driving(carla) as plant:  # between two runs

@@ -1,4 +1,4 @@
-"""``steersman carla doctor | calibrate | map``: what a client asks of a CARLA server."""
+"""``steersman carla doctor | calibrate | map``: checks and measurements of a CARLA server."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def doctor(
 ) -> None:
     """Check a CARLA server: connection, version, what was left behind, repeatability.
 
-    Each fault is told with its cure. The exit code is 0 if there is none, else 2.
+    Each fault is shown with its cure. The exit code is 0 if there is none, else 2.
     """
     plant, vehicle = _parts(words)
     config = _carla(plant)
@@ -184,5 +184,5 @@ def _carla(plant: PlantComponent) -> CarlaConfig:
     from steersman.plants.carla import CarlaConfig
 
     if not isinstance(plant, CarlaConfig):
-        raise ConfigError(f"{plant.kind} is not allowed; this asks a server: carla", ("plant",))
+        raise ConfigError(f"{plant.kind} is not allowed; this needs a server: carla", ("plant",))
     return plant

@@ -14,8 +14,8 @@ from steersman.config import param, register
 from steersman.errors import ConfigError
 from steersman.plants.base import PlantComponent
 from steersman.plants.carla_plant import CarlaPlant
-from steersman.plants.carla_server import Server, retried, whose
-from steersman.plants.carla_session import Clock, Session
+from steersman.plants.carla_server import Clock, Server, retried, whose
+from steersman.plants.carla_session import Session
 from steersman.vehicles import Vehicle
 
 _SAME = 1e-9
@@ -112,7 +112,7 @@ class CarlaConfig(PlantComponent):
         """Connect, and take over the server's clock.
 
         Raises:
-            PlantError: there is no server, it is of another version, or somebody else drives it.
+            PlantError: there is no server, it is of another version, or another client drives it.
         """
         session = self.session()
         try:

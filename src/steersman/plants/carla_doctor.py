@@ -1,4 +1,4 @@
-"""Checks of a CARLA server: what is wrong with it, or with what we believe of it, and the cure."""
+"""Checks of a CARLA server: faults of it or of the assumed vehicle, and their cures."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ def examine(config: CarlaConfig, vehicle: Vehicle, *, clean: bool = False) -> It
 
     Args:
         config: the server and what is to be driven there.
-        vehicle: what is believed of the vehicle.
-        clean: destroy all vehicles, whoever spawned them.
+        vehicle: the vehicle that is assumed.
+        clean: destroy all vehicles, those of other clients too.
 
     Raises:
         ModuleNotFoundError: the client is not installed.
@@ -116,7 +116,7 @@ def _test_drive(config: CarlaConfig, vehicle: Vehicle, session: Session) -> Iter
     at = path.at(0.0)
     start = Pose(at.x, at.y, at.psi)
     first = plant.reset(start, 0.0, 0.0)
-    yield _vehicle(config, vehicle, plant.told)
+    yield _vehicle(config, vehicle, plant.reported)
     yield _takes_off(plant, first)
     begun = time.perf_counter()
     one, other = _drive(plant, start), _drive(plant, start)
@@ -133,22 +133,22 @@ def _test_drive(config: CarlaConfig, vehicle: Vehicle, session: Session) -> Iter
     )
 
 
-def _vehicle(config: CarlaConfig, given: Vehicle, told: Vehicle) -> Finding:
-    """What the server tells otherwise, and whose the figures are that it does not tell."""
-    other = _differences(given, told)
-    text = f"{config.vehicle}: " + (f"the server tells {other}" if other else "as it is believed")
+def _vehicle(config: CarlaConfig, given: Vehicle, reported: Vehicle) -> Finding:
+    """Figures in which the server differs, and the source of those that it does not give."""
+    other = _differences(given, reported)
+    text = f"{config.vehicle}: " + (f"the server gives {other}" if other else "as assumed")
     known = KNOWN.get(config.vehicle)
     if known is not None and given.kind in KNOWN.values() and given.kind != known:
         text += f"; stiffnesses, yaw inertia and throttle map are {given.kind}'s"
         return Finding("vehicle", False, text, f"vehicle={known}, or steersman carla calibrate")
     if other and not config.read_physics:
         cure = "plant.read_physics=true, or the vehicle file of this car"
-        return Finding("vehicle", False, f"{text}, and is not believed", cure)
+        return Finding("vehicle", False, f"{text}, and plant.read_physics=false ignores it", cure)
     return Finding("vehicle", True, text)
 
 
 def _differences(given: Vehicle, found: Vehicle) -> str:
-    """Which figures the server tells otherwise; empty if none."""
+    """Figures in which the server differs; empty if none."""
     names = [
         f"{name} {getattr(found, name):.4g} (not {getattr(given, name):.4g})"
         for name in ("mass", "l_f", "l_r", "track_width", "max_wheel_angle", "friction")
@@ -203,7 +203,7 @@ def _steering(plant: CarlaPlant, run: _Run) -> Finding:
 
 
 def _velocity(plant: CarlaPlant, states: list[VehicleState]) -> Finding:
-    """Whose velocity the server tells: that of the centre of mass, or of the actor's origin."""
+    """The point whose velocity the server gives: the centre of mass, or of the actor's origin."""
     at_centre = at_origin = 0.0
     for before, after in pairwise(states):
         psi = 0.5 * (before.psi + after.psi)

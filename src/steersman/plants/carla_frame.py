@@ -9,7 +9,7 @@ transfer: the engine's body velocity is that of the centre of mass already.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from steersman.types import Pose
 
@@ -20,6 +20,11 @@ class Placement(NamedTuple):
     x: float
     y: float
     yaw: float
+
+    @classmethod
+    def of(cls, transform: Any) -> Placement:
+        """From a ``carla.Transform``."""
+        return cls(transform.location.x, transform.location.y, transform.rotation.yaw)
 
 
 class CarlaFrame(NamedTuple):

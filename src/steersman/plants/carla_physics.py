@@ -1,4 +1,4 @@
-"""From what CARLA tells of a vehicle to our parameters, and from its wheel to our steering.
+"""From CARLA's physics control to our parameters, and from its wheel to our steering.
 
 ``get_physics_control`` has mass, centre of mass, wheels, steering curve, drag and brakes. It does
 not have the yaw inertia (its ``moi`` is the engine's), axle stiffnesses in N/rad, the height of
@@ -22,7 +22,7 @@ _KMH = 1.0 / 3.6
 _WHEELS = 4
 # Frontal area that goes with the drag coefficient [m^2]; vehicles.py assumes the same.
 _FRONTAL_AREA = 2.2
-# Figures that differ by less are the same; wheels are told in cm from the map's origin.
+# Figures that differ by less are the same; wheels are given in cm from the map's origin.
 _SINGLE = 1e-4
 # Axles nearer to each other are none: some servers leave the wheels' positions at zero [m].
 _SHORTEST = 0.5
@@ -35,12 +35,12 @@ def offset_of(physics: Any) -> CarlaFrame:
 
 
 def vehicle_of(physics: Any, base: Vehicle, at: Placement, size: tuple[float, float]) -> Vehicle:
-    """``base`` with what CARLA tells; figures that agree are kept as they are given.
+    """``base`` with CARLA's figures; those that agree are kept as they are given.
 
     Args:
         physics: ``carla.VehiclePhysicsControl``.
-        base: the figures that CARLA does not tell.
-        at: where the vehicle stood when it was asked: its wheels are told in the world's axes.
+        base: the figures that CARLA does not give.
+        at: where the vehicle stood: its wheels are given in the world's axes.
         size: length and width of the body [m].
 
     Raises:
@@ -75,11 +75,11 @@ def vehicle_of(physics: Any, base: Vehicle, at: Placement, size: tuple[float, fl
         raise PlantError(f"the vehicle's physics control is no car's: {error}") from None
 
 
-def _same(known: Any, told: Any) -> bool:
+def _same(known: Any, given: Any) -> bool:
     """Whether two figures agree but for CARLA's single precision, which is not to spread here."""
-    if isinstance(told, tuple):
-        return len(known) == len(told) and all(map(_same, known, told))
-    return math.isclose(known, told, rel_tol=_SINGLE, abs_tol=_SINGLE)
+    if isinstance(given, tuple):
+        return len(known) == len(given) and all(map(_same, known, given))
+    return math.isclose(known, given, rel_tol=_SINGLE, abs_tol=_SINGLE)
 
 
 def _axles(wheels: list[Any], offset: CarlaFrame, at: Placement) -> dict[str, float]:

@@ -9,7 +9,7 @@ What a :class:`~steersman.types.VehicleState` holds, and where it comes from:
   that they are half a tick old; they do not hold gravity;
 - steering and wheel angle: the angle of the left front wheel, asked for after every tick, through
   the inverse of the steering law of ``vehicle``;
-- throttle and brake: CARLA tells the commands only. These are the commands through the pedals'
+- throttle and brake: CARLA gives the commands only. These are the commands through the pedals'
   rates of ``vehicle``.
 """
 
@@ -55,9 +55,9 @@ class CarlaPlant:
     def __init__(self, config: CarlaConfig, vehicle: Vehicle, session: Session) -> None:
         """Around an open session; the vehicle is spawned by the first ``reset``."""
         self.vehicle = vehicle
-        """What is known of the vehicle: after ``reset``, with what CARLA tells of it."""
-        self.told = vehicle
-        """The same with what CARLA tells, whether or not that is to be believed."""
+        """Parameters of the vehicle: after ``reset``, with CARLA's figures."""
+        self.reported = vehicle
+        """The same with CARLA's figures, whether or not ``read_physics`` takes them."""
         self.session = session
         self.source = whose(session.version)
         self._given = vehicle
@@ -108,8 +108,6 @@ class CarlaPlant:
         if self.session.world.id != before:
             self._actor = None
         self._path = path
-
-    # -------------------------------------------------------------------------------- start
 
     def reset(self, pose: Pose, speed: float, curvature: float) -> VehicleState:
         """Put the vehicle on ``pose`` in the steady turn; its velocity points along ``pose.psi``.
@@ -186,11 +184,11 @@ class CarlaPlant:
         with self.session.server.answers("reading the physics control"):
             physics = self._actor.get_physics_control()
             extent = self._actor.bounding_box.extent
-            at = _placement(self._actor.get_transform())
+            at = Placement.of(self._actor.get_transform())
         self._frame = offset_of(physics)
-        self.told = vehicle_of(physics, self._given, at, (2.0 * extent.x, 2.0 * extent.y))
+        self.reported = vehicle_of(physics, self._given, at, (2.0 * extent.x, 2.0 * extent.y))
         if self._config.read_physics:
-            self.vehicle = self.told
+            self.vehicle = self.reported
         first = self._lib.VehicleControl(manual_gear_shift=True, gear=1, brake=1.0)
         self.session.send([self._lib.command.ApplyVehicleControl(self._actor.id, first)])
         self.session.tick()
@@ -200,11 +198,8 @@ class CarlaPlant:
         self._ride = self._actor.get_transform().location.z - self._transform(pose, 0.0).location.z
 
     def _alive(self) -> bool:
-        """Whether the vehicle is still there; somebody else may have destroyed it."""
-        found = self.session.tick().find(self._actor.id)
-        return found is not None
-
-    # ------------------------------------------------------------------------------ driving
+        """Whether the vehicle is still there; another client may have destroyed it."""
+        return self.session.tick().find(self._actor.id) is not None
 
     def step(self, command: Command) -> VehicleState:
         """Hold ``command`` for one control period.
@@ -247,7 +242,7 @@ class CarlaPlant:
             PlantError: it is not there.
         """
         found = self._found(snapshot)
-        pose = self._frame.pose(*_placement(found.get_transform()))
+        pose = self._frame.pose(*Placement.of(found.get_transform()))
         velocity, acceleration = found.get_velocity(), found.get_acceleration()
         v_x, v_y = CarlaFrame.body_vector(pose.psi, velocity.x, velocity.y)
         a_x, a_y = CarlaFrame.body_vector(pose.psi, acceleration.x, acceleration.y)
@@ -258,20 +253,10 @@ class CarlaPlant:
             self._found(self.session.tick())  # it may be gone since, which says more
             raise
         steer, wheel = steering(self.vehicle, angle, v_x)
-        return VehicleState(
-            self._steps * self.dt,
-            pose.x,
-            pose.y,
-            self._psi,
-            v_x,
-            v_y,
-            CarlaFrame.radians_left(found.get_angular_velocity().z),
-            a_x,
-            a_y,
-            steer,
-            wheel,
-            *self._pedals,
-        )
+        rate = CarlaFrame.radians_left(found.get_angular_velocity().z)
+        time, (x, y, _) = self._steps * self.dt, pose
+        motion = (x, y, self._psi, v_x, v_y, rate, a_x, a_y)
+        return VehicleState(time, *motion, steer, wheel, *self._pedals)
 
     def _found(self, snapshot: Any) -> Any:
         """The vehicle in a snapshot.
@@ -285,7 +270,7 @@ class CarlaPlant:
             self.session.forget(number)
             self._actor = None
             raise PlantError(
-                f"{self.session.server}: vehicle {number} was destroyed by somebody else"
+                f"{self.session.server}: vehicle {number} was destroyed by another client"
             )
         return found
 
@@ -302,19 +287,14 @@ class CarlaPlant:
         with self.session.server.answers("reading the vehicle"):
             failure = self._actor.get_failure_state()
             roll = self._actor.get_transform().rotation.roll
-        if failure == self._lib.VehicleFailureState.Rollover:
-            return True
-        return abs(math.remainder(roll, 360.0)) > _ON_ITS_SIDE
+        rolled = failure == self._lib.VehicleFailureState.Rollover
+        return rolled or abs(math.remainder(roll, 360.0)) > _ON_ITS_SIDE
 
     def accelerations(self) -> FloatArray:
-        """CARLA tells them at ticks only: none."""
+        """CARLA gives them at ticks only: none."""
         return np.zeros((0, 2))
 
     def close(self) -> None:
         """Destroy the vehicle and give the server its clock back; may be called twice."""
         self._actor = None
         self.session.close()
-
-
-def _placement(transform: Any) -> Placement:
-    return Placement(transform.location.x, transform.location.y, transform.rotation.yaw)

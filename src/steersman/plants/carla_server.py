@@ -1,4 +1,4 @@
-"""A CARLA server as its clients know it: where it is, whether it answers, which version it has."""
+"""A CARLA server: its address, whether it answers, and its version."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _FIRST_PAUSE = 0.3
 
 
 class Server(NamedTuple):
-    """Where it is, how long it may take to answer [s], and how often it is asked."""
+    """Address, longest time for an answer [s], and number of attempts."""
 
     host: str
     port: int
@@ -35,13 +35,13 @@ class Server(NamedTuple):
         return f"{self.host}:{self.port}"
 
     def knock(self) -> str:
-        """The version of the server, asked without the client.
+        """The version of the server, read without the client.
 
-        The client takes its whole time-out where nobody listens, and ends the process where
-        somebody does who is no CARLA server.
+        The client takes its whole time-out where nothing listens, and ends the process
+        where something listens that is no CARLA server.
 
         Raises:
-            PlantError: nobody listens, or no CARLA server.
+            PlantError: nothing listens, or no CARLA server.
         """
         try:
             with socket.create_connection(self[:2], timeout=self.timeout) as stream:
@@ -53,7 +53,7 @@ class Server(NamedTuple):
             ) from None
         except _NotSpoken:
             raise PlantError(
-                f"{self}: somebody answers, but not as a CARLA server does; give its plant.port"
+                f"{self}: something answers, but not as a CARLA server does; give its plant.port"
             ) from None
         except OSError as error:
             why = (error.strerror or str(error)).lower()
@@ -63,7 +63,7 @@ class Server(NamedTuple):
             ) from None
 
     def alive(self) -> bool:
-        """Whether anybody still listens there."""
+        """Whether something still listens there."""
         try:
             with socket.create_connection(self[:2], timeout=_FAREWELL):
                 return True
@@ -84,13 +84,27 @@ class Server(NamedTuple):
         except RuntimeError as error:
             text = one_line(str(error))
             if "time-out" in text and not self.alive():
-                text = "the server is gone: nobody listens there any more"
+                text = "the server is gone: nothing listens there any more"
             elif "time-out" in text:
                 text = (
                     f"no answer within {self.timeout:g} s; it was stopped, hangs, or needs "
                     "longer: plant.timeout"
                 )
             raise PlantError(f"{self}: {what}: {text}") from None
+
+
+class Clock(NamedTuple):
+    """Control period [s], longest physics step [s], most of them, and whether frames are drawn."""
+
+    dt: float
+    substep: float
+    substeps: int
+    rendering: bool
+
+
+def stem(name: str) -> str:
+    """A map's name without its folder."""
+    return name.rpartition("/")[2]
 
 
 class _NotSpoken(Exception):
@@ -157,7 +171,7 @@ def check_version(server: str, client: str) -> None:
 
 
 def whose(version: str) -> str:
-    """Whose numbers a server's are; a stand-in's are never called CARLA's.
+    """The source of a server's numbers; a stand-in's are never called CARLA's.
 
     >>> whose("0.9.16"), whose("0.9.16-stand-in")
     ('CARLA 0.9.16', 'stand-in for CARLA 0.9.16')

@@ -11,35 +11,26 @@ import logging
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, NamedTuple
+from typing import Any
 
 from steersman.errors import PlantError, suggestion
-from steersman.plants.carla_server import Server, check_version, retried
+from steersman.plants.carla_server import Clock, Server, check_version, retried, stem
 
 _log = logging.getLogger("steersman.carla")
 
 ROLE = "steersman"
 """Role name of what we spawn, by which left-over actors are known again."""
-# While somebody else drives a synchronous server, its ticks are no farther apart [s].
+# While another client drives a synchronous server, its ticks are no farther apart [s].
 _OTHERS_TICK = 1.0
 # First pause before looking again whether a new world is there; the next are longer [s].
 _FIRST_LOOK = 0.03
-
-
-class Clock(NamedTuple):
-    """How time passes: period, longest physics step [s], most of them, and whether it is drawn."""
-
-    dt: float
-    substep: float
-    substeps: int
-    rendering: bool
 
 
 class Session:
     """A synchronous server, from ``open`` to ``close``."""
 
     def __init__(self, lib: Any, server: Server, clock: Clock) -> None:
-        """Nothing is asked of the server yet."""
+        """Not connected yet."""
         self.lib = lib
         self.server = server
         self.clock = clock
@@ -60,10 +51,10 @@ class Session:
         What was mended is in ``notes``, and in the log if ``aloud``.
 
         Raises:
-            PlantError: there is no server, it is of another version, or somebody else drives it.
+            PlantError: there is no server, it is of another version, or another client drives it.
         """
         retried(self.server.knock, self.server.attempts)
-        atexit.register(self.close)  # for what nobody catches
+        atexit.register(self.close)  # after errors that are not caught
         with self.server.answers("connecting"):
             self.client = self.lib.Client(self.server.host, self.server.port)
             self.client.set_timeout(self.server.timeout)
@@ -88,7 +79,7 @@ class Session:
         try:
             self.world.wait_for_tick(wait)
         except RuntimeError:
-            pass  # nobody ticks: it is stale
+            pass  # no client ticks: it is stale
         else:
             raise PlantError(
                 f"{self.server}: another client is driving this server in synchronous mode; stop "
@@ -137,7 +128,7 @@ class Session:
                 self.world.apply_settings(self._found)
 
     def close(self) -> None:
-        """Destroy what was spawned and give the clock back; a dead server is left in peace."""
+        """Destroy what was spawned and give the clock back, if the server still answers."""
         atexit.unregister(self.close)
         if self.client is None:
             return
@@ -158,14 +149,14 @@ class Session:
             PlantError: there is none.
         """
         with self.server.answers("listing maps"):
-            if _stem(self.world.get_map().name) == _stem(name):
+            if stem(self.world.get_map().name) == stem(name):
                 return
-            known = [_stem(found) for found in self.client.get_available_maps()]
-        if _stem(name) not in known:
-            raise PlantError(f"{self.server} has no map {name!r}{suggestion(_stem(name), known)}")
-        self._change(lambda: self.client.load_world(_stem(name)))
+            known = [stem(found) for found in self.client.get_available_maps()]
+        if stem(name) not in known:
+            raise PlantError(f"{self.server} has no map {name!r}{suggestion(stem(name), known)}")
+        self._change(lambda: self.client.load_world(stem(name)))
         with self.server.answers(f"loading {name}"):
-            self._await_map(lambda found: bool(_stem(found.name) == _stem(name)))
+            self._await_map(lambda found: bool(stem(found.name) == stem(name)))
 
     def generate(self, text: str) -> None:
         """The world of an OpenDRIVE text, unless it is there already.
@@ -174,7 +165,7 @@ class Session:
             PlantError: it is refused, or not ready in time.
         """
         with self.server.answers("reading the map"):
-            if _alike(self.world.get_map().to_opendrive(), text):
+            if self.world.get_map().to_opendrive().split() == text.split():
                 return
         # No walls: the road is a plane, and what leaves it is put back.
         shape = self.lib.OpendriveGenerationParameters(
@@ -280,14 +271,14 @@ class Session:
         """One period; the snapshot at its end.
 
         Raises:
-            PlantError: the server does not answer, or somebody else ticks it too.
+            PlantError: the server does not answer, or another client ticks it too.
         """
         with self.server.answers("ticking"):
             frame = self.world.tick(self.server.timeout)
             snapshot = self.world.get_snapshot()
         if snapshot.frame != frame:
             raise PlantError(
-                f"{self.server}: frame {snapshot.frame} came when {frame} was asked for; another "
+                f"{self.server}: frame {snapshot.frame} came instead of {frame}; another "
                 "client ticks this server too: stop it, or use a server of your own"
             )
         return snapshot
@@ -306,11 +297,3 @@ class Session:
         for answer in answers:
             if answer.error:
                 raise PlantError(f"{self.server}: {answer.error}")
-
-
-def _stem(name: str) -> str:
-    return name.rpartition("/")[2]
-
-
-def _alike(one: str, other: str) -> bool:
-    return one.split() == other.split()

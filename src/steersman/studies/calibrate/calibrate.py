@@ -14,7 +14,7 @@ from steersman.protocols import Plant
 from steersman.provenance import provenance
 from steersman.studies.calibrate import identify, manoeuvres
 from steersman.studies.calibrate.identify import Fit
-from steersman.studies.calibrate.manoeuvres import Driver, Tell
+from steersman.studies.calibrate.manoeuvres import ManoeuvreDriver, Tell
 from steersman.studies.vehicle_file import write_vehicle
 from steersman.vehicles import Vehicle
 
@@ -49,15 +49,15 @@ def calibrate(plant: Plant, tell: Tell) -> Calibration:
 
     Args:
         plant: anything with a wide straight road; it is left open.
-        tell: told what is driven.
+        tell: called with the name of each manoeuvre.
 
     Raises:
         PlantError: the plant fails.
     """
     plant.enter(Straight(distance=PLANE))
-    driver = Driver(plant, tell)
+    driver = ManoeuvreDriver(plant, tell)
     rest = manoeuvres.lock_at_rest(driver)
-    before: Vehicle = plant.vehicle  # a server may tell its car only now
+    before: Vehicle = plant.vehicle  # read from the server only now
     fits: dict[str, Fit] = {"steering rate": identify.steering_rates(rest, before)}
     vehicle = _explained(before, fits, "steering rate")
     fits["steering curve"] = identify.steering_curve(

@@ -15,7 +15,7 @@ import numpy as np
 
 from steersman.errors import PlantError
 from steersman.plants.simulator import SimulatorConfig
-from steersman.studies.calibrate.manoeuvres import Run, inner_angle
+from steersman.studies.calibrate.manoeuvres import Manoeuvre, inner_angle
 from steersman.types import Command, FloatArray
 from steersman.vehicles import Vehicle
 
@@ -23,7 +23,7 @@ from steersman.vehicles import Vehicle
 _RAMP = (0.02, 0.98)
 # An offset of the steering that differs by less is the same [rad].
 _ALIGNED = 1e-4
-# A pedal so near to where it was told to be is there [-].
+# Largest difference of a pedal that has reached its command [-].
 _PEDAL = 1e-3
 # Knots of a curve that fewer samples speak of stay what they were.
 _FEWEST = 3
@@ -41,7 +41,7 @@ class Fit(NamedTuple):
     unit: str
 
 
-def steering_rates(run: Run, vehicle: Vehicle) -> Fit:
+def steering_rates(run: Manoeuvre, vehicle: Vehicle) -> Fit:
     """Full lock and offset [rad], and the rates to lock and back [1/s], from full lock at rest.
 
     Raises:
@@ -75,10 +75,10 @@ def _slope(share: FloatArray, dt: float) -> tuple[float, float]:
     return float(line[0]), float(np.sqrt(np.mean((np.polyval(line, times) - share[inside]) ** 2)))
 
 
-def steering_curve(rest: Run, runs: Sequence[Run], vehicle: Vehicle) -> Fit:
+def steering_curve(rest: Manoeuvre, runs: Sequence[Manoeuvre], vehicle: Vehicle) -> Fit:
     """Shares of the full wheel angle at the speeds of the vehicle's curve.
 
-    Of each run the samples in which the steering stands where it was told to be; at rest the
+    Of each run the samples in which the steering has reached its command; at rest the
     factor is 1 by definition.
     """
     lock = vehicle.max_wheel_angle
@@ -98,7 +98,7 @@ def steering_curve(rest: Run, runs: Sequence[Run], vehicle: Vehicle) -> Fit:
     return Fit({"steer_curve_factor": tuple(values.tolist())}, error, "-")
 
 
-def _held(run: Run, vehicle: Vehicle) -> list[int]:
+def _held(run: Manoeuvre, vehicle: Vehicle) -> list[int]:
     """Indices of the states that the same steering was held for, long enough to be reached."""
     found, since = [], 0
     for k, command in enumerate(run.commands):
@@ -110,7 +110,7 @@ def _held(run: Run, vehicle: Vehicle) -> list[int]:
     return found
 
 
-def throttle_map(runs: Mapping[float, Sequence[Run]], vehicle: Vehicle) -> Fit:
+def throttle_map(runs: Mapping[float, Sequence[Manoeuvre]], vehicle: Vehicle) -> Fit:
     """Net accelerations on a straight at the throttles and speeds of the vehicle's map [m/s^2]."""
     speeds = np.array(vehicle.map_speed)
     rows, errors = [], []
@@ -139,23 +139,23 @@ def _piecewise(
     inside = (x >= knots[0]) & (x <= knots[-1])
     x, y = x[inside], y[inside]
     hats = np.array([np.interp(x, knots, row) for row in np.eye(len(knots))]).T
-    told = (hats > 0.3).sum(axis=0) >= _FEWEST  # noqa: PLR2004 - nearer than other knots, about
-    if not told.any():
+    seen_knots = (hats > 0.3).sum(axis=0) >= _FEWEST  # noqa: PLR2004 - nearer than other knots, about
+    if not seen_knots.any():
         return known, 0.0
-    rest = y - hats[:, ~told] @ known[~told]
-    # Samples between a knot that is told and one that is not speak of neither.
-    clean = hats[:, ~told].sum(axis=1) < 1e-9  # noqa: PLR2004
+    rest = y - hats[:, ~seen_knots] @ known[~seen_knots]
+    # Samples between a knot with data and one without say nothing of either.
+    clean = hats[:, ~seen_knots].sum(axis=1) < 1e-9  # noqa: PLR2004
     values = known.copy()
-    values[told] = np.linalg.lstsq(hats[clean][:, told], rest[clean], rcond=None)[0]
+    values[seen_knots] = np.linalg.lstsq(hats[clean][:, seen_knots], rest[clean], rcond=None)[0]
     left = hats[clean] @ values - y[clean]
     return values, float(np.sqrt(np.mean(left**2)))
 
 
-def tyres_and_inertia(runs: Sequence[Run], vehicle: Vehicle) -> Fit:
+def tyres_and_inertia(runs: Sequence[Manoeuvre], vehicle: Vehicle) -> Fit:
     """Axle stiffnesses [N/rad] and yaw inertia [kg m^2] that reproduce steps of the steering.
 
     The same commands are driven on the embedded simulator; yaw rate and side velocity are to
-    agree. The steady part of a step tells the stiffnesses, its beginning and end the inertia.
+    agree. The steady part of a step determines the stiffnesses, its beginning and end the inertia.
     """
     from scipy.optimize import least_squares
 
@@ -180,7 +180,7 @@ def tyres_and_inertia(runs: Sequence[Run], vehicle: Vehicle) -> Fit:
     return Fit(dict(zip(names, values, strict=True)), error, "rad/s")
 
 
-def replay(run: Run, vehicle: Vehicle) -> list[Any]:
+def replay(run: Manoeuvre, vehicle: Vehicle) -> list[Any]:
     """The states that the embedded simulator goes through from the same start."""
     plant = SimulatorConfig(dt=run.dt).make(vehicle)
     first = run.states[0]

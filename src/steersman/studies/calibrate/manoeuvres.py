@@ -23,12 +23,12 @@ _PLATEAU = 0.02
 # Steps of the steering: time in each [s]; lateral accelerations they aim at [m/s^2].
 _STRAIGHT, _TURN = 0.25, 2.0
 _CURVE_ACCELERATION, _STEP_ACCELERATION = 4.0, (2.0, 4.0)
-# Speeds of the steps whose response tells stiffness and inertia [m/s].
+# Speeds of the steps whose response gives stiffness and inertia [m/s].
 STEP_SPEEDS = (8.0, 14.0, 20.0)
 _LARGEST_STEP = 0.5
 
 
-class Run(NamedTuple):
+class Manoeuvre(NamedTuple):
     """States and the commands that were held after each; one state more than commands."""
 
     name: str
@@ -37,7 +37,7 @@ class Run(NamedTuple):
     dt: float
 
 
-class Driver:
+class ManoeuvreDriver:
     """Drives manoeuvres one after the other, each from a steady start at the plane's begin."""
 
     def __init__(self, plant: Plant, tell: Tell) -> None:
@@ -52,7 +52,7 @@ class Driver:
         seconds: float,
         command: Callable[[float, VehicleState], Command],
         over: Callable[[VehicleState], bool] | None = None,
-    ) -> Run:
+    ) -> Manoeuvre:
         """Reset on a straight and hold what ``command`` says of time and state, until ``over``."""
         self._tell(name)
         states, commands = [self.plant.reset(Pose(0.0, 0.0, 0.0), speed, 0.0)], []
@@ -61,10 +61,10 @@ class Driver:
             states.append(self.plant.step(commands[-1]))
             if over is not None and over(states[-1]):
                 break
-        return Run(name, states, commands, self.plant.dt)
+        return Manoeuvre(name, states, commands, self.plant.dt)
 
 
-def lock_at_rest(driver: Driver) -> Run:
+def lock_at_rest(driver: ManoeuvreDriver) -> Manoeuvre:
     """Full lock and back at standstill, brake pressed."""
     return driver.run(
         "steering at rest",
@@ -74,9 +74,9 @@ def lock_at_rest(driver: Driver) -> Run:
     )
 
 
-def throttle_runs(driver: Driver, vehicle: Vehicle) -> dict[float, list[Run]]:
+def throttle_runs(driver: ManoeuvreDriver, vehicle: Vehicle) -> dict[float, list[Manoeuvre]]:
     """Each throttle of the vehicle's map from standstill up, and from the top speed down."""
-    found: dict[float, list[Run]] = {}
+    found: dict[float, list[Manoeuvre]] = {}
     for throttle in vehicle.map_throttle:
         runs = []
         if throttle > 0.0:
@@ -86,7 +86,7 @@ def throttle_runs(driver: Driver, vehicle: Vehicle) -> dict[float, list[Run]]:
     return found
 
 
-def _throttle(driver: Driver, throttle: float, speed: float, *, rising: bool) -> Run:
+def _throttle(driver: ManoeuvreDriver, throttle: float, speed: float, *, rising: bool) -> Manoeuvre:
     def over(state: VehicleState) -> bool:
         if rising:
             settled = state.time > 2.0 and abs(state.a_x) < _PLATEAU  # noqa: PLR2004 - [s]
@@ -97,7 +97,7 @@ def _throttle(driver: Driver, throttle: float, speed: float, *, rising: bool) ->
     return driver.run(name, speed, _THROTTLE, lambda *_: Command(0.0, throttle, 0.0), over)
 
 
-def curve_runs(driver: Driver, vehicle: Vehicle) -> list[Run]:
+def curve_runs(driver: ManoeuvreDriver, vehicle: Vehicle) -> list[Manoeuvre]:
     """Steps of the steering, to both sides, at the speeds of the vehicle's steering curve."""
     speeds = [v for v in vehicle.steer_curve_speed if 0.0 < v < TOP]
     top = [0.5 * (speeds[-1] + TOP)] if speeds and vehicle.steer_curve_speed[-1] >= TOP else []
@@ -108,8 +108,8 @@ def curve_runs(driver: Driver, vehicle: Vehicle) -> list[Run]:
     ]
 
 
-def step_runs(driver: Driver, vehicle: Vehicle) -> list[Run]:
-    """Steps of the steering at speeds and accelerations that tell the tyres' figures."""
+def step_runs(driver: ManoeuvreDriver, vehicle: Vehicle) -> list[Manoeuvre]:
+    """Steps of the steering at speeds and accelerations that show the tyres' figures."""
     return [
         _step(driver, vehicle, v, side * a)
         for v in STEP_SPEEDS
@@ -117,7 +117,9 @@ def step_runs(driver: Driver, vehicle: Vehicle) -> list[Run]:
     ]
 
 
-def _step(driver: Driver, vehicle: Vehicle, speed: float, acceleration: float) -> Run:
+def _step(
+    driver: ManoeuvreDriver, vehicle: Vehicle, speed: float, acceleration: float
+) -> Manoeuvre:
     """A step to the wheel angle that gives about that lateral acceleration [m/s^2], and back."""
     angle = vehicle.wheelbase * acceleration / speed**2
     steer = vehicle.steer_for_wheel_angle(math.atan(angle), speed)
