@@ -459,7 +459,7 @@ class TestTrain:
         (tmp_path / "agent" / "policy.onnx").touch()
         (tmp_path / "agent" / "config.yaml").write_text(to_yaml(TrainConfig(steps=700)))
         left = SimpleNamespace(policy=FilePath("agent/policy.onnx"))
-        monkeypatch.setattr("steersman.learning.train.load_training", lambda _: left)
+        monkeypatch.setattr("steersman.learning.train.learned", lambda *_: left)
         result = steersman("train", "--out", "agent", "--resume")
         assert (result.exit_code, result.stdout) == (0, "agent/policy.onnx\n")
         assert result.stderr == "agent: finished already\n"

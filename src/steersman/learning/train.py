@@ -61,13 +61,13 @@ def train(
     say = notify if notify is not None else _no_notice
     finished, saved = checkpoint.begin(config, out, say, overwrite=overwrite, resume=resume)
     if finished:
-        return load_training(out)
+        return learned(out, config, TrainRow)
     with arithmetic(config.threads):
         done = None if saved is None else int(saved["agent"]["counters"]["num_timesteps"])
         if done is not None:
             say(f"{out}: going on after {done} steps")
         _Training(config, out, reporter, tick, done).run(saved)
-    result = load_training(out)
+    result = learned(out, config, TrainRow)
     say(_chosen(result))
     return result
 

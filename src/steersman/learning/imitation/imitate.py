@@ -70,12 +70,12 @@ def imitate(
     given = Given(config) if config.data else None  # read before the folder is touched
     finished, saved = checkpoint.begin(config, out, say, overwrite=overwrite, resume=resume)
     if finished:
-        return load_imitation(out)
+        return learned(out, config, ImitationRow)
     with arithmetic(config.threads):
         source: Source = given if given is not None else Driven(config)
         with closing(source):
             _Imitation(config, source, out, reporter, tick, say).run(saved)
-    return load_imitation(out)
+    return learned(out, config, ImitationRow)
 
 
 def load_imitation(folder: FilePath) -> ImitationResult:
