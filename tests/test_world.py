@@ -10,6 +10,7 @@ import pytest
 
 from steersman.bench.suites import suite
 from steersman.config import build, resolve
+from steersman.contracts.disturbance import check
 from steersman.controllers.pid import Pid
 from steersman.disturbances import SensorBias
 from steersman.episode import Episode
@@ -144,6 +145,10 @@ def test_each_vehicle_has_its_own_gusts_and_a_restored_one_goes_on_with_them() -
     rest = played(env, 60)
     other.restore(saved)
     assert np.array_equal(played(other, 60), rest)
+
+
+def test_disturbances_keep_their_contract() -> None:
+    assert check(SensorBias(v_y=0.1)) == []
 
 
 def test_a_bias_is_what_the_controller_sees() -> None:

@@ -210,6 +210,10 @@ class Vehicle(Component):
         )
         return _Built(table)
 
+    def wheel_angle(self, steer: float, speed: float) -> float:
+        """Single-track wheel angle [rad] of a normalised steering at a speed [m/s]."""
+        return math.atan(kernel.wheel_tangents(self.table, 0, steer, speed)[2])
+
     def steer_for_wheel_angle(self, wheel_angle: float, speed: float) -> float:
         """Normalised steering for a single-track wheel angle [rad] at a speed [m/s]."""
         return kernel.steer_for_wheel(self.table, 0, wheel_angle, speed)

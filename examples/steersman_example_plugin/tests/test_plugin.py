@@ -8,10 +8,12 @@ import pytest
 from steersman_example.learning import Calm, LateralAccelerationAhead
 
 from steersman.config import build, components, resolve
+from steersman.contracts import plant as plant_contract
 from steersman.contracts.feature import check as feature_findings
 from steersman.contracts.metric import check
 from steersman.contracts.reward import check as reward_findings
 from steersman.errors import ConfigError
+from steersman.learning.env import PathFollowingEnv
 from steersman.metrics.base import metrics, summarise
 from steersman.paths.base import PathComponent
 from steersman.rollout import RunConfig, run
@@ -25,6 +27,7 @@ from steersman.rollout import RunConfig, run
         ("metric", "share_beyond_20cm"),
         ("reward", "calm"),
         ("path", "stadium"),
+        ("plant", "single_track"),
         ("vehicle", "kei_car"),
     ],
 )
@@ -48,6 +51,22 @@ def test_feature_and_reward_term_fulfil_their_contracts() -> None:
     assert feature_findings(LateralAccelerationAhead()) == []
     assert feature_findings(LateralAccelerationAhead(waypoints=2)) == []
     assert reward_findings(Calm()) == []
+
+
+def test_the_plant_fulfils_its_contract() -> None:
+    assert plant_contract.check(resolve("plant", "single_track")) == []
+
+
+def test_the_plant_drives_and_is_learned_on() -> None:
+    parts = {"controller": "lqr", "path": "circle", "plant": "single_track", "duration": 20}
+    found = summarise(run(build(RunConfig, parts)))
+    assert found["completed"]
+    assert found["max_abs_lateral_error_m"] < 0.2
+    env = PathFollowingEnv({"plant": "single_track", "demonstration": {"controller": "pid"}})
+    _, info = env.reset(seed=0)
+    for _ in range(100):
+        _, _, ended, _, info = env.step([info["demo_action"]])
+        assert not ended
 
 
 def test_the_stadium_closes_and_turns_once() -> None:

@@ -20,8 +20,6 @@ from steersman.vehicles import Vehicle
 C = TypeVar("C", bound=Any)
 # Fields that are the sensor's of the same name.
 _NOISES = ("position_noise", "heading_noise", "speed_noise", "yaw_rate_noise")
-# Fields that only the simulator's cars and air have.
-_CAR = ("mass", "yaw_inertia", "c_f", "c_r", "friction", "steer_rate", "steer_bias", "wind")
 # Steps that differ by less are the same, but for rounding.
 _SAME = 1e-6
 # Share of the grip that speeds on a slippery road ask for.
@@ -59,17 +57,16 @@ class Disturbance(Settings):
     fault: Fault | None = param(None, "-", "What breaks on the way; null: nothing.")
 
     def beyond(self, plant: PlantComponent) -> list[str]:
-        """What of this the plant cannot do: elsewhere than in the simulator cars are what they are.
+        """What of this the plant cannot do, by the names of the fields.
 
-        Steering delay is held back by whoever commands, so in whole steps of the plant; what the
-        sensors and the controller are told is ours to disturb anyway.
+        A steering delay acts in whole steps of the plant; the embedded simulator rounds it.
+        Sensors and controllers are disturbed outside the plant.
         """
-        if plant.embedded:
-            return []
         nothing = Disturbance()
-        found = [name for name in _CAR if getattr(self, name) != getattr(nothing, name)]
+        found = sorted(n for n in plant.cannot if getattr(self, n) != getattr(nothing, n))
         steps = self.delay / plant.h
-        return [*found, "delay"] if abs(steps - round(steps)) > _SAME else found
+        whole = plant.embedded or abs(steps - round(steps)) <= _SAME
+        return found if whole or "delay" in found else [*found, "delay"]
 
     def apply(self, run: C) -> C:
         """The run, or the problem of a training, with this disturbance.

@@ -32,6 +32,11 @@ class PlantComponent(Component):
     embedded: ClassVar[bool] = False
     """Whether it is the simulator that kernels and environments carry within themselves."""
 
+    cannot: ClassVar[frozenset[str]] = frozenset({"wind"})
+    """Disturbances without effect on this plant (names as in a suite's ``Disturbance``); a
+    benchmark leaves their scenarios out and says so, ``steersman.contracts.plant`` checks the
+    others."""
+
     dt: float = param(0.05, "s", "Control period.", gt=0)
     steering_delay: float = param(0.0, "s", "Time until a steering command acts.", ge=0)
 

@@ -6,7 +6,7 @@ comes from PyPI; docs/carla.md says what that means for a real server.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 from pydantic import model_validator
 
@@ -35,6 +35,11 @@ def library() -> Any:
 @register("plant", "carla")
 class CarlaConfig(PlantComponent):
     """A CARLA server (0.9.15 or 0.9.16) in synchronous mode, or the stand-in for one."""
+
+    # Its car is what it is, and its air is calm.
+    cannot: ClassVar[frozenset[str]] = frozenset(
+        {"mass", "yaw_inertia", "c_f", "c_r", "friction", "steer_rate", "steer_bias", "wind"}
+    )
 
     dt: float = param(0.05, "s", "Control period: fixed_delta_seconds.", gt=0, le=0.5)
     steering_delay: float = param(

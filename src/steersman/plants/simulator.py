@@ -25,6 +25,7 @@ class SimulatorConfig(PlantComponent):
     """The embedded planar four-wheel simulator."""
 
     embedded: ClassVar[bool] = True
+    cannot: ClassVar[frozenset[str]] = frozenset()
 
     dt: float = param(0.05, "s", "Control period; a whole multiple of the integration step.", gt=0)
     steering_delay: float = param(

@@ -1,1 +1,1 @@
-"""A controller, a metric, a path and a vehicle for Steersman."""
+"""A controller, a metric, a path, a plant and a vehicle for Steersman."""
