@@ -2,7 +2,7 @@
 
 import pytest
 
-from steersman.report.conditions import CROWD, by_conditions
+from steersman.report.html import CROWD, by_conditions
 from steersman.report.scene import Group
 from steersman.report.signals import Drive
 

@@ -10,8 +10,8 @@ from hypothesis.extra.numpy import arrays
 
 from steersman.bench.along import distance
 from steersman.report import ReportRun
+from steersman.report.html import curves
 from steersman.report.signals import decimate, group_by_path, look
-from steersman.report.training import curves
 
 
 @given(

@@ -9,17 +9,20 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
 
 from steersman import core_yaml
 from steersman.errors import DataError
 from steersman.files import write_text
 from steersman.report import tables, web
-from steersman.report.conditions import by_conditions
 from steersman.report.runs import ReportRun
 from steersman.report.scene import Group
 from steersman.report.seen import recorded
-from steersman.report.signals import Drive, group_by_path, look
-from steersman.report.training import curves
+from steersman.report.signals import Drive, decimate, group_by_path, look
+from steersman.report.tables import flat, text
+from steersman.types import FloatArray
 
 # Half the width of the corridor that is drawn where a run does not say how wide it was [m].
 CORRIDOR = 1.5
@@ -135,3 +138,104 @@ def _configs(runs: Sequence[ReportRun]) -> list[tuple[str, str]]:
             content = core_yaml.dump(json.loads(json.dumps(dict(run.config), default=str)))
             names.setdefault(content, []).append(run.name)
     return [(", ".join(dict.fromkeys(same)), content) for content, same in names.items()]
+
+
+CROWD = 6
+"""Up to so many drives are shown together whatever their conditions."""
+# Parts of a configuration that are no conditions: the controller, and what the group shares.
+_OTHERS = ("controller", "path", "seed")
+
+
+def by_conditions(group: Group) -> list[Group]:
+    """The group, or, of a crowd, one group for each set of conditions; their titles tell them."""
+    if len(group.drives) <= CROWD:
+        return [group]
+    found = [_conditions(drive) for drive in group.drives]
+    keys = list(dict.fromkeys(key for one in found for key in one))
+    # Fields that only some kinds have differ if those that have them do.
+    differ = [k for k in keys if len({json.dumps(one[k]) for one in found if k in one}) > 1]
+    parts: dict[str, list[Drive]] = {}
+    for drive, one in zip(group.drives, found, strict=True):
+        words = ", ".join(f"{key} {text(one[key])}" for key in differ if key in one)
+        parts.setdefault(words, []).append(drive)
+    # Where every drive is on its own, nothing is gained.
+    if len(parts) in {1, len(found)}:
+        return [group]
+    return [_named(group, words, drives) for words, drives in parts.items()]
+
+
+def _conditions(drive: Drive) -> dict[str, Any]:
+    config: Mapping[str, Any] = recorded(drive.episode)
+    return flat({key: value for key, value in config.items() if key not in _OTHERS})
+
+
+def _named(group: Group, words: str, drives: Sequence[Drive]) -> Group:
+    title = f"{group.title}: {words}" if words else f"{group.title}: conditions not recorded"
+    return group._replace(title=title, drives=drives)
+
+
+# What the curves are drawn against: the first of these that every training has.
+AXES = {"steps": "environment steps", "updates": "updates", "seconds": "time [s]"}
+TITLES = {
+    "updates": "updates",
+    "seconds": "time [s]",
+    "reward_mean": "mean reward per step",
+    "off_track_resets": "off-track resets",
+    "training_error_mm": "error while training [mm]",
+    "validation_error_mm": "validation error [mm]",
+    "validation_rms_mm": "validation, RMS error [mm]",
+    "validation_failures": "validation drives that failed",
+    "steer_activity": "validation, RMS steering change",
+    "q_mean": "mean Q value",
+    "saturated_share": "share of actions at their limit",
+    "actor_loss": "actor loss",
+    "critic_loss": "critic loss",
+    "c_track": "coefficient of tracking",
+    "c_diff": "coefficient of demonstration",
+    "loss": "loss",
+    "action_difference": "difference from the demonstrator's action",
+    "demo_share": "share of demonstrated actions",
+    "learning_rate": "learning rate",
+}
+# What matters comes first; other columns follow in the order of the files.
+FIRST = ("validation_error_mm", "reward_mean", "off_track_resets")
+POINTS = 2000
+
+
+def curves(runs: Sequence[ReportRun]) -> dict[str, Any] | None:
+    """The data of the training plots, None if nothing was trained."""
+    tables = {run.name: run.training for run in runs if run.training is not None}
+    if not tables:
+        return None
+    axis = next((a for a in AXES if all(a in table for table in tables.values())), None)
+    names = dict.fromkeys([*FIRST, *(name for table in tables.values() for name in table)])
+    shown = [
+        name
+        for name in names
+        if name not in AXES and any(_has_values(table.get(name)) for table in tables.values())
+    ]
+    lines = [
+        {"name": name, **look(k), "panels": [_line(table, axis, n) for n in shown]}
+        for k, (name, table) in enumerate(tables.items())
+    ]
+    return {
+        "x": AXES.get(axis or "", "row"),
+        "panels": [TITLES.get(name, name) for name in shown],
+        "runs": lines,
+    }
+
+
+def _has_values(values: FloatArray | None) -> bool:
+    return values is not None and bool(np.isfinite(values).any())
+
+
+def _line(table: Mapping[str, FloatArray], axis: str | None, name: str) -> dict[str, Any]:
+    if name not in table:
+        return {"x": [], "y": []}
+    y = table[name]
+    x = table[axis] if axis else np.arange(y.size, dtype=np.float64)
+    filled = np.isfinite(x) & np.isfinite(y)
+    x, y = x[filled], y[filled]
+    rows = decimate([y], POINTS)
+    # Losses and rates span decades: keep five significant digits, not decimals.
+    return {"x": x[rows].tolist(), "y": [float(f"{value:.5g}") for value in y[rows]]}
