@@ -30,7 +30,7 @@ from steersman.bench.suites import core
 from steersman.config import dump
 from steersman.files import make_folder, write_text
 from steersman.learning.config import TrainConfig, load_preset, train_config
-from steersman.learning.parallel import Event, Job, train_all
+from steersman.learning.parallel import TrainingEvent, TrainingJob, train_all
 from steersman.provenance import provenance
 
 NEVER = {"kind": "constant", "at": 0.0}
@@ -85,10 +85,12 @@ def config(method: str, seed: int, steps: int) -> TrainConfig:
     )
 
 
-def jobs(seeds: Sequence[int], steps: int, runs: Path) -> list[Job]:
+def jobs(seeds: Sequence[int], steps: int, runs: Path) -> list[TrainingJob]:
     """All trainings, seed by seed."""
     return [
-        Job(f"{method}, seed {seed}", config(method, seed, steps), runs / slug(method) / str(seed))
+        TrainingJob(
+            f"{method}, seed {seed}", config(method, seed, steps), runs / slug(method) / str(seed)
+        )
         for seed in seeds
         for method in METHODS
     ]
@@ -117,7 +119,7 @@ def rms(rows: Sequence[BenchRow]) -> float:
     return 1e3 * float(np.sqrt(np.mean([row.charged_rms_m**2 for row in rows])))
 
 
-def judged(job: Job, plan: Sequence[Scenario]) -> dict[str, Any]:
+def judged(job: TrainingJob, plan: Sequence[Scenario]) -> dict[str, Any]:
     """What came out of one training."""
     driver = entrant(f"agent={job.out / 'policy.onnx'}")
     rows = [measure(scenario, driver) for scenario in plan]
@@ -180,7 +182,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("results/algorithms"))
     given = parser.parse_args()
 
-    def tell(event: Event) -> None:
+    def tell(event: TrainingEvent) -> None:
         if event.row is not None:
             error = event.row.validation_error_mm
             sys.stderr.write(f"{event.job.name}: {event.steps:.0f} steps, {error:.4g} mm\n")

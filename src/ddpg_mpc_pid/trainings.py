@@ -32,9 +32,9 @@ _KEPT = (
 )
 
 
-def jobs(plan: Plan, runs: FilePath) -> list[sm.Job]:
+def jobs(plan: Plan, runs: FilePath) -> list[sm.TrainingJob]:
     """A job for each training."""
-    return [sm.Job(t.name, t.config, runs / t.name) for t in plan.trainings()]
+    return [sm.TrainingJob(t.name, t.config, runs / t.name) for t in plan.trainings()]
 
 
 def run_trainings(plan: Plan, runs: FilePath, progress: Progress) -> dict[str, Any]:
@@ -48,7 +48,7 @@ def run_trainings(plan: Plan, runs: FilePath, progress: Progress) -> dict[str, A
     steps = {job.name: 0.0 if job in todo else float(job.config.steps) for job in every}
     total = sum(float(job.config.steps) for job in every)
 
-    def report(event: sm.Event) -> None:
+    def report(event: sm.TrainingEvent) -> None:
         if event.steps is not None:
             steps[event.job.name] = event.steps
         done = sum(steps[job.name] >= job.config.steps for job in every)

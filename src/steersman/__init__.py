@@ -49,8 +49,8 @@ if TYPE_CHECKING:
     from steersman.errors import suggestion as suggestion
     from steersman.learning.checkpoint import is_finished as is_finished
     from steersman.learning.config import TrainConfig as TrainConfig
-    from steersman.learning.parallel import Event as Event
-    from steersman.learning.parallel import Job as Job
+    from steersman.learning.parallel import TrainingEvent as TrainingEvent
+    from steersman.learning.parallel import TrainingJob as TrainingJob
     from steersman.learning.parallel import train_all as train_all
     from steersman.metrics.base import summarise as summarise
     from steersman.paths.base import PathComponent
@@ -102,7 +102,7 @@ _FRONT_DOOR = {
     "paths.xodr.ways": ("lane_starts",),  # where cars may be put on a map (carla_standin)
     # What a study of one's own needs (ddpg_mpc_pid): trainings side by side, which are resumed; the
     # figures of a drive; what a controller was given on it; what made the results; the paper.
-    "learning.parallel": ("train_all", "Job", "Event"),
+    "learning.parallel": ("train_all", "TrainingJob", "TrainingEvent"),
     "learning.checkpoint": ("is_finished",),
     "metrics.base": ("summarise",),
     "sensing": ("observations",),

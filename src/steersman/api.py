@@ -335,7 +335,7 @@ def bench(
     suite: str = "standard",
     seeds: Sequence[int] = (0,),
     out: _Folder | None = None,
-    engine: str = "local",
+    engine: str | None = None,
     jobs: int | None = None,
     progress: Callable[[float, float], None] | None = None,
     **settings: Any,
@@ -349,8 +349,8 @@ def bench(
         suite: ``standard``, ``core``, ``tuning``, ``quick``, ``faults``, or a YAML file.
         seeds: seeds of all draws.
         out: folder that keeps the rows, so that the same call goes on after an interruption.
-        engine: ``local`` or ``ray``.
-        jobs: processes at a time; None: one for each core.
+        engine: ``local`` or ``ray``; None: ``ray`` if ``RAY_ADDRESS`` is set.
+        jobs: drives at a time; None: one for each core.
         progress: called with the simulated seconds done and in all.
         settings: fields of the suite, e.g. ``corridor``.
 
@@ -390,6 +390,7 @@ def compare(
     suite: str | None = None,
     seeds: Sequence[int] | None = None,
     out: _Folder | None = None,
+    engine: str | None = None,
     jobs: int | None = None,
     progress: Callable[[float, float], None] | None = None,
 ) -> DriveCompareResult | ScenarioCompareResult:
@@ -404,7 +405,8 @@ def compare(
         suite: what controllers drive, ``quick`` by default.
         seeds: seeds of the suite.
         out: folder that keeps the rows that are driven now.
-        jobs: processes at a time; None: one for each core.
+        engine: ``local`` or ``ray``; None: ``ray`` if ``RAY_ADDRESS`` is set.
+        jobs: drives at a time; None: one for each core.
         progress: called with the simulated seconds done and in all.
 
     Raises:
@@ -424,7 +426,9 @@ def compare(
         return compare_drives(found)[0]
     over = plan(found, suite, [], seeds)
     with kept(out) as folder:
-        return compare_scenarios(found, over, folder, jobs, progress)[0]
+        return compare_scenarios(found, over, folder, engine=engine, jobs=jobs, progress=progress)[
+            0
+        ]
 
 
 @contextmanager

@@ -10,11 +10,10 @@ from typing import Any
 
 import pytest
 
-from steersman.bench import runner, suites
+from steersman.bench import suites
 from steersman.bench.entrants import Entrant, entrants
-from steersman.bench.journal import NAME, Journal
 from steersman.bench.results import BenchRow
-from steersman.bench.runner import bench, plan
+from steersman.bench.runner import ROWS, bench, plan, read_rows
 from steersman.bench.suite import Scenario, Suite
 from steersman.bench.summary import summarise_rows
 from steersman.config import build
@@ -52,14 +51,14 @@ def test_every_entrant_drives_every_scenario_in_order(rows: list[BenchRow]) -> N
 def test_processes_change_nothing_but_the_time(
     rows: list[BenchRow], tmp_path: FilePath, monkeypatch: Any
 ) -> None:
-    monkeypatch.setattr(runner, "_CHUNK_RUNS", 5)
+    monkeypatch.setattr("steersman.engine.jobs._PIECE_JOBS", 5)
     assert untimed(bench(SCENARIOS, PAIR, tmp_path, jobs=2)) == untimed(rows)
 
 
 def test_an_interrupted_bench_goes_on(
     rows: list[BenchRow], tmp_path: FilePath, monkeypatch: Any
 ) -> None:
-    monkeypatch.setattr(runner, "_CHUNK_RUNS", 3)
+    monkeypatch.setattr("steersman.engine.jobs._PIECE_JOBS", 3)
 
     def stop(done: float, total: float) -> None:
         if done > 0.3 * total:
@@ -67,10 +66,10 @@ def test_an_interrupted_bench_goes_on(
 
     with pytest.raises(KeyboardInterrupt):
         bench(SCENARIOS, PAIR, tmp_path, jobs=1, progress=stop)
-    kept = (tmp_path / NAME).read_bytes()
+    kept = (tmp_path / ROWS).read_bytes()
     assert 0 < kept.count(b"\n") < len(rows)
     # The process was killed while it wrote: half a line is at the end.
-    with (tmp_path / NAME).open("ab") as stream:
+    with (tmp_path / ROWS).open("ab") as stream:
         stream.write(b'{"key": "ab')
     told: list[float] = []
     again = bench(
@@ -79,7 +78,7 @@ def test_an_interrupted_bench_goes_on(
     assert untimed(again) == untimed(rows)
     assert told[0] > 0.3
     assert told[-1] == pytest.approx(1.0)
-    assert (tmp_path / NAME).read_bytes().startswith(kept)
+    assert (tmp_path / ROWS).read_bytes().startswith(kept)
 
 
 class Deadly(ControllerComponent):
@@ -97,18 +96,19 @@ class Deadly(ControllerComponent):
 
 
 def test_a_killed_process_is_told_in_a_line(tmp_path: FilePath, monkeypatch: Any) -> None:
-    monkeypatch.setattr(runner, "_CHUNK_RUNS", 5)
+    monkeypatch.setattr("steersman.engine.jobs._PIECE_JOBS", 5)
+    monkeypatch.syspath_prepend(FilePath(__file__).parents[2])  # where the class is found
     deadly = Entrant("deadly", Deadly(parent=os.getpid()), False, "deadly", 0, 0.0, {})
-    with pytest.raises(SteersmanError, match="was killed; the same command goes on"):
+    with pytest.raises(SteersmanError, match="SIGKILL.*; the same command goes on"):
         bench(SCENARIOS, [deadly], tmp_path, jobs=2)
 
 
 def test_what_is_finished_is_not_driven_again(rows: list[BenchRow], tmp_path: FilePath) -> None:
     first = bench(SCENARIOS, PAIR[:1], tmp_path, jobs=1)
-    before = (tmp_path / NAME).read_bytes()
+    before = (tmp_path / ROWS).read_bytes()
     told: list[float] = []
     both = bench(SCENARIOS, PAIR, tmp_path, jobs=1, progress=lambda done, _: told.append(done))
-    assert (tmp_path / NAME).read_bytes().startswith(before)
+    assert (tmp_path / ROWS).read_bytes().startswith(before)
     assert [r for r in both if r.controller == "pid"] == first  # times included
     assert bench(SCENARIOS, PAIR, tmp_path, jobs=1) == both
     renamed = bench(SCENARIOS, entrants(["other=pid"]), tmp_path, jobs=1)
@@ -123,9 +123,9 @@ def test_a_key_changes_with_the_scenario_and_the_controller() -> None:
 
 def test_a_journal_of_something_else_is_refused(rows: list[BenchRow], tmp_path: FilePath) -> None:
     kept = json.dumps(rows[0].plain()) + "\n"
-    (tmp_path / NAME).write_text(kept + "nonsense\n", encoding="utf-8")
+    (tmp_path / ROWS).write_text(kept + "nonsense\n", encoding="utf-8")
     with pytest.raises(DataError, match="line 2: not a row"):
-        Journal(tmp_path)
+        read_rows(tmp_path)
 
 
 def test_an_unknown_engine_is_refused(tmp_path: FilePath) -> None:
@@ -191,4 +191,4 @@ def test_a_policy_for_another_period_is_refused_before_anything_runs(tmp_path: F
     other: Scenario = scenario._replace(run=scenario.run.model_copy(update={"plant": plant}))
     with pytest.raises(ConfigError, match=r"trained: .*control period of 0\.05 s"):
         bench([other], [one], tmp_path / "out", jobs=1)
-    assert not (tmp_path / "out" / NAME).exists()
+    assert not (tmp_path / "out" / ROWS).exists()

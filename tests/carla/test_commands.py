@@ -245,7 +245,7 @@ def test_bench_leaves_out_what_carla_cannot_do(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--jobs", "2"), "--jobs: 2 is not allowed; plant=carla is one: 1"),
+        (("--jobs", "2"), "--jobs: 2 is not allowed; plant=carla has one car: 1"),
         (("--engine", "ray"), "--engine: ray is not allowed; plant=carla: local"),
         (("plant.prot=1",), "did you mean 'port'?"),
     ],

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from typer.testing import Result
 
-from steersman.bench.journal import Journal
+from steersman.engine.journal import Journal
 from steersman.files import only_one
 
 Steersman = Callable[..., Result]

@@ -14,8 +14,8 @@ from typer.testing import Result
 
 from steersman.bench.drive import measure
 from steersman.bench.entrants import entrants
-from steersman.bench.journal import Journal
 from steersman.bench.suites import quick
+from steersman.engine.journal import Journal
 from steersman.episode import COLUMNS, Episode
 from steersman.policy_file import locate
 

@@ -153,10 +153,10 @@ def test_plain_data_stays() -> None:
 # ------------------------------------------------------------------------------- trainings
 
 
-def fake(monkeypatch: pytest.MonkeyPatch, failed: dict[str, str]) -> list[list[sm.Job]]:
-    asked: list[list[sm.Job]] = []
+def fake(monkeypatch: pytest.MonkeyPatch, failed: dict[str, str]) -> list[list[sm.TrainingJob]]:
+    asked: list[list[sm.TrainingJob]] = []
 
-    def train_all(jobs: list[sm.Job], *_: Any, **__: Any) -> dict[str, str]:
+    def train_all(jobs: list[sm.TrainingJob], *_: Any, **__: Any) -> dict[str, str]:
         asked.append(list(jobs))
         return failed
 

@@ -28,7 +28,7 @@ from steersman.learning.arithmetic import arithmetic
 from steersman.learning.config import TrainConfig, train_config
 from steersman.learning.ddpg_update import CompiledDDPG, draw_batches
 from steersman.learning.export import network
-from steersman.learning.parallel import Job, train_all
+from steersman.learning.parallel import TrainingJob, train_all
 from steersman.learning.progress import TrainRow, check_progress
 from steersman.learning.train import train
 from steersman.learning.validate import Validator
@@ -296,7 +296,9 @@ def test_same_seed_same_policy(kind: str, trained: dict[str, FilePath], tmp_path
 def test_several_at_a_time_are_as_if_alone(
     trained: dict[str, FilePath], tmp_path: FilePath
 ) -> None:
-    jobs = [Job(kind, config(kind, checkpoint_interval=256), tmp_path / kind) for kind in KINDS]
+    jobs = [
+        TrainingJob(kind, config(kind, checkpoint_interval=256), tmp_path / kind) for kind in KINDS
+    ]
     assert train_all(jobs, 2, lambda _: None) == {}
     for job in jobs:
         assert rows(job.out) == rows(trained[job.name])

@@ -15,9 +15,8 @@ import pytest
 from steersman.cli.seeds import train_seeds
 from steersman.config import to_yaml
 from steersman.errors import DataError
-from steersman.learning import parallel
 from steersman.learning.config import TrainConfig
-from steersman.learning.parallel import Event, Job, cores, train_all
+from steersman.learning.parallel import TrainingEvent, TrainingJob, train_all
 from steersman.learning.train import train
 
 from .problems import tiny
@@ -25,17 +24,19 @@ from .problems import tiny
 posix = pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
 
 
-def jobs(folder: FilePath, *configs: TrainConfig) -> list[Job]:
-    return [Job(f"run {i}", config, folder / f"run_{i}") for i, config in enumerate(configs)]
+def jobs(folder: FilePath, *configs: TrainConfig) -> list[TrainingJob]:
+    return [
+        TrainingJob(f"run {i}", config, folder / f"run_{i}") for i, config in enumerate(configs)
+    ]
 
 
-def silent(_: Event) -> None:
+def silent(_: TrainingEvent) -> None:
     pass
 
 
 def test_each_is_as_if_it_were_alone(tmp_path: FilePath) -> None:
     configs = tiny(steps=600), tiny(steps=600, seed=3)
-    events: list[Event] = []
+    events: list[TrainingEvent] = []
     assert train_all(jobs(tmp_path, *configs), 2, events.append) == {}
     for i, config in enumerate(configs):
         alone = train(config, tmp_path / f"alone_{i}")
@@ -48,9 +49,7 @@ def test_a_failure_leaves_the_others_alone(
     tmp_path: FilePath, capsys: pytest.CaptureFixture[str]
 ) -> None:
     wild: dict[str, Any] = {"learning_rate": {"kind": "constant", "at": 1e12}, "updates": 4}
-    failed = train_all(
-        jobs(tmp_path, tiny(agent=wild, steps=4000), tiny(steps=400)), cores(), silent
-    )
+    failed = train_all(jobs(tmp_path, tiny(agent=wild, steps=4000), tiny(steps=400)), None, silent)
     assert list(failed) == ["run 0"]
     assert "agent.learning_rate" in failed["run 0"]
     assert (tmp_path / "run_1" / "policy.onnx").exists()
@@ -70,7 +69,7 @@ def test_a_crash_leaves_its_traceback(tmp_path: FilePath, monkeypatch: pytest.Mo
     broken = tmp_path / "broken"
     (broken / "torch").mkdir(parents=True)
     (broken / "torch" / "__init__.py").write_text("1 / 0\n", encoding="utf-8")
-    monkeypatch.setenv("PYTHONPATH", str(broken))
+    monkeypatch.syspath_prepend(broken)
     failed = train_all(jobs(tmp_path, tiny()), 1, silent)
     log = tmp_path / "run_0" / "traceback.txt"
     assert failed == {"run 0": f"ZeroDivisionError: division by zero (see {log})"}
@@ -78,7 +77,7 @@ def test_a_crash_leaves_its_traceback(tmp_path: FilePath, monkeypatch: pytest.Mo
 
 
 def test_an_interruption_stops_all(tmp_path: FilePath) -> None:
-    def interrupt(event: Event) -> None:
+    def interrupt(event: TrainingEvent) -> None:
         raise KeyboardInterrupt
 
     tasks = jobs(tmp_path, tiny(steps=400_000), tiny(steps=400_000))
@@ -128,27 +127,11 @@ def test_all_go_with_their_parent(tmp_path: FilePath, end: signal.Signals) -> No
 
 
 def test_the_summary_names_the_best(tmp_path: FilePath, capsys: pytest.CaptureFixture[str]) -> None:
-    train_seeds(tiny(steps=400), [2, 5], tmp_path, 2, overwrite=False, resume=False)
+    train_seeds(tiny(steps=400), [2, 5], tmp_path, jobs=2, overwrite=False, resume=False)
     out = capsys.readouterr().out
     table, best = out.splitlines()[:-1], out.splitlines()[-1]
     assert [line.split()[0] for line in table[-2:]] == ["2", "5"]
     (marked,) = (line for line in table if line.endswith("best"))
     assert best == f"best policy: {tmp_path / f'seed_{marked.split()[0]}' / 'policy.onnx'}"
-    train_seeds(tiny(steps=400), [2, 5], tmp_path, 2, overwrite=False, resume=True)
+    train_seeds(tiny(steps=400), [2, 5], tmp_path, jobs=2, overwrite=False, resume=True)
     assert capsys.readouterr().out == out
-
-
-@posix
-def test_a_process_that_hangs_on_its_way_out_is_ended(
-    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    code = "import os, time; os.close(1); os.close(2); time.sleep(600)"
-    popen = subprocess.Popen
-    monkeypatch.setattr(
-        parallel.subprocess,
-        "Popen",
-        lambda _, **given: popen([sys.executable, "-c", code], **given),
-    )
-    monkeypatch.setattr(parallel, "_PATIENCE", 0.5)
-    failed = train_all(jobs(tmp_path, tiny()), 1, silent)
-    assert failed == {"run 0": "killed by SIGKILL"}

@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path as FilePath
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from steersman.bench import drive
-from steersman.bench.engines import ENGINES
 from steersman.bench.entrants import Entrant
-from steersman.bench.journal import Journal
 from steersman.bench.results import BenchRow
 from steersman.bench.suite import Scenario
-from steersman.errors import ConfigError, suggestion
+from steersman.engine.jobs import Progress, Workers
+from steersman.engine.journal import Journal, LineFormat, read_journal
+from steersman.engine.work import Job
 from steersman.files import alone
 
-# Simulated time that one piece of work holds [s], and the most runs in it: large enough that
-# handing it out costs nothing, small enough that an interruption loses little.
-_CHUNK_SECONDS = 1200.0
-_CHUNK_RUNS = 24
+ROWS = "rows.jsonl"
+_FORMAT: LineFormat[BenchRow] = LineFormat(
+    "a row of a benchmark", BenchRow.model_validate_json, BenchRow.plain, lambda row: row.key
+)
+
+
+def read_rows(folder: FilePath) -> dict[str, BenchRow]:
+    """The finished rows of a benchmark's folder by their key; nothing in it is changed.
+
+    Raises:
+        DataError: the file is no journal of a benchmark.
+    """
+    return read_journal(folder / ROWS, _FORMAT)
 
 
 class Task(NamedTuple):
@@ -28,9 +36,6 @@ class Task(NamedTuple):
     scenario: Scenario
     entrant: Entrant
     key: str
-
-
-Progress = Callable[[float, float], None]
 
 
 def plan(scenarios: Sequence[Scenario], entrants: Sequence[Entrant]) -> list[Task]:
@@ -50,7 +55,7 @@ def bench(
     entrants: Sequence[Entrant],
     out: FilePath,
     *,
-    engine: str = "local",
+    engine: str | None = None,
     jobs: int | None = None,
     progress: Progress | None = None,
 ) -> list[BenchRow]:
@@ -65,48 +70,25 @@ def bench(
         scenarios: what is driven.
         entrants: the controllers.
         out: folder of the journal.
-        engine: where it is computed: ``local``, or on a cluster with ``ray``.
-        jobs: processes at a time on this machine; None: one for each core.
-        progress: called with about (simulated seconds done, simulated seconds in all).
+        engine: ``local`` or ``ray``, see :class:`steersman.engine.jobs.Workers`.
+        jobs: drives at a time; None: one for each core.
+        progress: called with the simulated seconds done and in all, both as planned.
 
     Raises:
         ConfigError: a controller does not fit the suite, or the engine is unknown.
         DataError: the journal cannot be read or written.
     """
-    if engine not in ENGINES:
-        raise ConfigError(f"unknown engine {engine!r}{suggestion(engine, ENGINES)}")
     tasks = plan(scenarios, entrants)
-    journal = Journal(out)
-    todo = [task for task in tasks if task.key not in journal.rows]
+    journal = Journal(out / ROWS, _FORMAT)
+    todo = [task for task in tasks if task.key not in journal.results]
     for entrant in {task.entrant.name: task.entrant for task in todo}.values():
         drive.check(scenarios[0], entrant)
-    total = sum(drive.planned_seconds(task.scenario) for task in tasks)
-    done = total - sum(drive.planned_seconds(task.scenario) for task in todo)
-    seconds = {task.key: drive.planned_seconds(task.scenario) for task in todo}
-    for rows in ENGINES[engine](_row, chunks(todo), jobs or os.cpu_count() or 1):
-        journal.add(rows)
-        done += sum(seconds[row.key] for row in rows)
-        if progress is not None:
-            progress(done, total)
+    each = [Job(task.key, task, drive.planned_seconds(task.scenario)) for task in tasks]
+    with Workers(engine, jobs) as workers:
+        rows = workers.run(_row, each, journal=journal, progress=progress)
     # A journal may hold the row of the same controller under another name.
-    return [
-        journal.rows[task.key].model_copy(update={"controller": task.entrant.name})
-        for task in tasks
-    ]
+    return [rows[task.key].model_copy(update={"controller": task.entrant.name}) for task in tasks]
 
 
-def _row(task: Any) -> BenchRow:
+def _row(task: Task, _: object) -> BenchRow:
     return drive.measure(task.scenario, task.entrant, task.key)
-
-
-def chunks(tasks: Sequence[Task]) -> list[list[Task]]:
-    """Pieces of work of about equal length, the longest runs first so that none ends last."""
-    out: list[list[Task]] = []
-    seconds = 0.0
-    for task in sorted(tasks, key=lambda task: -drive.planned_seconds(task.scenario)):
-        if not out or seconds >= _CHUNK_SECONDS or len(out[-1]) >= _CHUNK_RUNS:
-            out.append([])
-            seconds = 0.0
-        out[-1].append(task)
-        seconds += drive.planned_seconds(task.scenario)
-    return out

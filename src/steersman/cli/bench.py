@@ -22,7 +22,7 @@ from steersman.cli.output import (
     table,
     tell_compiling,
 )
-from steersman.errors import ConfigError, suggestion
+from steersman.errors import ConfigError
 
 if TYPE_CHECKING:
     from steersman.bench.maps import Map
@@ -76,15 +76,8 @@ def bench(
             " the suite 'maps' holds them alone.",
         ),
     ] = None,
-    jobs: Annotated[
-        int | None, typer.Option("--jobs", min=1, help="Processes; one for each core by default.")
-    ] = None,
-    engine: Annotated[
-        str,
-        typer.Option(
-            "--engine", help="local: the cores of this machine; ray: a cluster (RAY_ADDRESS)."
-        ),
-    ] = "local",
+    jobs: settings.Jobs = None,
+    engine: settings.Engine = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print results.json.")] = False,
 ) -> None:
     """Drive every controller through the same scenarios, and compare them.
@@ -93,7 +86,6 @@ def bench(
     report.html. A controller that leaves the road is charged the corridor's half width for all
     that it did not drive.
     """
-    from steersman.bench.engines import ENGINES
     from steersman.bench.entrants import entrants
     from steersman.bench.results import RESULTS
     from steersman.bench.suites import write_suite
@@ -102,13 +94,11 @@ def bench(
     from steersman.commands import split
 
     named = [word for text in controllers or [] for word in text.split(",") if word.strip()]
-    if engine not in ENGINES:
-        raise ConfigError(f"unknown engine {engine!r}{suggestion(engine, ENGINES)}", ("--engine",))
     numbers = parse(seeds)
     name, assignments = split(words or [])
     suite = name or "standard"
     plan, read = _plan(suite, assignments, maps)
-    jobs = jobs_for(plan, jobs, engine)
+    engine, jobs = settings.workers_for(plan.plant, engine, jobs)
     found = entrants(named)
     settings.tell_plant(plan.plant)
     folder = settings.out_folder(out)
@@ -143,17 +133,6 @@ def _plan(suite: str, assignments: Sequence[str], folder: str | None) -> tuple[S
     return laid_over(with_maps(base, found), assignments), found
 
 
-def jobs_for(plan: Any, jobs: int | None, engine: str) -> int | None:
-    """Processes at a time; a plant that is not embedded is one server with one car."""
-    if plan.plant.embedded:
-        return jobs
-    if engine != "local":
-        raise ConfigError(f"{engine} is not allowed; plant={plan.plant.kind}: local", ("--engine",))
-    if jobs not in {None, 1}:
-        raise ConfigError(f"{jobs} is not allowed; plant={plan.plant.kind} is one: 1", ("--jobs",))
-    return 1
-
-
 def _tell(plan: Any, scenarios: Any, left_out: dict[str, int]) -> None:
     """Which scenarios the plant cannot do.
 
@@ -184,7 +163,9 @@ def _extras(folder: FilePath, outcome: BenchResult, rows: Any, scenarios: Any, f
     write_benchmark(outcome, cases, folder / "report.html")
 
 
-def _drive(scenarios: Any, found: Any, folder: FilePath, jobs: int | None, engine: str) -> Any:
+def _drive(
+    scenarios: Any, found: Any, folder: FilePath, jobs: int | None, engine: str | None
+) -> Any:
     from steersman.bench.runner import bench as run
 
     title = f"{len(scenarios)} scenarios x {len(found)} controllers"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from steersman.cli import settings
-from steersman.cli.bench import jobs_for, suite_progress
+from steersman.cli.bench import suite_progress
 from steersman.cli.outcome import INTERRUPTED
 from steersman.cli.output import note, show, show_json, table, tell_compiling
 from steersman.errors import ConfigError
@@ -58,9 +58,8 @@ def compare(
     seeds: Annotated[
         str | None, typer.Option("--seeds", metavar="LIST", help="Seeds of the suite: 0..4 (0).")
     ] = None,
-    jobs: Annotated[
-        int | None, typer.Option("--jobs", min=1, help="Processes; one for each core by default.")
-    ] = None,
+    jobs: settings.Jobs = None,
+    engine: settings.Engine = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print compare.json.")] = False,
 ) -> None:
     """Set drives, trainings, benchmarks or controllers side by side.
@@ -84,7 +83,7 @@ def compare(
             given = [*chosen.values(), *([] if seeds is None else ["--seeds"])]
             outcome, extra = _drives(found, given)
         else:
-            outcome, extra = _scenarios(found, chosen, numbers, jobs, folder)
+            outcome, extra = _scenarios(found, chosen, numbers, engine, jobs, folder)
     except KeyboardInterrupt:
         note("interrupted" + (f"; the same command goes on from {folder}" if folder else ""))
         raise typer.Exit(INTERRUPTED) from None
@@ -139,6 +138,7 @@ def _scenarios(
     found: Sequence[Contestant],
     chosen: dict[str, str],
     seeds: list[int] | None,
+    engine: str | None,
     jobs: int | None,
     folder: FilePath | None,
 ) -> tuple[ScenarioCompareResult, dict[str, Any]]:
@@ -146,13 +146,15 @@ def _scenarios(
 
     suite = chosen.get("suite", "").partition("=")[2].strip() or None
     over = plan(found, suite, [w for key, w in chosen.items() if key != "suite"], seeds)
-    jobs = jobs_for(over.suite, jobs, "local")
+    engine, jobs = settings.workers_for(over.suite.plant, engine, jobs)
     drivers = sum(one.entrant is not None for one in found)
     title = f"{len(over.scenarios)} scenarios x {drivers} controllers"
     with _place(folder) as place:
         if drivers:
             with suite_progress(title) as progress:
-                result, cases = compare_scenarios(found, over, place, jobs, progress)
+                result, cases = compare_scenarios(
+                    found, over, place, engine=engine, jobs=jobs, progress=progress
+                )
         else:
             result, cases = compare_scenarios(found, over, place)
     return result, {"cases": cases}

@@ -14,7 +14,7 @@ from steersman.errors import ConfigError
 
 if TYPE_CHECKING:
     from steersman.learning.config import TrainConfig
-    from steersman.learning.parallel import Event, Job
+    from steersman.learning.parallel import TrainingEvent, TrainingJob
     from steersman.learning.progress import TrainRow
     from steersman.learning.train import TrainResult
 
@@ -70,8 +70,9 @@ def train_seeds(
     config: TrainConfig,
     seeds: Sequence[int],
     folder: FilePath,
-    jobs: int | None,
     *,
+    engine: str | None = None,
+    jobs: int | None = None,
     overwrite: bool,
     resume: bool,
 ) -> None:
@@ -80,17 +81,17 @@ def train_seeds(
     Raises:
         typer.Exit: one of them failed, or Ctrl-C.
     """
-    from steersman.learning.parallel import Job, cores, train_all
+    from steersman.learning.parallel import TrainingJob, train_all
 
     tasks = [
-        Job(f"seed {s}", config.model_copy(update={"seed": s}), folder / f"seed_{s}") for s in seeds
+        TrainingJob(f"seed {s}", config.model_copy(update={"seed": s}), folder / f"seed_{s}")
+        for s in seeds
     ]
-    at_once = cores() if jobs is None else jobs
     try:
         with steps_bars(config.steps, [job.name for job in tasks]) as update:
             texts = dict.fromkeys((job.name for job in tasks), "")
 
-            def tell(event: Event) -> None:
+            def tell(event: TrainingEvent) -> None:
                 name = event.job.name
                 if event.note is not None:
                     note(event.note)
@@ -99,7 +100,7 @@ def train_seeds(
                 if event.steps is not None:
                     update(name, event.steps, texts[name], event.row is not None)
 
-            failed = train_all(tasks, at_once, tell, overwrite=overwrite, resume=resume)
+            failed = train_all(tasks, jobs, tell, engine=engine, overwrite=overwrite, resume=resume)
     except KeyboardInterrupt:
         raise interrupted(folder, [job.out for job in tasks], "the last checkpoints") from None
     _summary(tasks, failed)
@@ -117,7 +118,7 @@ def progress_text(row: TrainRow) -> str:
     )
 
 
-def _summary(tasks: Sequence[Job], failed: dict[str, str]) -> None:
+def _summary(tasks: Sequence[TrainingJob], failed: dict[str, str]) -> None:
     """Validation error of each seed's best policy, the best of all marked."""
     from steersman.learning.train import load_training
 

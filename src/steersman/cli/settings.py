@@ -4,16 +4,30 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, TypeAlias
+
+import typer
 
 from steersman.cli.output import note
-from steersman.errors import DataError
+from steersman.errors import ConfigError, DataError
 
 if TYPE_CHECKING:
     from steersman.plants.base import PlantComponent
 
 HELP = "A YAML file, and settings over it; a setting of a part is written part.key=value."
 METAVAR = "[CONFIG.yaml] [key=value ...]"
+# Options of all commands that run many jobs (steersman.engine).
+Jobs: TypeAlias = Annotated[
+    int | None, typer.Option("--jobs", min=1, help="Jobs at a time; by default one for each core.")
+]
+Engine: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        "--engine",
+        metavar="local|ray",
+        help="local: processes of this machine; ray: a cluster, the default if RAY_ADDRESS is set.",
+    ),
+]
 
 
 def tell_plant(plant: PlantComponent) -> None:
@@ -24,6 +38,29 @@ def tell_plant(plant: PlantComponent) -> None:
     """
     if not plant.embedded:
         note(f"driven on: {plant.source()}")
+
+
+def workers_for(
+    plant: PlantComponent, engine: str | None, jobs: int | None
+) -> tuple[str, int | None]:
+    """The engine, and the jobs at a time; a plant that is not embedded has one car.
+
+    Raises:
+        ConfigError: there is no such engine, or the plant cannot do it.
+    """
+    from steersman.engine.jobs import engine_name
+
+    try:
+        name = engine_name(engine)
+    except ConfigError as error:
+        raise ConfigError(error.what, ("--engine",)) from None
+    if plant.embedded:
+        return name, jobs
+    if engine not in {None, "local"}:
+        raise ConfigError(f"{engine} is not allowed; plant={plant.kind}: local", ("--engine",))
+    if jobs not in {None, 1}:
+        raise ConfigError(f"{jobs} is not allowed; plant={plant.kind} has one car: 1", ("--jobs",))
+    return "local", 1
 
 
 def out_folder(name: str) -> FilePath:

@@ -41,10 +41,8 @@ def train(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on from the last checkpoint in DIR.")
     ] = False,
-    jobs: Annotated[
-        int | None,
-        typer.Option("--jobs", min=1, help="Trainings at a time with seeds=... (cores)."),
-    ] = None,
+    jobs: settings.Jobs = None,
+    engine: settings.Engine = None,
     words: Annotated[
         list[str] | None,
         typer.Argument(
@@ -60,8 +58,9 @@ def train(
     in processes of their own, into DIR/seed_0 and so on.
     """
     chosen, words = seeds.split(words or [])
-    if jobs is not None and chosen is None:
-        raise ConfigError("--jobs: there is one training; it goes with seeds=0..4")
+    for option, value in (("--jobs", jobs), ("--engine", engine)):
+        if value is not None and chosen is None:
+            raise ConfigError(f"{option}: there is one training; it goes with seeds=0..4")
     from steersman import api
 
     words = words or (_resumed(out, chosen) if resume else [])
@@ -70,7 +69,15 @@ def train(
     folder = settings.out_folder(out)
     tell_compiling()
     if chosen is not None:
-        seeds.train_seeds(config, chosen, folder, jobs, overwrite=overwrite, resume=resume)
+        seeds.train_seeds(
+            config,
+            chosen,
+            folder,
+            engine=engine,
+            jobs=jobs,
+            overwrite=overwrite,
+            resume=resume,
+        )
         return
     try:
         result = train_with_bar(config, folder, overwrite=overwrite, resume=resume)

@@ -6,37 +6,20 @@ not repeat.
 
 from __future__ import annotations
 
-import json
-import os
-import signal
-import subprocess
-import sys
-import tempfile
-import threading
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from pathlib import Path as FilePath
-from queue import Queue
-from typing import IO, Any, NamedTuple
+from typing import Any, NamedTuple
 
-from steersman.config import dump
-from steersman.errors import one_line
+from steersman.engine.jobs import Workers
+from steersman.engine.work import Job, Tell
+from steersman.errors import DataError, SteersmanError
+from steersman.files import make_folder
 from steersman.learning.checkpoint import check_folder
 from steersman.learning.config import TrainConfig
 from steersman.learning.progress import TrainRow
 
-# Every library that might bring its own threads for linear algebra.
-_THREADS = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "BLIS_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
-)
-_PATIENCE = 60.0  # seconds that a process has to go away, also on a machine that is overloaded
 
-
-class Job(NamedTuple):
+class TrainingJob(NamedTuple):
     """A training and the folder it goes to."""
 
     name: str
@@ -44,133 +27,92 @@ class Job(NamedTuple):
     out: FilePath
 
 
-class Event(NamedTuple):
-    """What a running training has to say."""
+class TrainingEvent(NamedTuple):
+    """A message from a running training."""
 
-    job: Job
+    job: TrainingJob
     steps: float | None = None
+    """Environment steps done."""
     row: TrainRow | None = None
     """The new row of ``progress.csv``, at a validation."""
     note: str | None = None
 
 
-class _Worker(NamedTuple):
-    job: Job
-    process: subprocess.Popen[bytes]
-    errors: IO[bytes]
-    listener: threading.Thread
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+class _Order(NamedTuple):
+    training: TrainingJob
+    overwrite: bool
+    resume: bool
 
 
 def train_all(
-    jobs: Sequence[Job],
-    at_once: int,
-    tell: Callable[[Event], None],
+    trainings: Sequence[TrainingJob],
+    at_once: int | None,
+    listener: Callable[[TrainingEvent], None],
     *,
+    engine: str | None = None,
     overwrite: bool = False,
     resume: bool = False,
 ) -> dict[str, str]:
-    """Run all trainings, ``at_once`` at a time; why those that failed did, by name.
+    """Run all trainings, ``at_once`` at a time; the reasons of those that failed, by name.
 
     A training that fails does not stop the others. If this function is left by an exception
     (Ctrl-C), or its process dies, all trainings stop; ``resume`` goes on with them.
 
+    Args:
+        trainings: trainings with different names and folders. With a Ray cluster, all of its
+            nodes need to see the folders.
+        at_once: trainings at a time; None: one for each core.
+        listener: called with what happens in the trainings.
+        engine: of :class:`steersman.engine.jobs.Workers`.
+        overwrite: whether earlier trainings in the folders are replaced.
+        resume: whether trainings go on from their last checkpoints.
+
     Raises:
         DataError: a folder holds a training already.
-        ConfigError: a training to be resumed has another configuration.
+        ConfigError: a training to be resumed has another configuration, or there is no such engine.
     """
-    for job in jobs:
-        check_folder(job.config, job.out, overwrite=overwrite, resume=resume)
-    waiting, running, failed = list(jobs), dict[str, _Worker](), dict[str, str]()
-    messages: Queue[tuple[str, dict[str, Any] | None]] = Queue()
-    try:
-        while waiting or running:
-            while waiting and len(running) < max(at_once, 1):
-                job = waiting.pop(0)
-                request = {"out": str(job.out), "overwrite": overwrite, "resume": resume}
-                running[job.name] = _start(job, request, messages)
-            name, message = messages.get()
-            if message is None:
-                worker = running.pop(name)
-                fault = _fault(worker)
-                if fault is not None:
-                    failed.setdefault(name, fault)
-            elif "error" in message:
-                failed[name] = str(message["error"])
-            else:
-                if "row" in message:
-                    message["row"] = TrainRow(**message["row"])
-                tell(Event(running[name].job, **message))
-    finally:
-        for worker in running.values():
-            worker.process.kill()
-        for worker in running.values():
-            _close(worker)
+    by_name = {each.name: each for each in trainings}
+    threads = max((each.config.threads for each in trainings), default=1)
+    with Workers(engine, at_once, apart=True, threads=threads) as workers:
+        for each in trainings:
+            check_folder(each.config, each.out, overwrite=overwrite, resume=resume)
+        jobs = []
+        for each in trainings:
+            out = make_folder(each.out).resolve()
+            jobs.append(Job(each.name, _Order(each._replace(out=out), overwrite, resume)))
+        failed: dict[str, str] = {}
+
+        def tell(name: str, event: dict[str, Any]) -> None:
+            listener(TrainingEvent(by_name[name], **event))
+
+        for outcomes in workers.outcomes(_train, jobs, listener=tell):
+            for name, _, error in outcomes:
+                if error is not None:
+                    failed[name] = _reason(error, by_name[name].out)
     return failed
 
 
-def _start(
-    job: Job, request: dict[str, Any], messages: Queue[tuple[str, dict[str, Any] | None]]
-) -> _Worker:
-    threads = dict.fromkeys(_THREADS, str(job.config.threads))
-    errors = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
-    process = subprocess.Popen(
-        [sys.executable, "-m", "steersman.learning.worker"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=errors,
-        env=os.environ | threads,
+def _train(order: _Order, tell: Tell) -> None:
+    from steersman.learning.train import train
+
+    (_, config, out), overwrite, resume = order
+    if not out.is_dir():
+        raise DataError(f"{out}: not on this machine; all nodes need to see the folder")
+    train(
+        config,
+        out,
+        lambda row: tell({"steps": row.steps, "row": row}),
+        tick=lambda steps: tell({"steps": steps}),
+        notify=lambda text: tell({"note": text}),
+        overwrite=overwrite,
+        resume=resume,
     )
-    assert process.stdin is not None
-    with suppress(BrokenPipeError):  # its end says more
-        process.stdin.write(json.dumps(request | {"config": dump(job.config)}).encode() + b"\n")
-        process.stdin.flush()
-
-    def listen() -> None:
-        assert process.stdout is not None
-        with suppress(ValueError):  # killed in the middle of a line
-            for line in process.stdout:
-                messages.put((job.name, json.loads(line)))
-        messages.put((job.name, None))
-
-    listener = threading.Thread(target=listen, daemon=True)
-    listener.start()
-    return _Worker(job, process, errors, listener)
 
 
-def _close(worker: _Worker) -> tuple[int, str]:
-    """Wait for a process to end; its exit code and what it wrote to its standard error."""
-    try:
-        code = worker.process.wait(_PATIENCE)
-    except subprocess.TimeoutExpired:  # it hangs on its way out
-        worker.process.kill()
-        code = worker.process.wait()
-    worker.listener.join(_PATIENCE)
-    for stream in (worker.process.stdin, worker.process.stdout):
-        if stream is not None:
-            with suppress(OSError):
-                stream.close()
-    with worker.errors as errors:
-        errors.seek(0)
-        return code, errors.read().decode("utf-8", "replace").strip()
-
-
-def _fault(worker: _Worker) -> str | None:
-    """What went wrong in a process that closed its output; its traceback goes into the folder."""
-    code, text = _close(worker)
-    if code == 0:
-        return None
-    if code < 0:
-        return f"killed by {signal.Signals(-code).name}"
-    last = one_line(text.rpartition("\n")[2]) or f"exit code {code}"
-    if "Traceback" in text and worker.job.out.is_dir():
-        log = worker.job.out / "traceback.txt"
-        log.write_text(text + "\n", encoding="utf-8")
-        return f"{last} (see {log})"
-    return last
+def _reason(error: Exception, out: FilePath) -> str:
+    """Why a training failed, in a line; the traceback of an unexpected error goes to ``out``."""
+    if isinstance(error, SteersmanError):
+        return str(error)
+    log = out / "traceback.txt"
+    log.write_text("\n".join(error.__notes__), encoding="utf-8")
+    return f"{type(error).__name__}: {error} (see {log})"

@@ -7,9 +7,8 @@ from pathlib import Path as FilePath
 from typing import Literal, NamedTuple
 
 from steersman.bench.entrants import Entrant, entrant
-from steersman.bench.journal import NAME as ROWS
-from steersman.bench.journal import read_rows
 from steersman.bench.results import RESULTS, BenchResult, BenchRow
+from steersman.bench.runner import ROWS, read_rows
 from steersman.bench.suite import Suite
 from steersman.config import build, read_yaml
 from steersman.episode import Episode, is_episode, load_episode

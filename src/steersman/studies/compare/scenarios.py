@@ -93,6 +93,8 @@ def compare_scenarios(
     found: Sequence[Contestant],
     over: ComparedScenarios,
     folder: FilePath,
+    *,
+    engine: str | None = None,
     jobs: int | None = None,
     progress: Callable[[float, float], None] | None = None,
 ) -> tuple[ScenarioCompareResult, list[ShownCase]]:
@@ -102,7 +104,8 @@ def compare_scenarios(
         found: the contestants.
         over: the scenarios.
         folder: keeps the rows that are driven now.
-        jobs: processes at a time; None: one for each core.
+        engine: ``local`` or ``ray``; None: ``ray`` if ``RAY_ADDRESS`` is set.
+        jobs: drives at a time; None: one for each core.
         progress: called with (simulated seconds done, simulated seconds in all).
 
     Returns:
@@ -115,7 +118,7 @@ def compare_scenarios(
     rows = _saved(found, over)
     drivers = [one.entrant._replace(name=one.name) for one in found if one.entrant is not None]
     if drivers:
-        driven = bench(over.scenarios, drivers, folder, jobs=jobs, progress=progress)
+        driven = bench(over.scenarios, drivers, folder, engine=engine, jobs=jobs, progress=progress)
         for row in driven:
             rows[row.controller].append(row)
     warnings = [*over.warnings, *_missing(rows, over)]
