@@ -99,7 +99,7 @@ def test_a_killed_process_is_told_in_a_line(tmp_path: FilePath, monkeypatch: Any
     monkeypatch.setattr("steersman.engine.jobs._PIECE_JOBS", 5)
     monkeypatch.syspath_prepend(FilePath(__file__).parents[2])  # where the class is found
     deadly = Entrant("deadly", Deadly(parent=os.getpid()), False, "deadly", 0, 0.0, {})
-    with pytest.raises(SteersmanError, match="SIGKILL.*; the same command goes on"):
+    with pytest.raises(SteersmanError, match=r"SIGKILL.*; the same command goes on"):
         bench(SCENARIOS, [deadly], tmp_path, jobs=2)
 
 

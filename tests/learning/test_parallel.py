@@ -40,7 +40,7 @@ def test_each_is_as_if_it_were_alone(tmp_path: FilePath) -> None:
     assert train_all(jobs(tmp_path, *configs), 2, events.append) == {}
     for i, config in enumerate(configs):
         alone = train(config, tmp_path / f"alone_{i}")
-        assert (tmp_path / f"run_{i}" / "policy.onnx").read_bytes() == alone.read_bytes()
+        assert (tmp_path / f"run_{i}" / "policy.onnx").read_bytes() == alone.policy.read_bytes()
         rows = [e.row.steps for e in events if e.job.config == config and e.row is not None]
         assert rows == [500, 600]
 
