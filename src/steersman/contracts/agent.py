@@ -22,7 +22,13 @@ _PROBLEM = {
     # An algorithm may refuse actions of the demonstrator; its reward is no concern of an agent.
     "demonstration": {"p_action": _NEVER},
 }
-_SMALL = {"hidden": (16, 16), "batch": 32, "vehicles": 2, "buffer": 2000, "updates": 1}
+_SMALL: dict[str, Any] = {
+    "hidden": (16, 16),
+    "batch": 32,
+    "vehicles": 2,
+    "buffer": 2000,
+    "updates": 1,
+}
 _SMALL |= {"learning_starts": 64, "n_steps": 32}
 
 
