@@ -48,6 +48,16 @@ class TrainingDiverged(SteersmanError, RuntimeError):
     """Training was stopped because going on cannot lead anywhere."""
 
 
+def how_to_install(extra: str) -> str:
+    """The words that name an extra of this package and what installs it.
+
+    The package is on no index: the first command works in the folder of its source, the second
+    where it is installed already, however that was done.
+    """
+    here, anywhere = f"pip install '.[{extra}]'", f"pip install 'steersman[{extra}]'"
+    return f"the extra {extra!r}: {here} in a source checkout, else {anywhere}"
+
+
 def one_line(text: str) -> str:
     """``text`` without its line breaks, and without the indentation after them."""
     return " ".join(line.strip() for line in text.splitlines() if line.strip())

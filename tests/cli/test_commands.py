@@ -5,8 +5,11 @@ from __future__ import annotations
 import io
 import json
 import math
+import re
 import shutil
+import subprocess
 import sys
+import tomllib
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path as FilePath
@@ -16,6 +19,7 @@ from typing import Any
 import numba
 import pytest
 import typer
+from tests.loops import random_policy
 from typer.testing import Result
 
 from steersman import commands, tuned
@@ -438,7 +442,7 @@ class TestTrain:
         assert result.exit_code == 2
         assert result.stderr == (
             f"error: {module}: not installed; this needs the extra 'train': "
-            "pip install 'steersman[train]'\n"
+            "pip install '.[train]' in a source checkout, else pip install 'steersman[train]'\n"
         )
 
     def test_our_own_missing_module_is_a_fault_of_ours(
@@ -595,3 +599,48 @@ class Failing:
 
     def fileno(self) -> int:
         raise io.UnsupportedOperation
+
+
+def test_ctrl_c_while_the_demo_drives_ends_it(
+    steersman: Steersman, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    policy = random_policy(tmp_path)
+    original, calls = Simulator.step, iter(range(1000))
+
+    def step(self: Any, command: Any) -> Any:
+        if next(calls) == 10:
+            raise KeyboardInterrupt
+        return original(self, command)
+
+    monkeypatch.setattr(Simulator, "step", step)
+    result = steersman("demo", "--policy", str(policy), "--out", "out")
+    assert result.exit_code == 130
+    assert result.stderr.startswith("interrupted; ")
+    assert not [file for file in (tmp_path / "out").rglob("*") if file.is_file()]
+
+
+@pytest.mark.parametrize("command", ["train", "demo"])
+def test_without_the_extra_a_training_is_one_line(tmp_path: FilePath, command: str) -> None:
+    """In a process of its own, where nothing of the extra has been imported yet."""
+    requirements = tomllib.loads(
+        (FilePath(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8")
+    )["project"]["optional-dependencies"]["train"]
+    modules = [re.split("[^A-Za-z0-9-]", words)[0].replace("-", "_") for words in requirements]
+    assert set(modules) >= {"torch", "threadpoolctl"}
+    for missing in (modules, ["threadpoolctl"]):
+        code = (
+            f"import sys; sys.modules.update(dict.fromkeys({missing}))\n"
+            f"from steersman.cli import main\nmain({[command, 'steps=700', '--out', 'out']})"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+        assert (done.returncode, done.stdout) == (2, ""), done.stderr
+        assert done.stderr.count("\n") == 1, done.stderr
+        assert done.stderr.startswith("error: ")
+        assert "not installed; this needs the extra 'train': pip install '.[train]'" in done.stderr

@@ -154,5 +154,5 @@ def episode() -> object:
 def test_without_the_extra(steersman: Steersman, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "minari", None)
     result = steersman("export", "demo", "--to", "minari")
-    assert "this needs the extra 'minari': pip install 'steersman[minari]'" in result.stderr
+    assert "this needs the extra 'minari': pip install '.[minari]' in a source" in result.stderr
     assert result.exit_code == 2

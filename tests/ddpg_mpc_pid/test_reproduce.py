@@ -23,6 +23,7 @@ from steersman.cli import app
 from steersman.config import dump
 from steersman.errors import DataError, SteersmanError
 from steersman.learning import progress
+from steersman.plants.simulator import Simulator
 
 
 def silent(*_: Any) -> None:
@@ -430,6 +431,33 @@ def test_the_command_joins_study_and_report(
     assert done.exit_code == 0, done.output
     assert (root / "report.html").stat().st_size < 1_000_000
     assert list((root / "plots").glob("*.svg"))
+
+
+def test_ctrl_c_in_a_drive_ends_the_command_and_leaves_the_stage_to_do(
+    smoke: tuple[FilePath, dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root, _ = smoke
+    kept = [root / "stages" / "monza.json", root / "results.json"]
+    before = [file.read_bytes() for file in kept]
+    for file in kept:
+        file.unlink()
+    original, calls = Simulator.step, iter(range(1000))
+
+    def step(self: Any, command: Any) -> Any:
+        if next(calls) == 10:
+            raise KeyboardInterrupt
+        return original(self, command)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Simulator, "step", step)
+        done = CliRunner().invoke(
+            app, ["reproduce", "--quick", "--other-version", "--out", str(root)]
+        )
+    assert done.exit_code == 130
+    assert "the same command goes on" in done.stderr
+    assert not any(file.exists() for file in kept)
+    for file, content in zip(kept, before, strict=True):
+        file.write_bytes(content)
 
 
 def test_an_interrupted_command_says_how_to_go_on(

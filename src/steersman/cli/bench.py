@@ -22,7 +22,7 @@ from steersman.cli.output import (
     table,
     tell_compiling,
 )
-from steersman.errors import ConfigError
+from steersman.errors import ConfigError, how_to_install
 
 if TYPE_CHECKING:
     from steersman.bench.maps import Map
@@ -153,9 +153,9 @@ def _extras(folder: FilePath, outcome: BenchResult, rows: Any, scenarios: Any, f
     from steersman.bench.results import write_table
 
     if write_table(rows, folder) is None:
-        note("no results.parquet: it needs the extra 'bench': pip install 'steersman[bench]'")
+        note(f"no results.parquet: it needs {how_to_install('bench')}")
     if find_spec("jinja2") is None:
-        note("no report.html: it needs the extra 'report': pip install 'steersman[report]'")
+        note(f"no report.html: it needs {how_to_install('report')}")
         return
     from steersman.report.benchmark import write_benchmark
 

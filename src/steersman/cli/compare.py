@@ -15,7 +15,7 @@ from steersman.cli import settings
 from steersman.cli.bench import suite_progress
 from steersman.cli.outcome import INTERRUPTED
 from steersman.cli.output import note, show, show_json, table, tell_compiling
-from steersman.errors import ConfigError
+from steersman.errors import ConfigError, how_to_install
 
 if TYPE_CHECKING:
     from steersman.studies.compare.contestants import Contestant
@@ -173,7 +173,7 @@ def _place(folder: FilePath | None) -> Iterator[FilePath]:
 def _write(folder: FilePath, outcome: AnyComparison, extra: dict[str, Any]) -> None:
     outcome.write(folder / _OUT)
     if find_spec("jinja2") is None:
-        note("no report.html: it needs the extra 'report': pip install 'steersman[report]'")
+        note(f"no report.html: it needs {how_to_install('report')}")
         return
     from steersman.report.comparison import write_comparison
 

@@ -9,6 +9,7 @@ import typer
 from steersman.cli import settings
 from steersman.cli.outcome import INTERRUPTED
 from steersman.cli.output import TOLD, note, show, show_json, steps_bar, table, tell_compiling
+from steersman.errors import how_to_install
 
 EXAMPLES = (
     "\b\n"
@@ -59,7 +60,7 @@ def falsify(
         note(f"interrupted; the same command goes on from {folder}")
         raise typer.Exit(INTERRUPTED) from None
     if not write_falsification(result, folder / "report.html"):
-        note("no report.html: it needs the extra 'report': pip install 'steersman[report]'")
+        note(f"no report.html: it needs {how_to_install('report')}")
     if as_json:
         show_json(result.plain())
         return

@@ -13,7 +13,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from steersman.errors import SteersmanError, one_line
+from steersman.errors import SteersmanError, how_to_install, one_line
 
 USER_ERROR = 2
 INTERRUPTED = 130
@@ -27,6 +27,7 @@ _EXTRAS = {
     "jinja2": "report",
     "mcap": "logs",
     "minari": "minari",
+    "PIL": "minari",
     "msgpack": "carla",
     "onnx": "export",
     "pyarrow": "bench",
@@ -35,6 +36,7 @@ _EXTRAS = {
     "optuna": "tune",
     "stable_baselines3": "train",
     "tensorboard": "train",
+    "threadpoolctl": "train",
     "torch": "train",
 }
 # Commands whose settings are assignments, so that "--duration 5" deserves a hint.
@@ -147,7 +149,4 @@ def _missing(error: ModuleNotFoundError) -> str:
     extra = _EXTRAS.get((error.name or "").partition(".")[0])
     if extra is None:
         raise error
-    return (
-        f"{error.name}: not installed; this needs the extra {extra!r}: "
-        f"pip install 'steersman[{extra}]'"
-    )
+    return f"{error.name}: not installed; this needs {how_to_install(extra)}"

@@ -10,6 +10,7 @@ import typer
 from steersman.cli import settings
 from steersman.cli.outcome import INTERRUPTED
 from steersman.cli.output import TOLD, note, steps_bar, tell_compiling, write
+from steersman.errors import how_to_install
 
 EXAMPLES = (
     "\b\n"
@@ -71,6 +72,6 @@ def _tell(folder: FilePath) -> None:
 
     trade = TuningTrials.read(folder / "pareto.json")
     if not write_tuning(trade, folder):
-        note("no report.html: it needs the extra 'report': pip install 'steersman[report]'")
+        note(f"no report.html: it needs {how_to_install('report')}")
     note(chosen_words(trade))
     note(spent_words(trade))

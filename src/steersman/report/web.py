@@ -16,7 +16,7 @@ from functools import cache
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
-from steersman.errors import SteersmanError
+from steersman.errors import SteersmanError, how_to_install
 from steersman.report.pack import Blob, packed
 from steersman.report.scene import BUDGET, Group, scenes
 from steersman.report.signals import SIGNALS
@@ -24,7 +24,7 @@ from steersman.report.signals import SIGNALS
 if TYPE_CHECKING:
     from jinja2 import Template
 
-_MISSING = "a report needs more packages: pip install 'steersman[report]'"
+_MISSING = f"a report needs {how_to_install('report')}"
 # In the order in which they need each other.
 SCRIPTS = (
     "unpack", "theme", "axes", "drive", "view", "car", "map", "miniature", "panels", "marks",
