@@ -605,14 +605,14 @@ def test_ctrl_c_while_the_demo_drives_ends_it(
     steersman: Steersman, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     policy = random_policy(tmp_path)
-    original, calls = Simulator.step, iter(range(1000))
+    original, calls = Simulation.step, iter(range(1000))
 
     def step(self: Any, command: Any) -> Any:
         if next(calls) == 10:
             raise KeyboardInterrupt
         return original(self, command)
 
-    monkeypatch.setattr(Simulator, "step", step)
+    monkeypatch.setattr(Simulation, "step", step)
     result = steersman("demo", "--policy", str(policy), "--out", "out")
     assert result.exit_code == 130
     assert result.stderr.startswith("interrupted; ")

@@ -23,7 +23,7 @@ from steersman.cli import app
 from steersman.config import dump
 from steersman.errors import DataError, SteersmanError
 from steersman.learning import progress
-from steersman.plants.simulator import Simulator
+from steersman.world import Simulation
 
 
 def silent(*_: Any) -> None:
@@ -441,7 +441,7 @@ def test_ctrl_c_in_a_drive_ends_the_command_and_leaves_the_stage_to_do(
     before = [file.read_bytes() for file in kept]
     for file in kept:
         file.unlink()
-    original, calls = Simulator.step, iter(range(1000))
+    original, calls = Simulation.step, iter(range(1000))
 
     def step(self: Any, command: Any) -> Any:
         if next(calls) == 10:
@@ -449,7 +449,7 @@ def test_ctrl_c_in_a_drive_ends_the_command_and_leaves_the_stage_to_do(
         return original(self, command)
 
     with monkeypatch.context() as patched:
-        patched.setattr(Simulator, "step", step)
+        patched.setattr(Simulation, "step", step)
         done = CliRunner().invoke(
             app, ["reproduce", "--quick", "--other-version", "--out", str(root)]
         )
