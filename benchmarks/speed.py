@@ -1,6 +1,6 @@
 """Speed of the parts, each beside something everyone can run, in one process.
 
-    python benchmarks/speed.py [--out results/benchmarks/speed.json]
+    python benchmarks/speed.py [--out results/benchmarks/speed.json] [--against CHECKOUT]
 
 Machines differ and are noisy: the ratios mean more than the times. Every figure is the median of
 several rounds, and the two sides of a ratio alternate.
@@ -10,8 +10,12 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import platform
 import statistics
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -157,17 +161,34 @@ def learning() -> dict[str, float]:
     }
 
 
+def measured_in(checkout: Path) -> dict[str, float]:
+    """The figures of another version, by its own benchmark."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "speed.json"
+        environment = {**os.environ, "PYTHONPATH": str(checkout / "src")}
+        words = [sys.executable, str(checkout / "benchmarks" / "speed.py"), "--out", str(out)]
+        subprocess.run(words, env=environment, check=True, stdout=subprocess.DEVNULL)
+        figures: dict[str, float] = json.loads(out.read_text(encoding="utf-8"))["figures"]
+    return figures
+
+
 def main() -> None:
     """Measure, print, and write if asked."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path)
-    out = parser.parse_args().out
+    parser.add_argument(
+        "--against", type=Path, help="a checkout of another version, measured right afterwards"
+    )
+    given = parser.parse_args()
+    out = given.out
     torch.set_num_threads(1)
     torch.set_flush_denormal(True)
     with threadpoolctl.threadpool_limits(1):
         figures = simulation() | controller() | learning()
+    other = {} if given.against is None else measured_in(given.against)
     for name, value in figures.items():
-        print(f"{name:32s} {value:14,.2f}")  # noqa: T201 - its output
+        ratio = f"   x {value / other[name]:.3f}" if other.get(name) else ""
+        print(f"{name:32s} {value:14,.2f}{ratio}")  # noqa: T201 - its output
     if out is not None:
         record = {"figures": figures, "processor": platform.processor(), **provenance()}
         write_text(out, json.dumps(record, indent=1) + "\n")

@@ -1,17 +1,12 @@
-"""The nouns of Steersman. Whatever fits one of these protocols can take part in a rollout."""
+"""What a path and a plant have to offer. Controllers, sensors and sources of speed are components."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
-
-import numpy as np
+from typing import TYPE_CHECKING, Any, Protocol
 
 from steersman.types import (
     Command,
-    Decision,
     FloatArray,
-    Observation,
     PathPoint,
     Pose,
     VehicleState,
@@ -93,48 +88,3 @@ class Plant(Protocol):
     def close(self) -> None:
         """Release whatever the plant holds; may be called twice."""
         ...
-
-
-class Controller(Protocol):
-    """A lateral controller: frozen configuration here, everything that changes in ``state``."""
-
-    def init(self, vehicle: Any, dt: float) -> Any:
-        """State before the first step, for a vehicle's nominal parameters."""
-        ...
-
-    def step(self, state: Any, observation: Observation) -> tuple[Decision, Any]:
-        """Decide the steering for the next control period [normalised]."""
-        ...
-
-    def executed(self, state: Any, steer: float) -> Any:
-        """The state after the last step, told what was executed instead of its decision."""
-        ...
-
-
-class SpeedSource(Protocol):
-    """The longitudinal side of a run: throttle and brake."""
-
-    def init(self, path: Path, dt: float, start: VehicleState) -> Any:
-        """State before the first step."""
-        ...
-
-    def step(self, state: Any, vehicle: VehicleState, s: float) -> tuple[float, float, Any]:
-        """Throttle and brake, each in [0, 1], and the new state."""
-        ...
-
-
-class Sensor(Protocol):
-    """Makes an observation out of the vehicle's state and its place on the path."""
-
-    def init(self, rng: np.random.Generator) -> Any:
-        """State before the first step."""
-        ...
-
-    def observe(
-        self, state: Any, vehicle: VehicleState, tracking: Any, path: Path, rng: np.random.Generator
-    ) -> Observation:
-        """What a controller is told; ``tracking`` is the truth (``sensing.Tracking``)."""
-        ...
-
-
-Metric: TypeAlias = Callable[[Any], float]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -210,3 +211,24 @@ def test_holds_the_circle(v: float) -> None:
     episode = drive(MpcDelay(), Circle(), speed=ConstantSpeed(speed=v), duration=20.0)
     assert episode.completed
     assert abs(episode["lateral_error"][-40:]).max() < 1e-3
+
+
+def test_the_delay_is_driven_through_at_its_mean_speed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Accelerating by 2 m/s^2, a car is 0.2 m/s faster in the middle of a delay of 0.2 s."""
+    from steersman.controllers import mpc_delay
+
+    speeds: list[float] = []
+    through = mpc_delay.kernel.through_delay
+
+    def noted(table: Any, speed: float, *rest: Any) -> Any:
+        speeds.append(speed)
+        return through(table, speed, *rest)
+
+    monkeypatch.setattr(mpc_delay.kernel, "through_delay", noted)
+    controller, path = MpcDelay(delay=0.2), Posed()
+    state = controller.init(CAR, DT)
+    for k in range(100):
+        v, s = 10.0 + 2.0 * DT * k, 5.0 + 10.0 * DT * k + (DT * k) ** 2
+        car = beside(path, s, velocity=(v, 0.0), time=DT * k)
+        _, state = controller.step(state, observe(path, car, s))
+    assert speeds[-1] - v == pytest.approx(0.2, abs=0.02)
