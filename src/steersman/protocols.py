@@ -1,4 +1,4 @@
-"""What a path and a plant have to offer. Controllers, sensors and sources of speed are components."""
+"""What paths and plants have to offer; controllers, sensors and speeds are components."""
 
 from __future__ import annotations
 
