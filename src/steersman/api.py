@@ -279,6 +279,8 @@ def tune(
     *words: Word,
     out: _Folder,
     progress: Callable[[int, float], None] | None = None,
+    engine: str | None = None,
+    jobs: int | None = None,
     **settings: Any,
 ) -> ControllerComponent:
     """Search a controller's gains on a suite of drives; the best controller.
@@ -290,6 +292,8 @@ def tune(
         words: a controller or a YAML file, assignments, components, or a ``TuneConfig``.
         out: folder of the study: ``study.jsonl``, ``tuned.yaml``, ``result.json``.
         progress: called after each trial with the trials done and the least cost so far [m].
+        engine: ``local`` or ``ray``; None: ``ray`` if ``RAY_ADDRESS`` is set.
+        jobs: drives at a time; None: one for each core.
         settings: fields of a tuning (``steersman show tune``).
 
     Raises:
@@ -298,13 +302,16 @@ def tune(
     """
     from steersman.studies.tune import tune as run
 
-    return run(configuration("tune", words, settings), FilePath(out), progress)
+    chosen = configuration("tune", words, settings)
+    return run(chosen, FilePath(out), progress, engine=engine, jobs=jobs)
 
 
 def falsify(
     *words: Word,
     out: _Folder,
     progress: Callable[[int, int, str], None] | None = None,
+    engine: str | None = None,
+    jobs: int | None = None,
     **settings: Any,
 ) -> FalsifyResult:
     """Search for the mildest disturbance under which a controller leaves the road.
@@ -316,6 +323,8 @@ def falsify(
         words: a controller or a YAML file, assignments, components, or a ``FalsifyConfig``.
         out: folder for ``drives.jsonl`` and ``falsify.json``.
         progress: called after each drive.
+        engine: ``local`` or ``ray``; None: ``ray`` if ``RAY_ADDRESS`` is set.
+        jobs: drives at a time; None: one for each core.
         settings: fields of a search (``steersman show falsify``).
 
     Returns:
@@ -327,7 +336,8 @@ def falsify(
     """
     from steersman.studies.falsify import falsify as run
 
-    return run(configuration("falsify", words, settings), FilePath(out), progress)
+    chosen = configuration("falsify", words, settings)
+    return run(chosen, FilePath(out), progress, engine=engine, jobs=jobs)
 
 
 def bench(

@@ -55,7 +55,7 @@ def test_an_interruption_is_told(steersman: Steersman, monkeypatch: pytest.Monke
     def stop(*_: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("steersman.studies.tried.Kept.add", stop)
+    monkeypatch.setattr("steersman.engine.journal.Journal.add", stop)
     result = steersman(*WORDS, "--out", "f")
     assert result.exit_code == 130
     assert "the same command goes on from f" in result.stderr

@@ -186,3 +186,10 @@ def test_the_ends_of_the_ranges_are_their_values() -> None:
     assert worst.speed.model_dump()["speed"] == pytest.approx(15.0)
     half = Ranges().disturbed(undisturbed, {"friction": 0.5})
     assert half.vehicle.friction == pytest.approx((0.3 * car.friction) ** 0.5)
+
+
+def test_processes_change_nothing(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = without_origin(falsify(config(), tmp_path / "one", jobs=1))
+    monkeypatch.setattr("steersman.studies.hunt.PIECE_SIZE", 1.0)
+    monkeypatch.setattr("steersman.engine.jobs._PIECE_JOBS", 1)
+    assert without_origin(falsify(config(), tmp_path / "two", jobs=2)) == whole

@@ -78,6 +78,13 @@ def test_same_seed_same_result(tmp_path: FilePath) -> None:
     assert tune(study(), tmp_path / "a") == tune(study(), tmp_path / "b")
 
 
+def test_processes_change_nothing(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
+    several = study(suite=[RUN, RUN | {"seed": 1}], trials=3)
+    alone = tune(several, tmp_path / "one", jobs=1)
+    monkeypatch.setattr("steersman.studies.tune._PIECE_SIZE", 1.0)
+    assert tune(several, tmp_path / "two", jobs=2) == alone
+
+
 def test_an_interrupted_study_goes_on(tmp_path: FilePath) -> None:
     seen: list[int] = []
 

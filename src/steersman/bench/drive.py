@@ -173,9 +173,8 @@ def check(scenario: Scenario, entrant: Entrant) -> None:
         raise ConfigError(f"{entrant.name}: {error}") from None
 
 
-def planned_seconds(scenario: Scenario) -> float:
-    """About how long a run lasts in the simulation [s], for the progress bar."""
-    config = scenario.run
+def planned_seconds(config: RunConfig) -> float:
+    """About how long a run lasts in the simulation [s]."""
     if config.duration is not None:
         return config.duration
     return max((config.laps or 1.0) * config.path.length / _USUAL_SPEED, 1.0)

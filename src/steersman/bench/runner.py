@@ -83,7 +83,7 @@ def bench(
     todo = [task for task in tasks if task.key not in journal.results]
     for entrant in {task.entrant.name: task.entrant for task in todo}.values():
         drive.check(scenarios[0], entrant)
-    each = [Job(task.key, task, drive.planned_seconds(task.scenario)) for task in tasks]
+    each = [Job(task.key, task, drive.planned_seconds(task.scenario.run)) for task in tasks]
     with Workers(engine, jobs) as workers:
         rows = workers.run(_row, each, journal=journal, progress=progress)
     # A journal may hold the row of the same controller under another name.

@@ -35,6 +35,8 @@ def falsify(
         int | None,
         typer.Option("--trials", min=0, help="Drives over everything at once; as trials=N."),
     ] = None,
+    jobs: settings.Jobs = None,
+    engine: settings.Engine = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print falsify.json.")] = False,
 ) -> None:
     """Search for the mildest disturbance that takes a controller off the road.
@@ -48,13 +50,18 @@ def falsify(
 
     given = [] if trials is None else [f"trials={trials}"]
     config = api.configure("falsify", *(words or []), *given, notify=note)
+    engine, jobs = settings.workers_for(config.plant, engine, jobs)
     settings.tell_plant(config.plant)
     folder = settings.out_folder(out)
     tell_compiling()
     try:
         with steps_bar(most_drives(config), "falsifying", "drives", TOLD) as update:
             result = api.falsify(
-                config, out=folder, progress=lambda done, _, found: update(done, found)
+                config,
+                out=folder,
+                progress=lambda done, _, found: update(done, found),
+                engine=engine,
+                jobs=jobs,
             )
     except KeyboardInterrupt:
         note(f"interrupted; the same command goes on from {folder}")

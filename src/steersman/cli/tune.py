@@ -32,6 +32,8 @@ def tune(
     trials: Annotated[
         int | None, typer.Option("--trials", min=1, help="Trials in all; the same as trials=N.")
     ] = None,
+    jobs: settings.Jobs = None,
+    engine: settings.Engine = None,
 ) -> None:
     """Tune a controller's gains with Optuna on a suite of runs.
 
@@ -43,6 +45,7 @@ def tune(
     from steersman.config import to_yaml
 
     config = api.configure("tune", *(words or []), *([f"trials={trials}"] if trials else []))
+    engine, jobs = settings.workers_for(config.plant, engine, jobs)
     settings.tell_plant(config.plant)
     folder = settings.out_folder(out)
     tell_compiling()
@@ -55,7 +58,7 @@ def tune(
                 driven = True
                 update(done, f"cost {1e3 * cost:.4g} mm")
 
-            best = api.tune(config, out=folder, progress=tell)
+            best = api.tune(config, out=folder, progress=tell, engine=engine, jobs=jobs)
     except KeyboardInterrupt:
         note(f"interrupted; the same command goes on from {folder}")
         raise typer.Exit(INTERRUPTED) from None

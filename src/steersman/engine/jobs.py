@@ -20,7 +20,7 @@ Progress: TypeAlias = Callable[[float, float], None]
 
 # Size of a piece of work, if its jobs are measured in simulated seconds, and the most jobs in it:
 # large enough that handing it out costs nothing, small enough that an interruption loses little.
-_PIECE_SIZE = 1200.0
+PIECE_SIZE = 1200.0
 _PIECE_JOBS = 24
 
 
@@ -95,7 +95,7 @@ class Workers:
         jobs: Sequence[Job],
         *,
         listener: Listener = lambda *_: None,
-        piece_size: float = _PIECE_SIZE,
+        piece_size: float = PIECE_SIZE,
     ) -> Iterator[list[Outcome]]:
         """What came of the jobs, some at a time, in the order in which they end.
 
@@ -123,7 +123,7 @@ class Workers:
         journal: Journal[Any] | None = None,
         progress: Progress | None = None,
         listener: Listener = lambda *_: None,
-        piece_size: float = _PIECE_SIZE,
+        piece_size: float = PIECE_SIZE,
     ) -> dict[str, Any]:
         """The results of all jobs by their keys; the first error ends it.
 

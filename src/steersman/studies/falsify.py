@@ -14,6 +14,7 @@ from pydantic import model_validator
 from steersman.config import Of, Settings, build, param
 from steersman.controllers.base import ControllerComponent
 from steersman.controllers.mpc_pid import MpcPid
+from steersman.engine.jobs import Workers
 from steersman.errors import ConfigError
 from steersman.files import alone, make_folder
 from steersman.paths.base import PathComponent
@@ -26,7 +27,7 @@ from steersman.studies.findings import FalsifyResult, findings
 from steersman.studies.folder import same_study
 from steersman.studies.hunt import Bracket, Progress, Search
 from steersman.studies.perturbation import Ranges, scaled_fields
-from steersman.studies.tried import Kept
+from steersman.studies.tried import opened
 from steersman.vehicles import CarlaModel3, Vehicle
 
 # Ranges of what only the simulator's cars can be: of another mass, on another road.
@@ -107,7 +108,12 @@ def for_one_car(plant: Any) -> list[str]:
 
 @alone("out")
 def falsify(
-    config: FalsifyConfig, out: FilePath, progress: Progress | None = None
+    config: FalsifyConfig,
+    out: FilePath,
+    progress: Progress | None = None,
+    *,
+    engine: str | None = None,
+    jobs: int | None = None,
 ) -> FalsifyResult:
     """Search for the mildest failure; the result is also written to ``falsify.json``.
 
@@ -124,6 +130,8 @@ def falsify(
         config: what is driven, and how far it is disturbed.
         out: folder of the study.
         progress: called after each drive.
+        engine: of :class:`steersman.engine.jobs.Workers`; the result does not depend on it.
+        jobs: drives at a time; None: one for each core.
 
     Raises:
         ConfigError: ``out`` holds another study, or the parts of the run do not fit together.
@@ -131,13 +139,15 @@ def falsify(
     """
     make_folder(out)
     same_study(config, out, _BUDGET)
-    search = Search(config, Kept(out / "drives.jsonl", config.ranges.names()), progress)
+    kept = opened(out / "drives.jsonl", config.ranges.names())
     singles: list[Bracket] = []
-    if not search.nominal().failed:
-        singles = search.singles()
-        search.explore()
-        search.pull_in()
-        search.check()
+    with Workers(engine, jobs if config.plant.embedded else 1) as workers:
+        search = Search(config, kept.results, kept.add, progress, workers)
+        if not search.nominal().failed:
+            singles = search.singles()
+            search.explore()
+            search.pull_in()
+            search.check()
     result = findings(config, list(search.tried.values()), singles)
     result.write(out / "falsify.json")
     return result

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from steersman.bench.suite import derived_seed
+from steersman.engine.jobs import PIECE_SIZE, Workers
+from steersman.engine.work import Job, Tell
 from steersman.studies.perturbation import AXES, Point, norm
-from steersman.studies.tried import Kept, Key, Tried, drive
+from steersman.studies.tried import Tried, drive, key
+from steersman.types import FloatArray
 
 if TYPE_CHECKING:
     from steersman.studies.falsify import FalsifyConfig
@@ -20,6 +24,10 @@ Progress: TypeAlias = Callable[[int, int, str], None]
 
 # Share of a failure's norm at which its ray is tried for a milder one.
 _BELOW = 0.98
+
+
+# In parallel: a quantity and a side of it to bracket, or a point to drive.
+Task: TypeAlias = "tuple[str, float] | Point"
 
 
 class Bracket(NamedTuple):
@@ -35,25 +43,54 @@ class Bracket(NamedTuple):
 class Search:
     """The stages of a search, and every point that they have driven."""
 
-    def __init__(self, config: FalsifyConfig, kept: Kept, progress: Progress | None) -> None:
-        """Nothing is driven yet; drives that ``kept`` holds are not repeated."""
+    def __init__(
+        self,
+        config: FalsifyConfig,
+        kept: Mapping[str, Tried],
+        keep: Callable[[Tried], None],
+        progress: Progress | None = None,
+        workers: Workers | None = None,
+    ) -> None:
+        """Nothing is driven yet.
+
+        Args:
+            config: what is driven, and how far it is disturbed.
+            kept: drives that are not repeated, by their keys.
+            keep: called with each new drive.
+            progress: called after each drive.
+            workers: drive in parallel what does not depend on each other; the search is the same.
+        """
         self.config, self.run = config, config.run()
         self.names = config.ranges.names()
-        self.tried: dict[Key, Tried] = {}
-        self._kept, self._progress = kept, progress
+        self.tried: dict[str, Tried] = {}
+        self._kept, self._keep, self._progress = dict(kept), keep, progress
+        self._workers = workers
         self._stage, self._before, self._planned, self._within = "nominal", 0, 1, 0
 
     def drive(self, point: Point) -> Tried:
         """Drive a point, or recall it."""
-        key = self._kept.key(point)
-        row = self._kept.found.get(key)
+        name = key(point, self.names)
+        row = self._kept.get(name)
         if row is None:
             config = self.config.ranges.disturbed(self.run, point)
             row = drive(self._stage, point, config)
-            self._kept.add(row)
-        self.tried.setdefault(key, row)
+            self._add(row)
+        self.tried.setdefault(name, row)
         self._tell()
         return row
+
+    def _add(self, row: Tried) -> None:
+        self._kept[key(row.point, self.names)] = row
+        self._keep(row)
+
+    def _ahead(self, tasks: Sequence[Task], drives: int) -> None:
+        """Do tasks of so many drives each in parallel, if they are worth it; they are recalled."""
+        size = drives * self._kept[key(self._point(), self.names)].seconds
+        if self._workers is None or not self._workers.parallel or size * len(tasks) <= PIECE_SIZE:
+            return
+        jobs = [Job(str(k), (self._stage, task), size) for k, task in enumerate(tasks)]
+        work = partial(_task, self.config, dict(self._kept))
+        self._workers.run(work, jobs, listener=lambda _, row: self._add(row))
 
     def mildest(self) -> Tried | None:
         """The failure with the smallest norm."""
@@ -68,15 +105,16 @@ class Search:
         """Each quantity disturbed alone, to each of its sides."""
         sides = [(name, side) for name in self.names for side in AXES[name].sides]
         self._begin("single", len(sides) * (1 + self.config.bisections))
-        out = []
-        for name, side in sides:
-            low, high = 0.0, None
-            if self.drive(self._point(**{name: side})).failed:
-                low, high = self._bisect(self._point(), self._point(**{name: side}))
-            holding = side if high is None else side * low
-            failing = None if high is None else side * high
-            out.append(Bracket(name, failing, holding))
-        return out
+        self._ahead(sides, 1 + self.config.bisections)
+        return [self.bracket(name, side) for name, side in sides]
+
+    def bracket(self, name: str, side: float) -> Bracket:
+        """One quantity disturbed alone, to one side."""
+        low, high = 0.0, None
+        if self.drive(self._point(**{name: side})).failed:
+            low, high = self._bisect(self._point(), self._point(**{name: side}))
+        holding = side if high is None else side * low
+        return Bracket(name, None if high is None else side * high, holding)
 
     def explore(self) -> None:
         """All quantities at once: the sampler learns from what was driven so far.
@@ -131,14 +169,20 @@ class Search:
         """Points drawn evenly from the ball below the mildest failure, or within the ranges."""
         self._begin("check", self.config.checks)
         rng = np.random.default_rng(derived_seed(self.config.seed, "check"))
+        draws = []
         for _ in range(self.config.checks):
             direction = rng.normal(size=len(self.names))
-            share = rng.uniform() ** (1.0 / len(self.names))
-            found = self.mildest()
-            radius = self._reach() if found is None else found.norm
-            point = self._inside(direction * (share * radius / float(np.linalg.norm(direction))))
-            if self.drive(point).failed:
+            draws.append((direction, rng.uniform() ** (1.0 / len(self.names))))
+        self._ahead([self._milder(*draw) for draw in draws], 1)
+        for draw in draws:
+            if self.drive(self._milder(*draw)).failed:
                 self._along_ray()
+
+    def _milder(self, direction: FloatArray, share: float) -> Point:
+        """The point in a direction at a share of the mildest failure's norm, or of the ranges'."""
+        found = self.mildest()
+        radius = self._reach() if found is None else found.norm
+        return self._inside(direction * (share * radius / float(np.linalg.norm(direction))))
 
     def _inside(self, values: Any) -> Point:
         """Coordinates brought into the ranges, which makes them milder, if anything."""
@@ -196,6 +240,18 @@ class Search:
         words = "no failure yet" if found is None else f"mildest failure at {found.norm:.3f}"
         done = self._before + min(self._within, self._planned)
         self._progress(done, most_drives(self.config), f"{self._stage}, {words}")
+
+
+def _task(
+    config: FalsifyConfig, kept: Mapping[str, Tried], given: tuple[str, Task], tell: Tell
+) -> None:
+    stage, task = given
+    search = Search(config, kept, tell)
+    search._stage = stage
+    if isinstance(task, tuple):
+        search.bracket(*task)
+    else:
+        search.drive(task)
 
 
 def most_drives(config: FalsifyConfig) -> int:

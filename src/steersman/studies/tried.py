@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import json
-import os
 from collections.abc import Sequence
 from pathlib import Path as FilePath
-from typing import TypeAlias
 
 import numpy as np
 
-from steersman.errors import DataError
+from steersman.engine.journal import Journal, LineFormat
 from steersman.rollout import RunConfig, attempt
 from steersman.stored import StoredResult
 from steersman.studies.perturbation import Point, norm
-
-Key: TypeAlias = tuple[float, ...]
 
 
 class Tried(StoredResult):
@@ -58,46 +53,21 @@ def drive(stage: str, point: Point, config: RunConfig) -> Tried:
     )
 
 
-class Kept:
-    """Drives of earlier sessions by their coordinates, and the file to which new ones are added.
+def opened(file: FilePath, names: Sequence[str]) -> Journal[Tried]:
+    """The journal of the drives with these quantities disturbed; keys are of :func:`key`.
 
-    A line that was torn by an interruption is cut off.
+    Raises:
+        DataError: the file is no record of drives.
     """
+    line = LineFormat(
+        "a drive of a falsification",
+        Tried.model_validate_json,
+        Tried.plain,
+        lambda row: key(row.point, names),
+    )
+    return Journal(file, line)
 
-    def __init__(self, file: FilePath, names: Sequence[str]) -> None:
-        """Read the file, if it is there.
 
-        Raises:
-            DataError: it is no record of drives.
-        """
-        self.file, self.names = file, tuple(names)
-        self.found: dict[Key, Tried] = {}
-        text = file.read_bytes() if file.exists() else b""
-        whole = text[: text.rfind(b"\n") + 1]
-        for number, line in enumerate(whole.splitlines(), start=1):
-            try:
-                row = Tried.model_validate_json(line)
-                self.found[self.key(row.point)] = row
-            except (ValueError, TypeError, KeyError):
-                raise DataError(f"{file}, line {number}: not a drive of a falsification") from None
-        if whole != text:
-            os.truncate(file, len(whole))
-
-    def key(self, point: Point) -> Key:
-        """What a drive is found by."""
-        return tuple(point[name] for name in self.names)
-
-    def add(self, row: Tried) -> None:
-        """Append a drive.
-
-        Raises:
-            DataError: the file cannot be written.
-        """
-        self.found[self.key(row.point)] = row
-        try:
-            with self.file.open("a", encoding="utf-8") as stream:
-                stream.write(json.dumps(row.plain(), allow_nan=False) + "\n")
-                stream.flush()
-                os.fsync(stream.fileno())
-        except OSError as error:
-            raise DataError(f"{self.file}: cannot be written ({error.strerror})") from None
+def key(point: Point, names: Sequence[str]) -> str:
+    """The key of a drive: its coordinates."""
+    return " ".join(repr(point[name]) for name in names)

@@ -6,16 +6,20 @@ What a trial costs, and of what parts, :mod:`steersman.studies.objective` define
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path as FilePath
 from typing import Annotated, Any
 
 import yaml
 from pydantic import ValidationInfo, field_validator
 
+from steersman.bench.drive import planned_seconds
 from steersman.bench.suite import derived_seed
 from steersman.bench.suites import suite
 from steersman.config import Of, Settings, build, dump, override, param
 from steersman.controllers.base import ControllerComponent
+from steersman.engine.jobs import Workers
+from steersman.engine.work import Job
 from steersman.errors import ConfigError
 from steersman.files import alone, make_folder, write_text
 from steersman.plants.base import PlantComponent
@@ -23,8 +27,11 @@ from steersman.plants.simulator import SimulatorConfig
 from steersman.provenance import provenance
 from steersman.rollout import RunConfig
 from steersman.studies.folder import same_study
-from steersman.studies.objective import TrialCost, measure, together
+from steersman.studies.objective import RunCost, TrialCost, measure, together
 from steersman.studies.trials import TrialFigures, TuneResult, trade
+
+# Simulated time from which drives of a trial are handed out together [s].
+_PIECE_SIZE = 300.0
 
 
 class TuneConfig(Settings):
@@ -80,7 +87,12 @@ def cost(config: RunConfig, smoothness: float) -> float:
 
 @alone("out")
 def tune(
-    config: TuneConfig, out: FilePath, progress: Callable[[int, float], None] | None = None
+    config: TuneConfig,
+    out: FilePath,
+    progress: Callable[[int, float], None] | None = None,
+    *,
+    engine: str | None = None,
+    jobs: int | None = None,
 ) -> ControllerComponent:
     """Search the controller's declared ranges; returns the best configuration found.
 
@@ -94,6 +106,9 @@ def tune(
         config: what to tune, on what.
         out: folder of the study.
         progress: called after each trial with the trials done and the least cost so far [m].
+        engine: of :class:`steersman.engine.jobs.Workers`; it does the drives of a trial, and the
+            result does not depend on it.
+        jobs: drives at a time; None: one for each core.
 
     Raises:
         ConfigError: the controller declares nothing to tune, or ``out`` holds another study.
@@ -109,24 +124,33 @@ def tune(
     done = len(_finished(study))
     if done == 0 and not study.get_trials(deepcopy=False, states=[_states().WAITING]):
         study.enqueue_trial(_present(config.controller))
-    for number in range(done, config.trials):
-        # Anew for each trial, so that an interrupted study draws what it would have drawn.
-        study.sampler = _sampler(config.seed, number)
-        trial = study.ask()
-        found = _drive(config, _suggest(config.controller, trial))
-        for name, value in found._asdict().items():
-            trial.set_user_attr(name, value)
-        study.tell(trial, found.cost_m)
-        if progress is not None:
-            progress(number + 1, study.best_value)
+    with Workers(engine, jobs if config.plant.embedded else 1) as workers:
+        for number in range(done, config.trials):
+            # Anew for each trial, so that an interrupted study draws what it would have drawn.
+            study.sampler = _sampler(config.seed, number)
+            trial = study.ask()
+            found = _drive(config, _suggest(config.controller, trial), workers)
+            for name, value in found._asdict().items():
+                trial.set_user_attr(name, value)
+            study.tell(trial, found.cost_m)
+            if progress is not None:
+                progress(number + 1, study.best_value)
     best = _apply(config.controller, study.best_params)
     _write(config, out, best, study)
     return best
 
 
-def _drive(config: TuneConfig, controller: ControllerComponent) -> TrialCost:
-    runs = [r.model_copy(update={"controller": controller}) for r in config.suite]
-    return together([measure(r, config.smoothness) for r in runs])
+def _drive(config: TuneConfig, controller: ControllerComponent, workers: Workers) -> TrialCost:
+    jobs = [
+        Job(str(k), run.model_copy(update={"controller": controller}), planned_seconds(run))
+        for k, run in enumerate(config.suite)
+    ]
+    work = partial(_measured, config.smoothness)
+    return together([*workers.run(work, jobs, piece_size=_PIECE_SIZE).values()])
+
+
+def _measured(smoothness: float, run: RunConfig, _: object) -> RunCost:
+    return measure(run, smoothness)
 
 
 def _opened(config: TuneConfig, out: FilePath) -> Any:
