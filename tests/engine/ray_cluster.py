@@ -1,0 +1,80 @@
+"""Bench, tune and train on a Ray cluster of two nodes on this machine, or in local processes.
+
+Prints what came of it as JSON. A script of its own: what it starts has to be gone when it ends,
+whatever happens in between.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+_NODE: dict[str, Any] = {"num_cpus": 1, "object_store_memory": 80_000_000}
+RUN = {"path": {"kind": "circle", "radius": 40.0}, "duration": 3.0}
+
+
+def work(out: Path, engine: str) -> dict[str, Any]:
+    """Rows, tuned values, and digests of two policies."""
+    from steersman.bench import suites
+    from steersman.bench.entrants import entrants
+    from steersman.bench.runner import bench
+    from steersman.config import build
+    from steersman.engine import jobs
+    from steersman.learning.config import TrainConfig
+    from steersman.learning.parallel import TrainingJob, train_all
+    from steersman.studies import tune
+
+    jobs._PIECE_JOBS = 1  # so that both nodes have something to do
+    tune._PIECE_SIZE = 1.0
+    scenarios = suites.quick().scenarios((3,))[:3]
+    rows = bench(scenarios, entrants(["pid"]), out / "bench", engine=engine, jobs=2)
+    study = build(
+        tune.TuneConfig, {"controller": "pid", "suite": [RUN, RUN | {"seed": 1}], "trials": 2}
+    )
+    best = tune.tune(study, out / "tune", engine=engine, jobs=2)
+    tree = json.loads((Path(__file__).parent / "tiny.json").read_text())
+    configs = [build(TrainConfig, tree | {"seed": seed}) for seed in (0, 1)]
+    trainings = [TrainingJob(str(c.seed), c, out / f"seed_{c.seed}") for c in configs]
+    events: list[Any] = []
+    failed = train_all(trainings, 2, events.append, engine=engine)
+    policies = [
+        hashlib.sha256(each.out.joinpath("policy.onnx").read_bytes()).hexdigest()
+        for each in trainings
+        if not failed
+    ]
+    return {
+        "rows": [row.plain() for row in rows],
+        "tuned": best.model_dump(),
+        "failed": failed,
+        "policies": policies,
+        "validated": sorted((e.job.name, e.steps) for e in events if e.row is not None),
+    }
+
+
+def main(out: Path, engine: str) -> None:
+    """The work, on a cluster of two nodes of one core each if the engine is Ray."""
+    if engine == "local":
+        print(json.dumps(work(out, engine)))  # noqa: T201 - it is a script
+        return
+    import ray
+    from ray.cluster_utils import Cluster
+
+    cluster = Cluster(initialize_head=True, head_node_args={**_NODE, "include_dashboard": False})
+    try:
+        cluster.add_node(**_NODE)
+        os.environ["RAY_ADDRESS"] = cluster.address
+        ray.init(log_to_driver=False, configure_logging=False)
+        cluster.wait_for_nodes()
+        nodes = sum(node["Alive"] for node in ray.nodes())
+        print(json.dumps({"nodes": nodes, **work(out, engine)}))  # noqa: T201 - it is a script
+    finally:
+        ray.shutdown()
+        cluster.shutdown()
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), sys.argv[2])
