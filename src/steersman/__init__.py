@@ -140,13 +140,35 @@ def __dir__() -> list[str]:
     return sorted([*_MODULES, *_WHOLE, "__version__"])
 
 
-def register_environments() -> None:
-    """Make ``steersman/PathFollowing-v0`` known to Gymnasium, which calls this at its import."""
-    from gymnasium.envs.registration import register, registry
+def _register_environment() -> None:
+    from gymnasium.envs.registration import register
 
-    name = "steersman/PathFollowing-v0"
-    if name not in registry:
-        register(id=name, entry_point="steersman.learning.env:PathFollowingEnv")
+    register(id="steersman/PathFollowing-v0", entry_point="steersman.learning.env:PathFollowingEnv")
+
+
+class _AfterGymnasium:
+    """Registers the environment once Gymnasium is imported.
+
+    Gymnasium has no entry points for that, and its import would make this one ten times slower.
+    """
+
+    @classmethod
+    def find_spec(cls, name: str, path: Any = None, target: Any = None) -> Any:
+        if name != "gymnasium":
+            return None
+        from importlib.util import find_spec
+
+        sys.meta_path.remove(cls)
+        spec = find_spec(name)
+        if spec is not None and spec.loader is not None:
+            load = spec.loader.exec_module
+
+            def load_and_register(module: ModuleType) -> None:
+                load(module)
+                _register_environment()
+
+            spec.loader.exec_module = load_and_register  # type: ignore[method-assign]
+        return spec
 
 
 class _FrontDoor(ModuleType):
@@ -158,4 +180,6 @@ class _FrontDoor(ModuleType):
 
 sys.modules[__name__].__class__ = _FrontDoor
 if "gymnasium" in sys.modules:
-    register_environments()
+    _register_environment()
+else:
+    sys.meta_path.insert(0, _AfterGymnasium)

@@ -51,3 +51,17 @@ def test_every_name_of_the_front_door_is_there() -> None:
     assert callable(steersman.bench)
     with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
         steersman.nonsense  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import gymnasium, steersman; make('steersman/PathFollowing-v0')",
+        "import steersman, gymnasium; make('steersman/PathFollowing-v0')",
+        "import gymnasium; make('steersman:steersman/PathFollowing-v0')",
+    ],
+)
+def test_gymnasium_finds_the_environment(code: str) -> None:
+    code = code.replace("make(", "print(gymnasium.make(")[:-1] + ").spec.id)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout == "steersman/PathFollowing-v0\n", done.stderr
