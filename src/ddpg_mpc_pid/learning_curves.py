@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import steersman as sm
+from ddpg_mpc_pid import statistics as st
 from ddpg_mpc_pid.plan import METHODS, STEPS, THRESHOLDS, Plan
-
-st = sm.statistics
 
 ALONE = "ddpg"
 SHOWN = (
@@ -99,7 +97,7 @@ def _method(name: str, curves: Curves, plan: Plan) -> dict[str, Any]:
     best, last = curves.best(), curves.last("validation_error_mm")
 
     def interval(values: Sequence[float]) -> dict[str, float]:
-        return st.bootstrap(st.iqm, values, repetitions=plan.repetitions)._asdict()
+        return st.bootstrap(st.iqm, values, repetitions=plan.repetitions)
 
     low, middle, high = st.quartiles(best)
     return {
@@ -176,7 +174,7 @@ def _spreads(plan: Plan, curves: Mapping[str, Curves]) -> list[dict[str, Any]]:
                 "median_mm": st.quartiles(groups[1])[1],
                 "smaller_by": st.bootstrap(
                     lambda a, b: _range(a) - _range(b), *groups, repetitions=plan.repetitions
-                )._asdict(),
+                ),
             }
         )
     return out
@@ -192,4 +190,4 @@ def _saving(alone: Sequence[float], helped: Sequence[float], limit: float, plan:
         return None  # no seed got there: nothing to compare
     return st.bootstrap(
         lambda a, b: st.saving(a, b, limit), alone, helped, repetitions=plan.repetitions
-    )._asdict()
+    )

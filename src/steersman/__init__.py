@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from steersman.api import make as make
     from steersman.api import train as train
     from steersman.api import tune as tune
-    from steersman.bench import statistics as statistics
     from steersman.config import Component as Component
     from steersman.config import Of as Of
     from steersman.config import Settings as Settings
@@ -118,8 +117,8 @@ _FRONT_DOOR = {
 }
 # Names that are shorter here than in their module.
 _LONGER = {name: f"{name}Component" for name in ("Controller", "Path", "Plant", "Speed")}
-# Modules that are public as a whole: resampling over seeds; files that are written whole or not.
-_WHOLE = {"statistics": "bench.statistics", "files": "files"}
+# Modules that are public as a whole: files that are written whole or not.
+_WHOLE = {"files": "files"}
 _MODULES = {name: module for module, names in _FRONT_DOOR.items() for name in names}
 
 

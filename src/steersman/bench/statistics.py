@@ -1,13 +1,11 @@
-"""Statistics over few seeds: interquartile means, quartiles, bootstrap intervals, times to reach.
+"""Bootstrap intervals of means over items in clusters, and over the items of a series.
 
-Sources: R. Agarwal et al., "Deep reinforcement learning at the edge of the statistical
-precipice", *NeurIPS* 2021 (interquartile mean, stratified bootstrap); P. Royston and M. Parmar,
-"Restricted mean survival time", *BMC Medical Research Methodology* 13, 2013. For a series whose
-neighbours are alike, such as errors along a path: D. Politis and J. Romano, "A circular
-block-resampling procedure for stationary data", in *Exploring the Limits of Bootstrap*, 1992;
-D. Politis and H. White, "Automatic block-length selection for the dependent bootstrap",
-*Econometric Reviews* 23, 2004, with the correction of A. Patton, D. Politis and H. White,
-*Econometric Reviews* 28, 2009.
+Sources: for clusters, A. Davison and D. Hinkley, *Bootstrap Methods and their Application*, 1997,
+sec. 3.8. For a series whose neighbours are alike, such as errors along a path: D. Politis and
+J. Romano, "A circular block-resampling procedure for stationary data", in *Exploring the Limits of
+Bootstrap*, 1992; D. Politis and H. White, "Automatic block-length selection for the dependent
+bootstrap", *Econometric Reviews* 23, 2004, with the correction of A. Patton, D. Politis and
+H. White, *Econometric Reviews* 28, 2009.
 """
 
 from __future__ import annotations
@@ -38,152 +36,64 @@ class Interval(NamedTuple):
     high: float
 
 
-def iqm(values: ArrayLike) -> float:
-    """Interquartile mean: the mean without the lowest and the highest quarter (rounded down).
-
-    >>> iqm([1.0, 2.0, 3.0, 4.0, 100.0])
-    3.0
-    """
-    ordered = np.sort(np.asarray(values, dtype=np.float64))
-    cut = ordered.size // 4
-    return float(ordered[cut : ordered.size - cut].mean()) if ordered.size else math.nan
-
-
-def quartiles(values: ArrayLike) -> tuple[float, float, float]:
-    """25th, 50th and 75th percentile; infinite values count as larger than all others.
-
-    >>> quartiles([1.0, 2.0, 3.0, 4.0, 5.0])
-    (2.0, 3.0, 4.0)
-    """
-    ordered = np.sort(np.asarray(values, dtype=np.float64))
-    if not ordered.size:
-        return (math.nan,) * 3
-    low, middle, high = (_at(ordered, q) for q in (0.25, 0.5, 0.75))
-    return low, middle, high
-
-
-def _at(ordered: FloatArray, q: float) -> float:
-    """Linear between order statistics, without inf - inf."""
-    place = q * (ordered.size - 1)
-    i = math.floor(place)
-    share = place - i
-    if share == 0.0:
-        return float(ordered[i])
-    return float(ordered[i] * (1.0 - share) + ordered[i + 1] * share)
-
-
-def bootstrap(
-    statistic: Callable[..., float],
-    *groups: ArrayLike,
-    repetitions: int = REPETITIONS,
-    level: float = LEVEL,
-    seed: int = 0,
-) -> Interval:
-    """Percentile interval of ``statistic(*groups)``, every group resampled within itself.
-
-    With five seeds in a group the interval is rough: it cannot reach beyond what was seen.
-    """
-    arrays = [np.asarray(g, dtype=np.float64) for g in groups]
-    if any(not a.size for a in arrays):
-        return Interval(math.nan, math.nan, math.nan)
-    rng = np.random.default_rng(seed)
-    draws = np.array(
-        [statistic(*(a[rng.integers(a.size, size=a.size)] for a in arrays))
-         for _ in range(repetitions)]
-    )  # fmt: skip
-    draws = draws[np.isfinite(draws)]
-    if not draws.size:
-        return Interval(statistic(*arrays), math.nan, math.nan)
-    low, high = np.quantile(draws, [0.5 * (1.0 - level), 0.5 * (1.0 + level)])
-    return Interval(float(statistic(*arrays)), float(low), float(high))
-
-
 # From a function that gives the mean of any values in each draw to the statistic of each draw.
 Statistic: TypeAlias = Callable[[Callable[[ArrayLike], FloatArray]], Any]
 
 
-def of_draws(found: ArrayLike, level: float = LEVEL) -> Interval:
-    """The interval of a statistic whose first value is the sample's, and the others the draws'."""
-    value, *draws = np.asarray(found, dtype=np.float64)
-    low, high = np.quantile(draws, [0.5 * (1.0 - level), 0.5 * (1.0 + level)])
-    return Interval(float(value), float(low), float(high))
+class Resampled:
+    """Draws of a sample's items, from which intervals of statistics of means follow.
+
+    Two statistics over the same items are drawn alike, so that differences and ratios are paired.
+    """
+
+    def __init__(self, items: int) -> None:
+        """Of so many items."""
+        self._items = items
+
+    def interval(self, statistic: Statistic) -> Interval:
+        """The statistic of the sample and its 95 % percentile interval; NaN without items.
+
+        Args:
+            statistic: given a function that maps values (one for each item) to their means
+                (the sample's, and one for each draw), the statistic of each.
+        """
+        if not self._items:
+            return Interval(math.nan, math.nan, math.nan)
+        value, *draws = np.asarray(statistic(self._means), dtype=np.float64)
+        low, high = np.quantile(draws, [0.5 * (1.0 - LEVEL), 0.5 * (1.0 + LEVEL)])
+        return Interval(float(value), float(low), float(high))
+
+    def _means(self, values: ArrayLike) -> FloatArray:
+        """Means of the values: the sample's, then each draw's."""
+        raise NotImplementedError
 
 
-class Clusters:
-    """Percentile intervals for statistics of means over items that come in clusters.
+class Clusters(Resampled):
+    """Items that come in clusters, in which they are alike, such as scenarios on one road.
 
-    Items of one cluster are alike (scenarios on one road), so clusters are drawn as a whole, with
-    replacement. Two statistics over the same items are drawn alike, so that differences and
-    ratios are paired. Source: A. Davison and D. Hinkley, *Bootstrap Methods and their
-    Application*, 1997, sec. 3.8.
+    Clusters are drawn as a whole, with replacement.
     """
 
     def __init__(
-        self,
-        names: Sequence[str],
-        *,
-        repetitions: int = REPETITIONS,
-        level: float = LEVEL,
-        seed: int = 0,
+        self, names: Sequence[str], *, repetitions: int = REPETITIONS, seed: int = 0
     ) -> None:
         """``names`` holds the cluster of every item."""
-        self._level = level
+        super().__init__(len(names))
         _, self._cluster = np.unique(np.asarray(names, dtype=str), return_inverse=True)
-        count = int(self._cluster.max()) + 1 if self._cluster.size else 0
-        self._sizes = np.bincount(self._cluster, minlength=count).astype(np.float64)
-        # BenchRow 0 is the sample itself; then how often each cluster was drawn.
+        self._sizes = np.bincount(self._cluster).astype(np.float64)
+        count = self._sizes.size
+        # Row 0 is the sample itself; then how often each cluster was drawn.
         self._drawn = np.ones((1, count))
         if count:
             rng = np.random.default_rng(seed)
             draws = rng.multinomial(count, np.full(count, 1.0 / count), size=repetitions)
             self._drawn = np.vstack([self._drawn, draws])
 
-    def interval(self, statistic: Statistic) -> Interval:
-        """The statistic and its interval.
-
-        Args:
-            statistic: given a function that maps values (one for each item) to their means
-                (one for each draw), the statistic of each draw.
-        """
-        if not self._cluster.size:
-            return Interval(math.nan, math.nan, math.nan)
-        return of_draws(statistic(self._means), self._level)
-
     def _means(self, values: ArrayLike) -> FloatArray:
-        sums = np.bincount(
-            self._cluster, weights=np.asarray(values, dtype=np.float64), minlength=self._sizes.size
-        )
+        weights = np.asarray(values, dtype=np.float64)
+        sums = np.bincount(self._cluster, weights=weights, minlength=self._sizes.size)
         means: FloatArray = (self._drawn @ sums) / (self._drawn @ self._sizes)
         return means
-
-
-def first_reach(at: Sequence[float], errors: Sequence[float], threshold: float) -> float:
-    """The first of the places ``at`` whose error is at most ``threshold``; infinite if none is.
-
-    >>> first_reach([10, 20, 30], [3.0, 1.0, 2.0], 1.5)
-    20.0
-    """
-    pairs = zip(at, errors, strict=True)
-    return next((float(x) for x, error in pairs if error <= threshold), math.inf)
-
-
-def restricted_mean(times: ArrayLike, horizon: float) -> float:
-    """Mean of min(time, horizon): what a run that never arrives (infinite) is charged.
-
-    >>> restricted_mean([10.0, float("inf")], 50.0)
-    30.0
-    """
-    return float(np.minimum(np.asarray(times, dtype=np.float64), horizon).mean())
-
-
-def saving(alone: ArrayLike, helped: ArrayLike, horizon: float) -> float:
-    """Share of the restricted mean time that help saves; negative if it costs.
-
-    >>> saving([40.0, 60.0], [10.0, 40.0], 100.0)
-    0.5
-    """
-    base = restricted_mean(alone, horizon)
-    return 1.0 - restricted_mean(helped, horizon) / base if base > 0.0 else math.nan
 
 
 def block_length(values: ArrayLike) -> float:
@@ -222,38 +132,23 @@ def _last_significant(covariance: FloatArray, n: int, lags: int) -> int:
     return int(small.size)
 
 
-class Blocks:
-    """Percentile intervals for statistics of means over the items of a series.
-
-    Blocks of neighbours are drawn with replacement, the series closed to a ring. Two statistics
-    over the same items are drawn alike, so that differences and ratios are paired.
-    """
+class Blocks(Resampled):
+    """Items of a series: blocks of neighbours are drawn, the series closed to a ring."""
 
     def __init__(
-        self,
-        count: int,
-        length: int,
-        *,
-        repetitions: int = REPETITIONS,
-        level: float = LEVEL,
-        seed: int = 0,
+        self, count: int, length: int, *, repetitions: int = REPETITIONS, seed: int = 0
     ) -> None:
         """``count`` items in blocks of ``length`` of them."""
-        self._count, self._length, self._level = count, min(max(length, 1), max(count, 1)), level
+        super().__init__(count)
+        self._length = min(max(length, 1), max(count, 1))
         drawn = math.ceil(count / self._length)
         rng = np.random.default_rng(seed)
         self._starts = rng.integers(max(count, 1), size=(repetitions, drawn))
 
-    def interval(self, statistic: Statistic) -> Interval:
-        """The statistic and its interval; ``statistic`` as of :class:`Clusters`."""
-        if not self._count:
-            return Interval(math.nan, math.nan, math.nan)
-        return of_draws(statistic(self._means), self._level)
-
     def _means(self, values: ArrayLike) -> FloatArray:
         series = np.asarray(values, dtype=np.float64)
         ring = np.concatenate([[0.0], np.cumsum(np.concatenate([series, series[: self._length]]))])
-        sums = ring[self._length : self._length + self._count] - ring[: self._count]
+        sums = ring[self._length : self._length + self._items] - ring[: self._items]
         drawn = sums[self._starts].sum(axis=1) / (self._starts.shape[1] * self._length)
         means: FloatArray = np.concatenate([[series.mean()], drawn])
         return means
