@@ -46,6 +46,8 @@ def make(folder: FilePath) -> None:
     (folder / "my_road.csv").write_text(shown("your_road.md", "text"))
     for name in ("my_car.yaml", "car.yaml"):
         (folder / name).write_text(shown("your_car.md", "yaml"))
+    for number, name in enumerate(("my_suite.yaml", "my_test.yaml"), start=1):
+        (folder / name).write_text(shown("your_car.md", "yaml", number))
     for name in ("DIR", "my_maps"):
         steersman("path", "export", "circle", "--to", str(folder / name / "map.xodr"))
     for name in DRIVES:
@@ -56,10 +58,10 @@ def make(folder: FilePath) -> None:
     write_episode(folder / "run.mcap", driven, CarlaModel3().table)
 
 
-def shown(page: str, language: str) -> str:
-    """The first block of a language on a page: what a reader would write into a file."""
-    found = (b for b in blocks(ROOT / "docs" / page) if b.language == language)
-    return next(found).body + "\n"
+def shown(page: str, language: str, number: int = 0) -> str:
+    """A block of a language on a page, the first: what a reader would write into a file."""
+    found = [b for b in blocks(ROOT / "docs" / page) if b.language == language]
+    return found[number].body + "\n"
 
 
 def steersman(*words: str) -> None:
