@@ -23,18 +23,14 @@ TWICE: frozenset[str] = frozenset(
     {
         "Command",
         "Connection",
-        "Drive",
         "Driver",
         "Estimate",
         "Geometry",
-        "Group",
         "Log",
         "Network",
         "Points",
         "Problem",
-        "Road",
         "Seen",
-        "Signal",
         "Source",
         "_Curve",
     }

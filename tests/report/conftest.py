@@ -15,8 +15,8 @@ from steersman.episode import COLUMNS, Episode
 from steersman.metrics.base import summarise
 from steersman.report import ReportRun, write_report
 from steersman.report.article import write_article
-from steersman.report.scene import Group
-from steersman.report.signals import Drive
+from steersman.report.scene import RoadGroup
+from steersman.report.signals import ShownDrive
 from steersman.rollout import RunConfig, run
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -105,7 +105,7 @@ def files(drives, tmp_path_factory):
 @pytest.fixture(scope="module")
 def article(drives, tmp_path_factory):
     groups = [
-        Group(f"{EVIL} {k}", [Drive(r.name, r.episode) for r in drives[name]], 1.5, [4])
+        RoadGroup(f"{EVIL} {k}", [ShownDrive(r.name, r.episode) for r in drives[name]], 1.5, [4])
         for k, name in enumerate(("off", "one step"))
     ]
     section = {"title": "First", "text": [EVIL], "warnings": [EVIL]}

@@ -3,21 +3,21 @@
 import pytest
 
 from steersman.report.html import CROWD, by_conditions
-from steersman.report.scene import Group
-from steersman.report.signals import Drive
+from steersman.report.scene import RoadGroup
+from steersman.report.signals import ShownDrive
 
 
 @pytest.fixture
 def group(drive):
     def make(count, *speeds, **config):
         drives = [
-            Drive(f"{k}", drive(n=3, meta={"config": {
+            ShownDrive(f"{k}", drive(n=3, meta={"config": {
                 "controller": f"c{k}", "seed": k, "speed": {"kind": "constant", "speed": v},
                 **config,
             }}))
             for v in speeds for k in range(count)
         ]  # fmt: skip
-        return Group("Road", drives, 1.5)
+        return RoadGroup("Road", drives, 1.5)
 
     return make
 
@@ -49,7 +49,7 @@ def test_fields_of_some_kinds_alone_are_no_words_of_their_own(group):
 
 def test_what_is_not_recorded_is_apart(group, drive):
     crowd = group(4, 1.0, 2.0)
-    bare = [Drive("a", drive(n=3)), Drive("b", drive(n=3))]
+    bare = [ShownDrive("a", drive(n=3)), ShownDrive("b", drive(n=3))]
     found = by_conditions(crowd._replace(drives=[*crowd.drives, *bare]))
     assert found[-1].title == "Road: conditions not recorded"
     assert [d.name for d in found[-1].drives] == ["a", "b"]

@@ -19,7 +19,7 @@ from steersman.metrics.base import summarise
 from steersman.report import ReportRun, Table, tables, web, write_report
 from steersman.report import html as module
 from steersman.report.html import LIMIT, group_title, render
-from steersman.report.signals import Drive, group_by_path
+from steersman.report.signals import ShownDrive, group_by_path
 from steersman.report.tables import flat, text
 from steersman.rollout import RunConfig, run
 
@@ -242,12 +242,12 @@ def test_the_template_engine_is_imported_only_when_used():
     ],
 )
 def test_titles_of_groups(drive, meta, title):
-    assert group_title([Drive("a", drive(meta=meta))]) == title
+    assert group_title([ShownDrive("a", drive(meta=meta))]) == title
 
 
 def test_the_corridor_is_the_recorded_one(runs, drive):
     assert module.half_width(group_by_path(runs)[0]) == 2.0
-    assert module.half_width([Drive("a", drive())]) == 1.5
+    assert module.half_width([ShownDrive("a", drive())]) == 1.5
     (group,) = json.loads(packed(render(runs, "t"), "data"))["groups"]
     assert group["half"] == 2.0
 

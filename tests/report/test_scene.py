@@ -18,9 +18,9 @@ from steersman.report import ReportRun
 from steersman.report import scene as module
 from steersman.report.marks import MOST, marks
 from steersman.report.pack import Blob, stretches
-from steersman.report.scene import Group, scenes, shares
+from steersman.report.scene import RoadGroup, scenes, shares
 from steersman.report.seen import path_of, road_line, vehicle_of, waypoints
-from steersman.report.signals import Drive, group_by_path
+from steersman.report.signals import ShownDrive, group_by_path
 from steersman.report.web import within
 from steersman.rollout import RunConfig, run
 from steersman.types import Driver, Reason, Status
@@ -72,7 +72,7 @@ def test_long_drives_give_up_rows_first():
 def test_what_is_replayed_is_what_was_driven(drive):
     blob = Blob()
     episode = drive(n=1000)
-    (group,) = scenes([Group("<b>", [Drive("<i>", episode)], 1.5)], blob)
+    (group,) = scenes([RoadGroup("<b>", [ShownDrive("<i>", episode)], 1.5)], blob)
     (found,) = group["runs"]
     assert (group["title"], found["name"], found["kept"]) == ("<b>", "<i>", True)
     for key, wanted, step in (
@@ -95,7 +95,7 @@ def test_thinned_drives_keep_their_marks_and_peaks(drive):
     error[4321] = -1.0
     episode = replace(episode, columns={**episode.columns, "lateral_error": error})
     blob = Blob()
-    (group,) = scenes([Group("g", [Drive("d", episode)], 1.5)], blob, budget=1000)
+    (group,) = scenes([RoadGroup("g", [ShownDrive("d", episode)], 1.5)], blob, budget=1000)
     (found,) = group["runs"]
     time, lateral = (read(blob, found["columns"][k]) for k in ("time", "lateral"))
     assert not found["kept"]
@@ -108,7 +108,7 @@ def test_thinned_drives_keep_their_marks_and_peaks(drive):
 @pytest.mark.parametrize("n", [0, 1])
 def test_hardly_any_drive_is_no_problem(drive, n):
     blob = Blob()
-    (group,) = scenes([Group("g", [Drive("d", drive(n=n))], 1.5)], blob)
+    (group,) = scenes([RoadGroup("g", [ShownDrive("d", drive(n=n))], 1.5)], blob)
     assert group["runs"][0]["columns"]["time"]["n"] == n
 
 
@@ -298,7 +298,7 @@ class TestRebuilt:
         config = {**episode.meta["config"], **change}
         other = replace(episode, meta={**episode.meta, "config": config})
         assert path_of(other) is None
-        (group,) = scenes([Group("g", [Drive("d", other)], 1.5)], Blob())
+        (group,) = scenes([RoadGroup("g", [ShownDrive("d", other)], 1.5)], Blob())
         assert group["runs"][0]["seen"] is None
         assert group["road"][0]["n"] == len(other)
 
@@ -306,6 +306,6 @@ class TestRebuilt:
         bare = replace(episode, meta={})
         assert vehicle_of(bare)[1] is False
         groups = group_by_path([ReportRun("a", bare), ReportRun("b", episode)])
-        (found,) = scenes([Group("g", groups[0], 1.5)], Blob())
+        (found,) = scenes([RoadGroup("g", groups[0], 1.5)], Blob())
         assert [run["car"]["known"] for run in found["runs"]] == [False, True]
         assert [run["seen"] is None for run in found["runs"]] == [True, False]

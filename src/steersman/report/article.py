@@ -17,7 +17,7 @@ from steersman.files import make_folder, write_text
 from steersman.report import tables, web
 from steersman.report.charts import heat_map, interval_plot
 from steersman.report.runs import Table
-from steersman.report.scene import Group
+from steersman.report.scene import RoadGroup
 from steersman.report.svg import line_plot
 
 _WORDS = {True: "agrees", False: "differs", None: "note"}
@@ -33,7 +33,7 @@ def write_article(
     title: str,
     source: str = "",
     plots: str = "plots",
-    replay: Sequence[Group] = (),
+    replay: Sequence[RoadGroup] = (),
 ) -> FilePath:
     """Write the page, self-contained, and its figures as files into the folder ``plots`` beside it.
 

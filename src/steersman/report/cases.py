@@ -8,9 +8,9 @@ from typing import Any
 from steersman.bench.replay import ShownCase
 from steersman.bench.results import Summary
 from steersman.report.html import CORRIDOR
-from steersman.report.scene import Group
+from steersman.report.scene import RoadGroup
 from steersman.report.seen import recorded
-from steersman.report.signals import GREY_DOTS, Drive
+from steersman.report.signals import GREY_DOTS, ShownDrive
 
 _MM = 1e3
 
@@ -20,22 +20,22 @@ def places(summary: Summary) -> dict[str, int]:
     return {name: k for k, name in enumerate(summary.controllers)}
 
 
-def replays(summary: Summary, cases: Sequence[ShownCase]) -> list[Group]:
+def replays(summary: Summary, cases: Sequence[ShownCase]) -> list[RoadGroup]:
     """The drives to replay: those of the best controller first, its worst before its median."""
     rank = places(summary)
     order = sorted(cases, key=lambda case: rank[case.controller])
     return [_group(case, rank) for case in order]
 
 
-def _group(case: ShownCase, rank: Mapping[str, int]) -> Group:
+def _group(case: ShownCase, rank: Mapping[str, int]) -> RoadGroup:
     episodes = case.episodes
     drives = [
-        Drive(name if name == case.controller else f"best there: {name}", episode)
+        ShownDrive(name if name == case.controller else f"best there: {name}", episode)
         for name, episode in episodes.items()
     ]
     width = recorded(drives[0].episode).get("corridor", CORRIDOR)
     title = f"{case.controller}, {case.which}: {case.scenario}"
-    return Group(title, drives, float(width), [rank[name] for name in episodes])
+    return RoadGroup(title, drives, float(width), [rank[name] for name in episodes])
 
 
 def worst(summary: Summary, cases: Sequence[ShownCase]) -> list[dict[str, Any]]:

@@ -8,7 +8,7 @@ from html import escape
 from typing import Any
 
 from steersman.report.signals import look
-from steersman.report.svg import axis_ticks
+from steersman.report.svg import axis_ticks, opened
 from steersman.report.tables import text
 
 _LABEL, _CELL, _ROW, _TOP = 150, 46, 22, 110
@@ -30,7 +30,7 @@ def heat_map(figure: Mapping[str, Any]) -> str:
     rows, columns = figure["rows"], figure["columns"]
     width, height = _LABEL + _CELL * len(columns) + 40, _TOP + _ROW * len(rows) + 8
     parts = [
-        _open(figure["title"], width, height),
+        opened(figure["title"], width, height),
         *(_slanted(name, _LABEL + _CELL * (k + _HALF)) for k, name in enumerate(columns)),
     ]
     for i, name in enumerate(rows):
@@ -59,7 +59,7 @@ def interval_plot(figure: Mapping[str, Any]) -> str:
     points = [p for p in figure["points"] if p["value"]]
     values = [p[k] for p in points for k in ("value", "low", "high") if p[k]]
     top, low = 34, 34 + _ROW * len(points)
-    parts = [_open(figure["title"], _WIDTH, low + 46)]
+    parts = [opened(figure["title"], _WIDTH, low + 46)]
     scale = _Log(values or [1.0])
     for tick in axis_ticks(scale.a, scale.b):
         at = scale.at(tick)
@@ -97,15 +97,6 @@ class _Log:
     def at(self, value: float) -> float:
         share = (math.log10(value) - self.a) / (self.b - self.a)
         return _PLOT_LEFT + share * (_WIDTH - _PLOT_RIGHT - _PLOT_LEFT)
-
-
-def _open(title: str, width: float, height: float) -> str:
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" role="img" '
-        f'width="{width}" height="{height}" font-family="sans-serif" font-size="12" '
-        f'fill="{_SOFT}"><title>{escape(title)}</title>'
-        f'<text x="8" y="16" font-weight="bold">{escape(title)}</text>'
-    )
 
 
 def _text(x: float, y: float, words: str, anchor: str, color: str = "") -> str:

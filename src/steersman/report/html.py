@@ -18,9 +18,9 @@ from steersman.errors import DataError
 from steersman.files import write_text
 from steersman.report import tables, web
 from steersman.report.runs import ReportRun
-from steersman.report.scene import Group
+from steersman.report.scene import RoadGroup
 from steersman.report.seen import recorded
-from steersman.report.signals import Drive, decimate, group_by_path, look
+from steersman.report.signals import ShownDrive, decimate, group_by_path, look
 from steersman.report.tables import flat, text
 from steersman.types import FloatArray
 
@@ -61,7 +61,7 @@ def render(runs: Sequence[ReportRun], title: str) -> str:
     """The page as text."""
     groups = group_by_path(runs)
     training = curves(runs)
-    roads = [Group(group_title(group), group, half_width(group)) for group in groups]
+    roads = [RoadGroup(group_title(group), group, half_width(group)) for group in groups]
     shown = [part for road in roads for part in by_conditions(road)]
     page = web.template("page.html.j2")
     content = {
@@ -88,7 +88,7 @@ def _tiles(runs: Sequence[ReportRun]) -> list[tables.Tile]:
     return tables.tiles(runs[0]) if len(runs) == 1 and runs[0].episode is not None else []
 
 
-def group_title(group: Sequence[Drive]) -> str:
+def group_title(group: Sequence[ShownDrive]) -> str:
     """What the path of these drives is called: its kind, if recorded, and its length."""
     episode = group[0].episode
     path = recorded(episode).get("path")
@@ -98,7 +98,7 @@ def group_title(group: Sequence[Drive]) -> str:
     return f"{name[:1].upper()}{name[1:]}, {shape} of {episode.path_length:.4g} m"
 
 
-def half_width(group: Sequence[Drive]) -> float:
+def half_width(group: Sequence[ShownDrive]) -> float:
     """Half the width of the corridor, as recorded with the group's first run [m]."""
     width = recorded(group[0].episode).get("corridor")
     return float(width) if isinstance(width, (int, float)) else CORRIDOR
@@ -109,7 +109,7 @@ def _measured(runs: Sequence[ReportRun]) -> list[ReportRun]:
 
 
 def _summaries(
-    runs: Sequence[ReportRun], groups: Sequence[Sequence[Drive]]
+    runs: Sequence[ReportRun], groups: Sequence[Sequence[ShownDrive]]
 ) -> list[tuple[str, list[tuple[str, list[tables.Cell]]]]]:
     """Rows of the summary table under the title of their path."""
     columns = tables.summary_columns(runs)
@@ -146,7 +146,7 @@ CROWD = 6
 _OTHERS = ("controller", "path", "seed")
 
 
-def by_conditions(group: Group) -> list[Group]:
+def by_conditions(group: RoadGroup) -> list[RoadGroup]:
     """The group, or, of a crowd, one group for each set of conditions; their titles tell them."""
     if len(group.drives) <= CROWD:
         return [group]
@@ -154,7 +154,7 @@ def by_conditions(group: Group) -> list[Group]:
     keys = list(dict.fromkeys(key for one in found for key in one))
     # Fields that only some kinds have differ if those that have them do.
     differ = [k for k in keys if len({json.dumps(one[k]) for one in found if k in one}) > 1]
-    parts: dict[str, list[Drive]] = {}
+    parts: dict[str, list[ShownDrive]] = {}
     for drive, one in zip(group.drives, found, strict=True):
         words = ", ".join(f"{key} {text(one[key])}" for key in differ if key in one)
         parts.setdefault(words, []).append(drive)
@@ -164,12 +164,12 @@ def by_conditions(group: Group) -> list[Group]:
     return [_named(group, words, drives) for words, drives in parts.items()]
 
 
-def _conditions(drive: Drive) -> dict[str, Any]:
+def _conditions(drive: ShownDrive) -> dict[str, Any]:
     config: Mapping[str, Any] = recorded(drive.episode)
     return flat({key: value for key, value in config.items() if key not in _OTHERS})
 
 
-def _named(group: Group, words: str, drives: Sequence[Drive]) -> Group:
+def _named(group: RoadGroup, words: str, drives: Sequence[ShownDrive]) -> RoadGroup:
     title = f"{group.title}: {words}" if words else f"{group.title}: conditions not recorded"
     return group._replace(title=title, drives=drives)
 

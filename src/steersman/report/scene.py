@@ -18,8 +18,8 @@ from steersman.bench.along import distance
 from steersman.episode import Episode
 from steersman.report.marks import marks
 from steersman.report.pack import Blob
-from steersman.report.seen import Road, path_of, road_line, vehicle_of, waypoints
-from steersman.report.signals import SIGNALS, Drive, decimate, look
+from steersman.report.seen import RoadLine, path_of, road_line, vehicle_of, waypoints
+from steersman.report.signals import SIGNALS, ShownDrive, decimate, look
 from steersman.types import FloatArray
 from steersman.vehicles import Vehicle
 
@@ -33,18 +33,18 @@ _PLACE, _ANGLE, _SEEN = 1e-3, 2e-4, 1e-2
 _WHEEL_RADIUS, _WHEEL_WIDTH = 0.35, 0.22
 
 
-class Group(NamedTuple):
+class RoadGroup(NamedTuple):
     """Drives on the same road."""
 
     title: str
-    drives: Sequence[Drive]
+    drives: Sequence[ShownDrive]
     half_width: float
     """Of the corridor [m]."""
     looks: Sequence[int] | None = None
     """The number of each drive's colour and dash; in order where it is not given."""
 
 
-def scenes(groups: Sequence[Group], blob: Blob, budget: int = BUDGET) -> list[dict[str, Any]]:
+def scenes(groups: Sequence[RoadGroup], blob: Blob, budget: int = BUDGET) -> list[dict[str, Any]]:
     """The groups as plain data; columns of numbers go into ``blob``."""
     lengths = [len(drive.episode) for group in groups for drive in group.drives]
     rows = iter(shares(lengths, budget))
@@ -67,7 +67,7 @@ def shares(lengths: Sequence[int], budget: int) -> list[int]:
     return out
 
 
-def _scene(group: Group, rows: Sequence[int], seen: int, blob: Blob) -> dict[str, Any]:
+def _scene(group: RoadGroup, rows: Sequence[int], seen: int, blob: Blob) -> dict[str, Any]:
     episodes = [drive.episode for drive in group.drives]
     path = next((p for p in map(path_of, episodes) if p is not None), None)
     road = road_line(path) if path is not None else _driven_road(episodes)
@@ -86,16 +86,21 @@ def _scene(group: Group, rows: Sequence[int], seen: int, blob: Blob) -> dict[str
     }
 
 
-def _driven_road(episodes: Sequence[Episode]) -> Road:
+def _driven_road(episodes: Sequence[Episode]) -> RoadLine:
     """The path beside the drive that saw most of it, one lap."""
     episode = max(episodes, key=lambda e: min(e.distance, e.path_length))
     s = distance(episode)
     kept = s - s[:1] <= episode.path_length * (1.0 + 1e-3)
-    return Road(episode["path_x"][kept], episode["path_y"][kept])
+    return RoadLine(episode["path_x"][kept], episode["path_y"][kept])
 
 
 def _run(
-    drive: Drive, style: dict[str, str], count: int, seen: int, origin: Sequence[float], blob: Blob
+    drive: ShownDrive,
+    style: dict[str, str],
+    count: int,
+    seen: int,
+    origin: Sequence[float],
+    blob: Blob,
 ) -> dict[str, Any]:
     episode = drive.episode
     values = [signal.values(episode) for signal in SIGNALS]

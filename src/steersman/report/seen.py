@@ -31,7 +31,7 @@ _TRACKING = (
 )  # fmt: skip
 
 
-class Road(NamedTuple):
+class RoadLine(NamedTuple):
     """The line to follow."""
 
     x: FloatArray
@@ -78,11 +78,11 @@ def vehicle_of(episode: Episode) -> tuple[Vehicle, bool]:
     return (vehicle, True) if isinstance(vehicle, Vehicle) else (CarlaModel3(), False)
 
 
-def road_line(path: PathComponent) -> Road:
+def road_line(path: PathComponent) -> RoadLine:
     """Points of the whole path [m]."""
     count = int(np.clip(np.ceil(path.length / _STEP), 2, _MOST))
     points = [path.at(s) for s in np.linspace(0.0, path.length, count + 1)]
-    return Road(np.array([p.x for p in points]), np.array([p.y for p in points]))
+    return RoadLine(np.array([p.x for p in points]), np.array([p.y for p in points]))
 
 
 def waypoints(episode: Episode, path: PathComponent | None) -> FloatArray | None:

@@ -20,7 +20,7 @@ GREY_DOTS = 3 * len(PALETTE) - 1
 """The number of the look that paths have beside drives: grey and dotted."""
 
 
-class Signal(NamedTuple):
+class PlotSignal(NamedTuple):
     """A panel of the plots over time: its title and values, kept in multiples of ``step``."""
 
     key: str
@@ -33,18 +33,20 @@ class Signal(NamedTuple):
 
 
 SIGNALS = (
-    Signal("lateral", "lateral error", "mm", lambda e: 1e3 * e["lateral_error"], 0.01),
-    Signal("heading", "heading error", "°", lambda e: np.degrees(e["heading_error"]), 1e-4),
-    Signal("steer", "steering command", "-", lambda e: e["steer_command"], 1e-5),
-    Signal("speed", "speed", "m/s", lambda e: np.hypot(e["v_x"], e["v_y"]), 1e-3),
-    Signal("a_y", "lateral acceleration", "m/s²", lambda e: e["a_y"], 1e-3),
-    Signal("course", "course error", "°", lambda e: np.degrees(e["course_error"]), 1e-4, False),
-    Signal("steered", "steering, actual", "-", lambda e: e["steer"], 1e-5, False),
-    Signal("yaw_rate", "yaw rate", "°/s", lambda e: np.degrees(e["yaw_rate"]), 0.01, False),
-    Signal("a_x", "longitudinal acceleration", "m/s²", lambda e: e["a_x"], 1e-3, False),
-    Signal("pedals", "throttle less brake", "-", lambda e: e["throttle"] - e["brake"], 1e-3, False),
-    Signal("kappa", "path curvature", "1/m", lambda e: e["curvature"], 1e-5, False),
-    Signal("took", "computing time", "µs", lambda e: 1e6 * e["control_time"], 0.1, False),
+    PlotSignal("lateral", "lateral error", "mm", lambda e: 1e3 * e["lateral_error"], 0.01),
+    PlotSignal("heading", "heading error", "°", lambda e: np.degrees(e["heading_error"]), 1e-4),
+    PlotSignal("steer", "steering command", "-", lambda e: e["steer_command"], 1e-5),
+    PlotSignal("speed", "speed", "m/s", lambda e: np.hypot(e["v_x"], e["v_y"]), 1e-3),
+    PlotSignal("a_y", "lateral acceleration", "m/s²", lambda e: e["a_y"], 1e-3),
+    PlotSignal("course", "course error", "°", lambda e: np.degrees(e["course_error"]), 1e-4, False),
+    PlotSignal("steered", "steering, actual", "-", lambda e: e["steer"], 1e-5, False),
+    PlotSignal("yaw_rate", "yaw rate", "°/s", lambda e: np.degrees(e["yaw_rate"]), 0.01, False),
+    PlotSignal("a_x", "longitudinal acceleration", "m/s²", lambda e: e["a_x"], 1e-3, False),
+    PlotSignal(
+        "pedals", "throttle less brake", "-", lambda e: e["throttle"] - e["brake"], 1e-3, False
+    ),
+    PlotSignal("kappa", "path curvature", "1/m", lambda e: e["curvature"], 1e-5, False),
+    PlotSignal("took", "computing time", "µs", lambda e: 1e6 * e["control_time"], 0.1, False),
 )
 
 
@@ -70,20 +72,20 @@ def _extremes(values: FloatArray, edges: NDArray[np.intp]) -> NDArray[np.intp]:
     return np.array(rows, dtype=np.intp).ravel()
 
 
-class Drive(NamedTuple):
+class ShownDrive(NamedTuple):
     """A run that has an episode."""
 
     name: str
     episode: Episode
 
 
-def group_by_path(runs: Sequence[ReportRun]) -> list[list[Drive]]:
+def group_by_path(runs: Sequence[ReportRun]) -> list[list[ShownDrive]]:
     """The runs with episodes, those on the same path together, in order of appearance."""
-    groups: list[list[Drive]] = []
+    groups: list[list[ShownDrive]] = []
     for run in runs:
         if run.episode is None:
             continue
-        drive = Drive(run.name, run.episode)
+        drive = ShownDrive(run.name, run.episode)
         for group in groups:
             if same_path(group[0].episode, drive.episode):
                 group.append(drive)

@@ -93,10 +93,7 @@ def line_plot(figure: Mapping[str, Any]) -> str:
     if figure.get("equal"):
         _equalise(x, y)
     parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" role="img" '
-        f'width="{WIDTH}" height="{height}" font-family="sans-serif" font-size="12" '
-        f'fill="#808080"><title>{escape(figure["title"])}</title>',
-        f'<text x="{_LEFT}" y="16" font-weight="bold">{escape(figure["title"])}</text>',
+        opened(figure["title"], WIDTH, height, _LEFT),
         *_frame(x, y, figure),
     ]
     for k, line in enumerate(lines):
@@ -104,6 +101,16 @@ def line_plot(figure: Mapping[str, Any]) -> str:
         if rows:
             parts += _entry(line, k)
     return "\n".join([*parts, "</svg>"]) + "\n"
+
+
+def opened(title: str, width: float, height: float, left: float = 8) -> str:
+    """The start of a drawing and its title, ``left`` from the edge; all lengths in pixels."""
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" role="img" '
+        f'width="{width}" height="{height}" font-family="sans-serif" font-size="12" '
+        f'fill="#808080"><title>{escape(title)}</title>'
+        f'<text x="{left}" y="16" font-weight="bold">{escape(title)}</text>'
+    )
 
 
 def _equalise(x: _Axis, y: _Axis) -> None:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from steersman.errors import SteersmanError, how_to_install
 from steersman.report.pack import Blob, packed
-from steersman.report.scene import BUDGET, Group, scenes
+from steersman.report.scene import BUDGET, RoadGroup, scenes
 from steersman.report.signals import SIGNALS
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def template(name: str) -> Template:
 
 
 def parts(
-    groups: Sequence[Group], training: Mapping[str, Any] | None = None, budget: int = BUDGET
+    groups: Sequence[RoadGroup], training: Mapping[str, Any] | None = None, budget: int = BUDGET
 ) -> dict[str, Any]:
     """What templates need for the script: itself, its policy, its data and columns.
 
