@@ -26,9 +26,20 @@ def kept(file: FilePath) -> object:
     return json.loads(file.read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize("name", ["bench", "faults", "maps", "maps_smooth", "precision/bench"])
+BENCHMARKS = sorted(
+    file.relative_to(ROOT).as_posix()
+    for file in ROOT.rglob("*.json")
+    if {"suite", "summary"} <= set(json.loads(file.read_text(encoding="utf-8")))
+)
+
+
+def test_all_kept_benchmarks_are_found() -> None:
+    assert {"bench/results.json", "bench/mpc_delay_null/results.json"} <= set(BENCHMARKS)
+
+
+@pytest.mark.parametrize("name", BENCHMARKS)
 def test_benchmarks_of_earlier_versions_load(name: str) -> None:
-    file = ROOT / name / "results.json"
+    file = ROOT / name
     found = BenchResult.read(file)
     assert {k: v for k, v in found.plain().items() if k in kept(file)}.keys() == kept(file).keys()  # type: ignore[attr-defined,operator]
     summary = kept(file)["summary"]  # type: ignore[index]
