@@ -9,8 +9,9 @@ import typer
 from mkdocs.structure.files import File, Files
 
 from steersman.cli.app import app
-from steersman.cli.components import _COMMANDS, _command_settings, paragraphs
+from steersman.cli.components import _COMMANDS, paragraphs
 from steersman.cli.fields import fields_of
+from steersman.commands import settings_of
 from steersman.config import components, families
 
 PAGES = Path(__file__).resolve().parents[1] / "equations"
@@ -47,7 +48,7 @@ def settings() -> str:
     """All that a command can be told."""
     parts = ["# Settings of commands", "What `steersman show COMMAND` lists: `key=value`."]
     for command in _COMMANDS:
-        cls = _command_settings(command)
+        cls = settings_of(command)
         parts += [f"## {command}", *map(_cell, paragraphs(cls)), _table(cls)]
     return "\n\n".join(parts)
 

@@ -150,6 +150,11 @@ class TestShow:
         assert data["name"] is None
         assert "seed" in {field["name"] for field in data["fields"]}
 
+    def test_settings_whose_defaults_are_many(self, steersman: Steersman) -> None:
+        result = steersman("show", "bench")
+        assert result.exit_code == 0
+        assert "vehicles      {carla_model3:" in result.stdout
+
     def test_settings_of_drive_are_those_of_a_run(self, steersman: Steersman) -> None:
         data = json.loads(steersman("show", "drive", "--json").stdout)
         assert [field["name"] for field in data["fields"]] == list(RunConfig.model_fields)

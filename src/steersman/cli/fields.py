@@ -85,6 +85,8 @@ def _plain(value: Any) -> Any:
         return dump(value)
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
     return str(value) if isinstance(value, FilePath) else value
 
 
