@@ -27,7 +27,7 @@ import numpy as np
 
 from steersman.config import build
 from steersman.files import write_text
-from steersman.paths.basic import Circle
+from steersman.paths.analytic import Circle
 from steersman.plants.carla import CarlaConfig
 from steersman.provenance import provenance
 from steersman.rollout import RunConfig, run

@@ -24,8 +24,8 @@ from steersman.files import write_text
 from steersman.provenance import provenance
 from steersman.rollout import RunConfig, run
 from steersman.studies.identify.example import NOISE, RECORDED, noisy, recording
-from steersman.studies.identify.identify import identify
-from steersman.studies.identify.log import Log, of_episode
+from steersman.studies.identify.identification import identify
+from steersman.studies.identify.recording import Log, of_episode
 from steersman.vehicles import Bmw320i, CarlaMkz2020, CarlaModel3, Vehicle
 
 _WRONG = {"c_f": 1.2, "c_r": 0.85, "yaw_inertia": 1.2, "max_wheel_angle": 1.1}

@@ -29,7 +29,7 @@ from steersman.kernels import path as kernel
 from steersman.paths.base import PathComponent
 from steersman.paths.segments import from_samples
 from steersman.paths.xodr.lane_line import lane_line
-from steersman.paths.xodr.model import Network
+from steersman.paths.xodr.model import RoadNetwork
 from steersman.paths.xodr.read import read_network
 from steersman.paths.xodr.ways import Ways
 from steersman.paths.xodr.write import opendrive
@@ -41,7 +41,7 @@ TOLERANCE = 0.01
 KINDS = ("circle", "double_lane_change", "figure_eight", "lemniscate", "random_road", "monza")
 
 
-def dense(network: Network) -> dict[tuple[str, int, int], Any]:
+def dense(network: RoadNetwork) -> dict[tuple[str, int, int], Any]:
     """Rows x, y, psi (towards growing s), s of every drivable lane, by road, section and lane."""
     ways = Ways(network)
     out: dict[tuple[str, int, int], Any] = {}

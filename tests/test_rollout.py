@@ -19,8 +19,8 @@ from steersman.controllers.pid import Pid, PidGains
 from steersman.episode import COLUMNS
 from steersman.errors import ConfigError, PlantError
 from steersman.kernels.observe import wrap_angle
+from steersman.paths.analytic import Circle, Straight
 from steersman.paths.base import PathComponent
-from steersman.paths.basic import Circle, Straight
 from steersman.plants.simulator import Simulator, SimulatorConfig
 from steersman.rollout import Interrupted, PlantFailure, RunConfig, RunError, attempt, run
 from steersman.sensing import WaypointSensor

@@ -10,8 +10,8 @@ import pytest
 
 from steersman.config import build, lookup
 from steersman.errors import DataError
-from steersman.kernels import turn
 from steersman.kernels import vehicle as kernel
+from steersman.kernels.steady_turn import steady_turn
 from steersman.plants.simulator import SimulatorConfig
 from steersman.profiles import Profile, curvature_cap, read_profile, stack_profiles
 from steersman.speed import ConstantSpeed, ConstantThrottle, Nedc, RandomProfile, SpeedCsv
@@ -135,7 +135,7 @@ def test_speed_is_held_on_the_circle(speed: float, offset: float) -> None:
     assert source.start_speed(CIRCLE, 0.0) == speed
     state = plant.reset(Pose(0.0, 0.0, 0.0), speed - offset, 0.02)
     memory, held = source.init(CIRCLE, plant.dt, state), np.zeros(kernel.N_STATE)
-    turn.steady_turn(CAR.table, 0, held, speed, 0.02)
+    steady_turn(CAR.table, 0, held, speed, 0.02)
     errors = []
     for _ in range(400):
         throttle, brake, memory = source.step(memory, state, 0.0)

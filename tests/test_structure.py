@@ -16,23 +16,13 @@ CIRCLES: frozenset[str] = frozenset(
         "steersman.cli.outcome",
         "steersman.cli.output",
         "steersman.studies.identify.csv_log",
-        "steersman.studies.identify.log",
+        "steersman.studies.identify.recording",
     }
 )
 TWICE: frozenset[str] = frozenset(
     {
         "Command",
-        "Connection",
-        "Driver",
-        "Estimate",
-        "Geometry",
-        "Log",
-        "Network",
-        "Points",
-        "Problem",
-        "Seen",
         "Source",
-        "_Curve",
     }
 )
 LONG: frozenset[str] = frozenset(

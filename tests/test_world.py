@@ -19,7 +19,7 @@ from steersman.learning.env import PathFollowingEnv
 from steersman.learning.fleet import Start
 from steersman.learning.problem import Problem
 from steersman.learning.vec_env import PathFollowingVecEnv
-from steersman.paths.basic import Circle
+from steersman.paths.analytic import Circle
 from steersman.plants.simulator import SimulatorConfig
 from steersman.plants.wind import Wind
 from steersman.rollout import RunConfig, run

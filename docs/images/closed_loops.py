@@ -9,8 +9,8 @@ import numpy as np
 from steersman.config import resolve
 from steersman.episode import Episode
 from steersman.kernels.observe import D
+from steersman.paths.analytic import Straight
 from steersman.paths.base import PathComponent
-from steersman.paths.basic import Straight
 from steersman.plants.simulator import SimulatorConfig
 from steersman.profiles import stack_profiles
 from steersman.rollout import RunConfig, run

@@ -21,7 +21,7 @@ from steersman.types import Pose
 
 def waypoints() -> dict[str, Any]:
     """Shifted waypoints, and the road that they tell."""
-    from steersman.paths.basic import Circle
+    from steersman.paths.analytic import Circle
     from steersman.plants.simulator import SimulatorConfig
 
     path, rng = Circle(), np.random.default_rng(4)

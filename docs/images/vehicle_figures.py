@@ -7,11 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from steersman.controllers.mpc import single_track, zero_order_hold
-from steersman.controllers.pid import steady_side_slip, steady_wheel_angle
+from steersman.controllers.single_track import (
+    single_track,
+    steady_side_slip,
+    steady_wheel_angle,
+    zero_order_hold,
+)
 from steersman.kernels import vehicle as kernel
 from steersman.kernels.actuator import slew_lagged
-from steersman.kernels.turn import steady_turn
+from steersman.kernels.steady_turn import steady_turn
 from steersman.plants.simulator import SimulatorConfig
 from steersman.types import Command, FloatArray, Pose
 from steersman.vehicles import Bmw320i, CarlaModel3, Vehicle

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from steersman.rollout import Attempt
     from steersman.studies.compare.results import DriveCompareResult, ScenarioCompareResult
     from steersman.studies.findings import FalsifyResult
-    from steersman.studies.identify.identify import Identified
+    from steersman.studies.identify.identification import Identified
     from steersman.vehicles import Vehicle
 
 __all__ = [
@@ -476,8 +476,8 @@ def identify(
         ConfigError: there is no such vehicle, or a value is not allowed.
         DataError: the recording is missing, too short or malformed.
     """
-    from steersman.studies.identify.identify import identify as fit
-    from steersman.studies.identify.log import read_log
+    from steersman.studies.identify.identification import identify as fit
+    from steersman.studies.identify.recording import read_log
     from steersman.studies.identify.result import write
 
     if lock is not None and not lock > 0.0:

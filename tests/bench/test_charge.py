@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from steersman.bench.drive import charged_mean, charged_quantile, charged_rms, driven_share
 from steersman.controllers.pid import Pid, PidGains
-from steersman.paths.basic import Circle, Straight
+from steersman.paths.analytic import Circle, Straight
 from steersman.rollout import RunConfig, run
 from steersman.speed import ConstantSpeed
 

@@ -18,7 +18,7 @@ from steersman.controllers.pid import Pid
 from steersman.controllers.supervisor import Supervisor
 from steersman.episode import Episode
 from steersman.faults import Dead, Dying, Fault
-from steersman.paths.basic import Circle, Straight
+from steersman.paths.analytic import Circle, Straight
 from steersman.types import Decision, Observation, Status
 
 from ..loops import CAR, DT, beside, observe

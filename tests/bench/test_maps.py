@@ -19,7 +19,7 @@ from steersman.cli import app
 from steersman.config import dump
 from steersman.errors import ConfigError
 from steersman.kernels import path as kernel
-from steersman.paths.basic import Circle
+from steersman.paths.analytic import Circle
 from steersman.paths.opendrive import OpenDrivePath
 from steersman.paths.tracks import TrainingCircuit
 from steersman.paths.xodr.write import opendrive

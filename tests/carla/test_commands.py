@@ -13,7 +13,7 @@ from steersman.bench.suites import suite
 from steersman.cli import app
 from steersman.config import build, lookup
 from steersman.errors import PlantError
-from steersman.paths.basic import Circle
+from steersman.paths.analytic import Circle
 from steersman.plants.carla import CarlaConfig
 from steersman.plants.simulator import SimulatorConfig
 from steersman.rollout import run

@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 
 from steersman.cli import app
 from steersman.errors import ConfigError, PlantError
-from steersman.paths.basic import Circle, Straight
+from steersman.paths.analytic import Circle, Straight
 from steersman.plants import carla_server, carla_session
 from steersman.plants.carla import CarlaConfig
 from steersman.plants.carla_plant import CarlaPlant

@@ -10,7 +10,7 @@ import pytest
 
 from steersman.controllers.bearing_pid import BearingPid
 from steersman.episode import Episode
-from steersman.paths.basic import Circle, Straight
+from steersman.paths.analytic import Circle, Straight
 from steersman.paths.tracks import Monza
 from steersman.plants.carla import CarlaConfig
 from steersman.plants.carla_world import world_of

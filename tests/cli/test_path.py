@@ -11,7 +11,7 @@ from xml.etree import ElementTree as ET
 import pytest
 from typer.testing import Result
 
-from steersman.paths.basic import Circle
+from steersman.paths.analytic import Circle
 from steersman.paths.xodr.write import opendrive
 
 from ..paths import xodr_maps

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from steersman.controllers.bearing_pid import BearingPid
-from steersman.paths.basic import Circle, Straight
+from steersman.paths.analytic import Circle, Straight
 from steersman.speed import ConstantSpeed
 from steersman.types import Observation, Status
 

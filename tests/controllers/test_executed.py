@@ -11,8 +11,8 @@ import pytest
 from steersman.config import resolve
 from steersman.controllers.base import ControllerComponent
 from steersman.controllers.mpc_delay import MpcDelay
-from steersman.kernels.delay_mpc import wheel_angle
-from steersman.paths.basic import Straight
+from steersman.kernels.mpc_delay import wheel_angle
+from steersman.paths.analytic import Straight
 from steersman.plants.simulator import SimulatorConfig
 from steersman.sensing import WaypointSensor, track
 from steersman.types import Command, Pose

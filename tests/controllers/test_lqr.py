@@ -7,11 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from steersman.controllers import error_model as em
+from steersman.controllers import single_track as em
 from steersman.controllers.lqr import Lqr, gain_at, lqr_gain
-from steersman.controllers.mpc import single_track
-from steersman.controllers.pid import steady_side_slip, steady_wheel_angle
-from steersman.paths.basic import Circle, Straight
+from steersman.controllers.single_track import single_track, steady_side_slip, steady_wheel_angle
+from steersman.paths.analytic import Circle, Straight
 from steersman.speed import ConstantSpeed
 from steersman.types import FloatArray
 

@@ -11,11 +11,11 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import nnls
 from scipy.signal import cont2discrete
 
-from steersman.controllers import mpc
-from steersman.controllers.mpc import MpcProblem, build_problem
+from steersman.controllers.condensed_qp import MpcProblem, build_problem, predict
 from steersman.controllers.mpc_pid import ModelError, MpcPid
 from steersman.controllers.pid import PidGains, PidState
-from steersman.paths.basic import Circle, Straight
+from steersman.controllers.single_track import single_track, zero_order_hold
+from steersman.paths.analytic import Circle, Straight
 from steersman.types import FloatArray, Observation, Status
 
 from ..loops import CAR, DT, beside, drive, observe
@@ -47,14 +47,14 @@ def scenes(count: int = 20, largest: float = 3.0) -> list[Observation]:
 
 
 def test_zero_order_hold_is_scipys() -> None:
-    a, b = mpc.single_track(CAR, 8.0)
+    a, b = single_track(CAR, 8.0)
     expected = cont2discrete((a, b, np.eye(4), np.zeros((4, 1))), DT)[:2]
-    for ours, theirs in zip(mpc.zero_order_hold(a, b, DT), expected, strict=True):
+    for ours, theirs in zip(zero_order_hold(a, b, DT), expected, strict=True):
         assert ours == pytest.approx(theirs, abs=1e-13)
 
 
 def test_zero_order_hold_of_a_double_integrator() -> None:
-    a, b = mpc.zero_order_hold(np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]]), 0.2)
+    a, b = zero_order_hold(np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]]), 0.2)
     assert a == pytest.approx(np.array([[1.0, 0.2], [0.0, 1.0]]))
     assert b == pytest.approx(np.array([[0.02], [0.2]]))
 
@@ -62,7 +62,7 @@ def test_zero_order_hold_of_a_double_integrator() -> None:
 @pytest.mark.parametrize("v", [3.0, 8.0, 25.0])
 def test_the_model_turns_as_the_steady_turn_does(v: float) -> None:
     """Rajamani eq. 3.15: the wheel angle of a curvature, from the stationary solution."""
-    a, b = mpc.single_track(CAR, v)
+    a, b = single_track(CAR, v)
     sub = np.ix_([1, 3], [1, 3])
     slip, rate = np.linalg.solve(a[sub], -b[[1, 3], 0])
     load_f, load_r = CAR.mass * CAR.l_r / CAR.wheelbase, CAR.mass * CAR.l_f / CAR.wheelbase
@@ -74,8 +74,8 @@ def test_the_model_turns_as_the_steady_turn_does(v: float) -> None:
 
 def test_condensed_prediction_is_the_simulation() -> None:
     rng = np.random.default_rng(4)
-    a, b = mpc.zero_order_hold(*mpc.single_track(CAR, 8.0), DT)
-    free, forced = mpc.predict(a, b, N)
+    a, b = zero_order_hold(*single_track(CAR, 8.0), DT)
+    free, forced = predict(a, b, N)
     start, steering = rng.normal(size=4), rng.normal(size=N)
     state, lateral = start, []
     for u in steering:

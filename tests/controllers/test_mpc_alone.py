@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from steersman.controllers.condensed_qp import MpcProblem
 from steersman.controllers.linear_mpc import Mpc
-from steersman.controllers.mpc import MpcProblem, single_track
 from steersman.controllers.mpc_pid import MpcPid
-from steersman.paths.basic import Circle, Straight
+from steersman.controllers.single_track import single_track
+from steersman.paths.analytic import Circle, Straight
 from steersman.speed import ConstantSpeed
 from steersman.types import Status
 

@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from steersman.controllers import delay_plan
-from steersman.controllers.delay_model import Weights, at_speed, build_model, build_tables
-from steersman.controllers.delay_plan import Problem
-from steersman.controllers.error_model import discrete, error_model
+from steersman.controllers import mpc_delay_plan
 from steersman.controllers.mpc_delay import MpcDelay
+from steersman.controllers.mpc_delay_model import Weights, at_speed, build_model, build_tables
+from steersman.controllers.mpc_delay_plan import PlanProblem
+from steersman.controllers.single_track import discrete, error_model
 from steersman.metrics.driving import rms_lateral_error
-from steersman.paths.basic import Circle, Straight
-from steersman.paths.eights import FigureEight
+from steersman.paths.analytic import Circle, FigureEight, Straight
 from steersman.plants.simulator import SimulatorConfig
 from steersman.speed import ConstantSpeed
 from steersman.types import FloatArray, Status
@@ -31,16 +30,16 @@ WEIGHTS = Weights(1.0, 0.02, 0.3, 0.05, 0.4, 5.0)
 PLAIN = MpcDelay(delay=0.0, disturbance_time=None, filter_road=False)
 
 
-def problem(seed: int = 0, size: float = 1.0, most: float = 0.5, step: float = 0.1) -> Problem:
+def problem(seed: int = 0, size: float = 1.0, most: float = 0.5, step: float = 0.1) -> PlanProblem:
     """Any state, any road, a little off."""
     rng = np.random.default_rng(seed)
     model = build_model(CAR, DT, N, WEIGHTS, V)
     xi = size * rng.normal(size=4) * [0.2, 0.2, 0.05, 0.1]
     road = 0.02 * np.sin(0.3 * np.arange(N + 1) + rng.uniform(0.0, 6.0))
-    return Problem(model, road, xi, float(model.steady[1, 0]), 0.003, most, step)
+    return PlanProblem(model, road, xi, float(model.steady[1, 0]), 0.003, most, step)
 
 
-def cost(p: Problem, plan: FloatArray, before: float) -> float:
+def cost(p: PlanProblem, plan: FloatArray, before: float) -> float:
     """The cost as documented, simulated step by step, with the end by a long free run."""
     model = discrete(error_model(CAR, V), DT)
     heading = p.model.steady[0, 0]
@@ -61,14 +60,14 @@ def cost(p: Problem, plan: FloatArray, before: float) -> float:
 @pytest.mark.parametrize("seed", range(5))
 def test_the_free_plan_is_the_least_of_the_condensed_cost(seed: int) -> None:
     p = problem(seed)
-    hessian, linear = delay_plan.condensed(p, WEIGHTS, 0.01)
-    plan = delay_plan.free_plan(p, 0.01)
+    hessian, linear = mpc_delay_plan.condensed(p, WEIGHTS, 0.01)
+    plan = mpc_delay_plan.free_plan(p, 0.01)
     assert plan == pytest.approx(-np.linalg.solve(hessian, linear), abs=1e-9)
 
 
 def test_the_condensed_cost_is_the_documented_one() -> None:
     p, rng = problem(), np.random.default_rng(1)
-    hessian, linear = delay_plan.condensed(p, WEIGHTS, 0.01)
+    hessian, linear = mpc_delay_plan.condensed(p, WEIGHTS, 0.01)
     plans = rng.normal(0.0, 0.1, (6, N))
     ours = [u @ hessian @ u + 2.0 * linear @ u for u in plans]
     real = [cost(p, u, 0.01) for u in plans]
@@ -83,14 +82,14 @@ def test_with_active_limits_it_is_the_reference_solvers_plan(most: float, step: 
         p, last = problem(seed, most=most, step=step), 0.01
         steady = p.angle_per_kappa * p.road[:-1] + p.angle_offset
         before = last - steady[0]
-        hessian, linear = delay_plan.condensed(p, WEIGHTS, before)
+        hessian, linear = mpc_delay_plan.condensed(p, WEIGHTS, before)
         moves = changes @ steady - last * eye[0]
         rows = np.vstack([eye, -eye, changes, -changes])
         limits = np.concatenate([most - steady, most + steady, step - moves, step + moves])
         expected = least_distance(hessian, linear, rows, limits)
-        plan = delay_plan.limited_plan(p, WEIGHTS, before, steady, last)
+        plan = mpc_delay_plan.limited_plan(p, WEIGHTS, before, steady, last)
         assert plan == pytest.approx(expected, abs=1e-6)
-        active += bool(abs(expected - delay_plan.free_plan(p, before)).max() > 1e-3)
+        active += bool(abs(expected - mpc_delay_plan.free_plan(p, before)).max() > 1e-3)
     assert active == 5
 
 
@@ -188,7 +187,7 @@ def test_steering_rate_is_kept() -> None:
 
 
 def test_a_solver_that_fails_leaves_the_clipped_optimum(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(delay_plan, "limited_plan", lambda *_: None)
+    monkeypatch.setattr(mpc_delay_plan, "limited_plan", lambda *_: None)
     bmw, path = Bmw320i(), Posed()
     state = MpcDelay().init(bmw, DT)
     decision, state = MpcDelay().step(state, observe(path, beside(path, 5.0, d=1.4), 5.0))

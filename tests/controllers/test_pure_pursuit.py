@@ -7,7 +7,7 @@ import math
 import pytest
 
 from steersman.controllers.pure_pursuit import PurePursuit, pursuit_curvature
-from steersman.paths.basic import Circle, Straight
+from steersman.paths.analytic import Circle, Straight
 from steersman.speed import ConstantSpeed
 
 from ..loops import CAR, DT, beside, drive, observe

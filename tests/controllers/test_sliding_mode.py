@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from steersman.controllers.error_model import error_model, steady_state
+from steersman.controllers.single_track import error_model, steady_state
 from steersman.controllers.sliding_mode import SlidingMode
 from steersman.kernels.vehicle import wheel_tangents
-from steersman.paths.basic import Circle
+from steersman.paths.analytic import Circle
 from steersman.speed import ConstantSpeed
 from steersman.types import FloatArray, Observation, Status
 

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from steersman.controllers.stanley import Stanley, moved_errors
-from steersman.paths.basic import Circle, Straight
+from steersman.paths.analytic import Circle, Straight
 from steersman.speed import ConstantSpeed
 
 from ..loops import CAR, DT, Posed, beside, drive, observe

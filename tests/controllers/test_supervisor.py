@@ -16,14 +16,14 @@ from hypothesis import strategies as st
 from steersman.bench.suites import suite
 from steersman.config import build, override, resolve
 from steersman.controllers.base import ControllerComponent, Wrapper
-from steersman.controllers.reckon import STRAIGHTEN, held, moved_on, quiet, reckoned
+from steersman.controllers.dead_reckoning import STRAIGHTEN, held, moved_on, quiet, reckoned
 from steersman.controllers.supervisor import Supervisor
-from steersman.controllers.swings import Swings
+from steersman.controllers.supervisor_checks import Swings
 from steersman.episode import Episode
 from steersman.errors import ConfigError
-from steersman.kernels import delay_mpc as kernel
+from steersman.kernels import mpc_delay as kernel
 from steersman.learning.snapshot import changed, read, rebuilt, write
-from steersman.paths.basic import Circle, Straight
+from steersman.paths.analytic import Circle, Straight
 from steersman.plants.simulator import SimulatorConfig
 from steersman.rollout import RunConfig, RunError, run
 from steersman.sensing import WaypointSensor, track

@@ -14,7 +14,7 @@ from steersman.episode import Episode
 from steersman.learning.config import TrainConfig
 from steersman.learning.export import export_policy
 from steersman.learning.networks import Net
-from steersman.paths.basic import Straight
+from steersman.paths.analytic import Straight
 from steersman.rollout import RunConfig, run
 
 from ..loops import CAR, DT, beside, observe, random_net

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from steersman.kernels import turn
 from steersman.kernels import vehicle as kernel
+from steersman.kernels.steady_turn import steady_turn
 from steersman.types import FloatArray
 from steersman.vehicles import Bmw320i, CarlaMkz2020, CarlaModel3, Vehicle
 
@@ -19,7 +19,7 @@ CARS = {car.kind: car for car in (CAR, CarlaMkz2020(), Bmw320i())}
 
 def steady(car: Vehicle, speed: float, curvature: float) -> FloatArray:
     state = np.zeros(kernel.N_STATE)
-    assert turn.steady_turn(car.table, 0, state, speed, curvature)
+    assert steady_turn(car.table, 0, state, speed, curvature)
     return state
 
 
@@ -71,13 +71,13 @@ def test_turn_is_an_equilibrium(curvature: float) -> None:
         kernel.derivative(CAR.table, 0, state[: kernel.N_MOTION], state[kernel.STEER], *pedals, out)
         assert out[kernel.VX :] == pytest.approx(np.zeros(5), abs=1e-8)
         python = np.zeros(kernel.N_STATE)
-        assert turn.steady_turn.py_func(CAR.table, 0, python, speed, curvature)
+        assert steady_turn.py_func(CAR.table, 0, python, speed, curvature)
         assert python == pytest.approx(state, abs=1e-10)
 
 
 def test_impossible_turn_is_kinematic() -> None:
     state = np.zeros(kernel.N_STATE)
-    assert not turn.steady_turn(CAR.table, 0, state, 30.0, 0.1)
+    assert not steady_turn(CAR.table, 0, state, 30.0, 0.1)
     assert np.isfinite(state).all()
     assert abs(state[kernel.STEER]) <= 1.0
     assert slip(state) == pytest.approx(math.atan(CAR.l_r * 0.1))

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from steersman.errors import DataError
-from steersman.logs import Log, read
+from steersman.logs import MotionLog, read
 
 from . import bags
 
@@ -34,7 +34,7 @@ def survives(folder: FilePath, kind: str, data: bytes) -> None:
         assert text.startswith(str(file))
         assert "\n" not in text
     else:
-        assert isinstance(log, Log)
+        assert isinstance(log, MotionLog)
         assert len(log) <= 10
         assert all(np.all(np.isfinite(column)) for column in log.columns.values())
 

@@ -9,8 +9,8 @@ from pathlib import Path as FilePath
 import pytest
 
 from steersman.config import resolve
+from steersman.paths.analytic import FigureEight
 from steersman.paths.base import PathComponent
-from steersman.paths.eights import FigureEight
 from steersman.paths.xodr.write import opendrive
 
 from ..logs import bags

@@ -17,8 +17,7 @@ from steersman.logs import schemas
 from steersman.logs.write import write_episode
 from steersman.paths.base import PathComponent
 from steersman.paths.csv_path import CsvPath
-from steersman.paths.mcap_path import McapPath
-from steersman.paths.recorded import first_lap, thinned
+from steersman.paths.mcap_path import McapPath, first_lap, thinned
 from steersman.rollout import RunConfig, run
 
 from ..logs import bags

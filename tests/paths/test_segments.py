@@ -9,8 +9,7 @@ import pytest
 
 from steersman.errors import DataError
 from steersman.kernels import path as kernel
-from steersman.paths.basic import Circle, Straight
-from steersman.paths.eights import FigureEight
+from steersman.paths.analytic import Circle, FigureEight, Straight
 from steersman.paths.segments import Segment, end_pose, from_samples, from_segments, stack
 from steersman.paths.tracks import Monza
 from steersman.types import Pose

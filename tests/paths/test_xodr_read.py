@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from steersman.errors import DataError
-from steersman.paths.basic import Circle
+from steersman.paths.analytic import Circle
 from steersman.paths.opendrive import OpenDrivePath
 from steersman.paths.xodr import xml
 from steersman.paths.xodr.read import read_network

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from steersman.kernels.path import PathTable
+from steersman.paths.analytic import Circle, Straight
 from steersman.paths.base import PathComponent
-from steersman.paths.basic import Circle, Straight
 from steersman.paths.segments import Segment, end_pose, from_segments
 from steersman.paths.tracks import Monza
 from steersman.paths.xodr.shapes import Shape, cut, shapes

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steersman.errors import ConfigError
-from steersman.kernels import turn
 from steersman.kernels import vehicle as kernel
-from steersman.paths.basic import Circle, Straight
+from steersman.kernels.steady_turn import steady_turn
+from steersman.paths.analytic import Circle, Straight
 from steersman.plants.simulator import Simulator, SimulatorConfig
 from steersman.plants.wind import Gusts, Wind
 from steersman.profiles import stack_profiles
@@ -97,7 +97,7 @@ def test_delay_line_starts_with_the_steady_turn() -> None:
 
 def kernel_steer(speed: float, curvature: float) -> float:
     row = np.zeros(kernel.N_STATE)
-    assert turn.steady_turn(CAR.table, 0, row, speed, curvature)
+    assert steady_turn(CAR.table, 0, row, speed, curvature)
     return float(row[kernel.STEER])
 
 

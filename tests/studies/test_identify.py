@@ -12,11 +12,11 @@ import pytest
 from steersman.config import build, lookup
 from steersman.errors import DataError
 from steersman.rollout import RunConfig, run
-from steersman.studies.identify import csv_log, lateral, replayed
+from steersman.studies.identify import csv_log, lateral, stretch_replay
 from steersman.studies.identify.estimate import Misses, estimate
 from steersman.studies.identify.example import recording
-from steersman.studies.identify.identify import Figure, Identified, fitted_rows, identify
-from steersman.studies.identify.log import Log, of_episode, pieces, read_log
+from steersman.studies.identify.identification import Figure, Identified, fitted_rows, identify
+from steersman.studies.identify.recording import Log, of_episode, pieces, read_log
 from steersman.studies.identify.result import sections, write
 from steersman.studies.identify.unknowns import SIGMAS, guess_at, steering, vehicle_at
 from steersman.vehicles import Bmw320i, CarlaModel3, Vehicle
@@ -247,7 +247,7 @@ def test_the_uncertainty_of_what_is_held_is_in_the_intervals() -> None:
 def test_lateral_intervals_cover(tmp_path: FilePath) -> None:
     """A few noisy recordings of one drive; the record in results/identify has many."""
     clean = recording(OTHER, 40.0, noise=0.0)
-    stretches = replayed.stretches(clean, OTHER)
+    stretches = stretch_replay.stretches(clean, OTHER)
     stretches = [s._replace(driven=s.pedals) for s in stretches]
     use = np.full(len(clean.time), True)
     off = []
@@ -308,9 +308,9 @@ def test_an_episode_is_a_recording(tmp_path: FilePath) -> None:
         assert (log.signals[name] == same.signals[name]).all()
     # What it says is what the simulator does.
     car = MODEL3
-    (stretch,) = replayed.stretches(log, car)
-    states = replayed.lateral(car, stretch._replace(driven=stretch.pedals))
-    found = replayed.responses(car, stretch, states, ["yaw_rate"], {})[20:, 0]
+    (stretch,) = stretch_replay.stretches(log, car)
+    states = stretch_replay.lateral(car, stretch._replace(driven=stretch.pedals))
+    found = stretch_replay.responses(car, stretch, states, ["yaw_rate"], {})[20:, 0]
     np.testing.assert_allclose(found, log.signals["yaw_rate"][20:], atol=1e-4)
 
 

@@ -11,7 +11,7 @@ from steersman.cli.output import note, show, show_json, table, tell_compiling
 from steersman.errors import ConfigError
 
 if TYPE_CHECKING:
-    from steersman.studies.identify.identify import Identified
+    from steersman.studies.identify.identification import Identified
 
 EXAMPLES = (
     "\b\n"

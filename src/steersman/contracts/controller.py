@@ -22,7 +22,7 @@ from steersman.contracts.scenes import (
     scenes,
 )
 from steersman.controllers.base import ControllerComponent
-from steersman.paths.basic import Circle
+from steersman.paths.analytic import Circle
 from steersman.plants.simulator import SimulatorConfig
 from steersman.sensing import WaypointSensor
 from steersman.types import Observation, Status

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from steersman.disturbances import DisturbanceComponent
-from steersman.paths.basic import Circle
+from steersman.paths.analytic import Circle
 from steersman.rollout import RunConfig, run
 from steersman.types import FloatArray
 

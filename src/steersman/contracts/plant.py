@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from steersman.bench.disturbance import Disturbance
-from steersman.paths.basic import Circle
+from steersman.paths.analytic import Circle
 from steersman.plants.base import PlantComponent
 from steersman.rollout import RunConfig, run
 from steersman.types import Command, FloatArray, Pose, VehicleState

@@ -11,7 +11,7 @@ from steersman.contracts import findings
 from steersman.contracts.scenes import drive
 from steersman.controllers.pid import Pid
 from steersman.episode import DURATION
-from steersman.paths.basic import Circle, Straight
+from steersman.paths.analytic import Circle, Straight
 from steersman.speed import ConstantSpeed
 from steersman.vehicles import Vehicle
 

@@ -7,8 +7,8 @@ from typing import Any, ClassVar, NamedTuple
 
 from steersman.config import Settings, param, register
 from steersman.controllers.base import ControllerComponent, within_limits
-from steersman.controllers.mpc import MpcProblem, build_problem
-from steersman.kernels.delay_mpc import wheel_angle
+from steersman.controllers.condensed_qp import MpcProblem, build_problem
+from steersman.kernels.mpc_delay import wheel_angle
 from steersman.types import FloatArray, Observation, Status
 from steersman.vehicles import Vehicle
 

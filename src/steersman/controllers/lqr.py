@@ -16,8 +16,14 @@ from scipy.linalg import solve_discrete_are
 
 from steersman.config import param, register
 from steersman.controllers.base import ControllerComponent
-from steersman.controllers.error_model import discrete, error_model, errors
-from steersman.controllers.pid import preview_curvature, steady_side_slip, steady_wheel_angle
+from steersman.controllers.pid import preview_curvature
+from steersman.controllers.single_track import (
+    discrete,
+    error_model,
+    errors,
+    steady_side_slip,
+    steady_wheel_angle,
+)
 from steersman.types import FloatArray, Observation, Status
 from steersman.vehicles import Vehicle
 

@@ -17,10 +17,10 @@ import numpy as np
 
 from steersman.config import param, register
 from steersman.controllers.base import ControllerComponent
-from steersman.controllers.delay_model import SLOWEST, Model, Weights, build_tables
-from steersman.controllers.delay_plan import Problem, pose, solve
+from steersman.controllers.mpc_delay_model import SLOWEST, Model, Weights, build_tables
+from steersman.controllers.mpc_delay_plan import PlanProblem, pose, solve
 from steersman.controllers.road_filter import NOTHING_SEEN, RoadState, first_look, fuse
-from steersman.kernels import delay_mpc as kernel
+from steersman.kernels import mpc_delay as kernel
 from steersman.types import FloatArray, Observation, Status
 from steersman.vehicles import Vehicle
 
@@ -154,7 +154,7 @@ class MpcDelay(ControllerComponent):
         v = max(o.v_x + state.acceleration * delay, SLOWEST)  # when the command will act
         road = np.empty(self.horizon + 1)
         kernel.road_ahead(o.preview, o.spacing, o.curvature, motion[kernel.WAY], v * dt, road)
-        problem = Problem.at(state.vehicle, dt, state.tables, v, road, motion, disturbance)
+        problem = PlanProblem.at(state.vehicle, dt, state.tables, v, road, motion, disturbance)
         angle, status = solve(problem, self.weights(), state.angle, state.kappa)
         steer = state.vehicle.steer_for_wheel_angle(angle, v)
         commands = np.empty_like(state.commands)

@@ -7,8 +7,8 @@ from typing import ClassVar, NamedTuple
 
 from steersman.config import param, register
 from steersman.controllers.base import within_limits
+from steersman.controllers.condensed_qp import MpcProblem
 from steersman.controllers.linear_mpc import LinearMpc, ModelError, MpcState
-from steersman.controllers.mpc import MpcProblem
 from steersman.controllers.pid import PidGains, PidState
 from steersman.types import FloatArray, Observation, Status
 from steersman.vehicles import Vehicle

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import ClassVar, NamedTuple
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from steersman.config import Settings, param, register
 from steersman.controllers.base import ControllerComponent
+from steersman.controllers.single_track import steady_side_slip, steady_wheel_angle
 from steersman.kernels.preview import curvature_at
 from steersman.types import FloatArray, Observation, Status
 from steersman.vehicles import Vehicle
@@ -102,20 +102,6 @@ class Pid(ControllerComponent):
             steady_slip = steady_side_slip(vehicle, v, observation.curvature)
         steer -= self.k_heading * (observation.heading_error + steady_slip)
         return steer, Status.SOLVED, state._replace(pid=pid)
-
-
-def steady_wheel_angle(vehicle: Vehicle, v: float, kappa: float) -> float:
-    """Single-track wheel angle of the steady turn, Rajamani eq. 3.15 [rad]."""
-    load_f = vehicle.mass * vehicle.l_r / vehicle.wheelbase
-    load_r = vehicle.mass * vehicle.l_f / vehicle.wheelbase
-    understeer = load_f / vehicle.c_f - load_r / vehicle.c_r
-    return math.atan(vehicle.wheelbase * kappa) + understeer * v * v * kappa
-
-
-def steady_side_slip(vehicle: Vehicle, v: float, kappa: float) -> float:
-    """Side-slip of the steady turn at the centre of mass, Rajamani eq. 3.20 [rad]."""
-    load_r = vehicle.mass * vehicle.l_f / vehicle.wheelbase
-    return vehicle.l_r * kappa - load_r * v * v * kappa / vehicle.c_r
 
 
 def preview_curvature(observation: Observation, distance: float, window: float = 0.0) -> float:

@@ -13,7 +13,7 @@ from typing import ClassVar, Literal, NamedTuple
 
 from steersman.config import param, register
 from steersman.controllers.base import ControllerComponent
-from steersman.controllers.pid import steady_side_slip
+from steersman.controllers.single_track import steady_side_slip
 from steersman.types import Observation, Status
 from steersman.vehicles import Vehicle
 

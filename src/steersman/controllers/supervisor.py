@@ -14,9 +14,15 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 from steersman.config import Of, param, register
 from steersman.controllers.base import ControllerComponent, Wrapper, within_limits
 from steersman.controllers.candidate import Candidate, Rules, ask, tell
-from steersman.controllers.reckon import held, moved_on, practise, quiet, reckoned
-from steersman.controllers.swings import Swings
-from steersman.controllers.watch import NOTHING_SEEN, Seen, first_sight, input_fault, no_news
+from steersman.controllers.dead_reckoning import held, moved_on, practise, quiet, reckoned
+from steersman.controllers.supervisor_checks import (
+    NOTHING_SEEN,
+    LastSeen,
+    Swings,
+    first_sight,
+    input_fault,
+    no_news,
+)
 from steersman.types import Decision, Driver, Observation, Reason, Status
 from steersman.vehicles import Vehicle
 
@@ -43,7 +49,7 @@ class SupervisorState(NamedTuple):
     """By how much the steering before the last hand-over differed from the new driver's [-]."""
     fade: float = 0.0
     """Share of it that is still added."""
-    seen: Seen = NOTHING_SEEN
+    seen: LastSeen = NOTHING_SEEN
     swings: Swings = Swings()
     """Of the lateral acceleration under the present driver."""
 
@@ -127,7 +133,7 @@ class Supervisor(Wrapper):
         road = quiet(seen) if road is None else road
         last = seen._replace(preview=road)
         age, motion = age + state.dt, moved_on(state.vehicle, last, motion, state.last, state.dt)
-        state = state._replace(seen=Seen(seen, age, motion, road))
+        state = state._replace(seen=LastSeen(seen, age, motion, road))
         if fault is Reason.STALE and age <= self.stale_time + _SAME:
             return self._steered(state, observation, Reason.NONE)
         told = None

@@ -4,6 +4,6 @@
 ``restore.read_episode`` keep a run of our own. All of it needs the extra ``logs``.
 """
 
-from steersman.logs.read import COLUMNS, Log, read
+from steersman.logs.read import COLUMNS, MotionLog, read
 
-__all__ = ["COLUMNS", "Log", "read"]
+__all__ = ["COLUMNS", "MotionLog", "read"]

@@ -38,7 +38,7 @@ _NS = 1e-9
 
 
 @dataclass(frozen=True)
-class Log:
+class MotionLog:
     """What was recorded of a drive; a row for each Odometry message, in the order of time.
 
     Attributes:
@@ -87,7 +87,7 @@ def read(
     command: str | None = None,
     angle: str | None = None,
     ahead: float = 0.0,
-) -> Log:
+) -> MotionLog:
     """The columns of a recording: an MCAP or SQLite file, or the folder of a ROS 2 bag.
 
     Args:
@@ -109,7 +109,7 @@ def read(
         return _log(recording, topics, ahead)
 
 
-def motion(recording: Recording, topic: str, ahead: float = 0.0) -> Log:
+def motion(recording: Recording, topic: str, ahead: float = 0.0) -> MotionLog:
     """The columns of an Odometry topic alone, of an open recording.
 
     Raises:
@@ -118,7 +118,7 @@ def motion(recording: Recording, topic: str, ahead: float = 0.0) -> Log:
     return _log(recording, {"odometry": topic}, ahead)
 
 
-def _log(recording: Recording, topics: Mapping[str, str], ahead: float) -> Log:
+def _log(recording: Recording, topics: Mapping[str, str], ahead: float) -> MotionLog:
     tables = {
         group: recording.messages(topic, _taker(_EXTRACT[group])) for group, topic in topics.items()
     }
@@ -131,7 +131,7 @@ def _log(recording: Recording, topics: Mapping[str, str], ahead: float) -> Log:
     _check(recording.file, topics["odometry"], driven)
     columns = _moved(_motion(driven), ahead)
     _add_steering(columns, series)
-    return Log(columns, {group: topics[group] for group in told}, int(driven.stamps[0]))
+    return MotionLog(columns, {group: topics[group] for group in told}, int(driven.stamps[0]))
 
 
 def _topics(

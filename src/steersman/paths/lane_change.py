@@ -9,8 +9,8 @@ from pydantic import model_validator
 from steersman.config import param, register
 from steersman.errors import ConfigError
 from steersman.kernels.path import PathTable
+from steersman.paths.analytic import Direction, sign
 from steersman.paths.base import PathComponent
-from steersman.paths.basic import Direction, sign
 from steersman.paths.segments import Segment, end_pose, from_segments
 
 # Beyond about 75 degrees in the middle the lane change would turn back on itself.

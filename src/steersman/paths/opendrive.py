@@ -17,7 +17,7 @@ from steersman.paths.base import PathComponent
 from steersman.paths.segments import from_samples, part
 
 if TYPE_CHECKING:
-    from steersman.paths.xodr.model import Network
+    from steersman.paths.xodr.model import RoadNetwork
     from steersman.paths.xodr.ways import Ways
 
 _CHOICES = ("road", "route", "random")
@@ -130,7 +130,7 @@ def _stamp(file: FilePath) -> tuple[int, int]:
 
 
 @lru_cache(maxsize=4)
-def _network(file: FilePath, stamp: tuple[int, int]) -> Network:
+def _network(file: FilePath, stamp: tuple[int, int]) -> RoadNetwork:
     """The roads of a file, which is read again only if it has changed."""
     from steersman.paths.xodr.read import read_network
 

@@ -51,7 +51,7 @@ def smoothed(table: PathTable, tolerance: float) -> PathTable:
     Raises:
         DataError: the tolerance leaves no room for transitions.
     """
-    curve = _Curve(table)
+    curve = _ExtendedPath(table)
     if not np.any((curve.jumps > 0.0) & (curve.closed | (curve.jumps < curve.length))):
         return table
     window = math.sqrt(24.0 * tolerance / max(curve.sharpest, _FLAT))
@@ -78,7 +78,7 @@ def _farthest(table: PathTable, other: PathTable) -> float:
     )
 
 
-class _Curve:
+class _ExtendedPath:
     """A path that goes on beyond its ends, and the integral of its position over arc length."""
 
     def __init__(self, table: PathTable) -> None:

@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from steersman.errors import PlantError
-from steersman.paths.basic import Circle
+from steersman.paths.analytic import Circle
 from steersman.plants.carla import CarlaConfig
 from steersman.plants.carla_plant import CarlaPlant
 from steersman.plants.carla_server import whose

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from steersman.kernels import turn
 from steersman.kernels import vehicle as kernel
+from steersman.kernels.steady_turn import steady_turn
 from steersman.types import Command, Pose
 from steersman.vehicles import LONGEST_STEP, Vehicle
 
@@ -50,7 +50,7 @@ class VehicleMotion:
 
     def steady_turn(self, speed: float, curvature: float) -> bool:
         """Put it into the steady turn at ``speed`` [m/s]; False where there is none."""
-        return bool(turn.steady_turn(self._table, 0, self._row, speed, curvature))
+        return bool(steady_turn(self._table, 0, self._row, speed, curvature))
 
     def stop(self) -> None:
         """Set velocities and accelerations to zero; pose and actuators stay."""

@@ -12,9 +12,9 @@ from typing import ClassVar
 import numpy as np
 
 from steersman.config import param
-from steersman.kernels import turn
 from steersman.kernels import vehicle as car
 from steersman.kernels.actuator import slew, slew_lagged
+from steersman.kernels.steady_turn import steady_turn
 from steersman.kernels.world import DELAY_LINE
 from steersman.plants.base import PlantComponent
 from steersman.protocols import Path
@@ -148,7 +148,7 @@ class PhysicsPlant:
         The search begins at the embedded simulator's; where it fails, that is the answer.
         """
         row = np.zeros(car.N_STATE)
-        turn.steady_turn(self.vehicle.table, 0, row, speed, curvature)
+        steady_turn(self.vehicle.table, 0, row, speed, curvature)
         beta = float(np.arctan2(row[car.VY], row[car.VX])) if speed > 0.0 else 0.0
         start = np.array([beta, row[car.STEER], row[car.THROTTLE] - row[car.BRAKE]])
 

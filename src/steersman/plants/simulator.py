@@ -8,9 +8,9 @@ import numpy as np
 
 from steersman.config import param, register
 from steersman.disturbances import Disturber
-from steersman.kernels import turn
 from steersman.kernels import vehicle as car
 from steersman.kernels import world as kernel
+from steersman.kernels.steady_turn import steady_turn
 from steersman.plants.base import PlantComponent
 from steersman.plants.wind import Wind
 from steersman.protocols import Path
@@ -151,7 +151,7 @@ def place(
     curvature: float,
 ) -> None:
     """Fill a state row with the steady turn on ``pose``, and the delay line with its steering."""
-    turn.steady_turn(table, n, state, speed, curvature)
+    steady_turn(table, n, state, speed, curvature)
     slip = float(np.arctan2(state[car.VY], state[car.VX])) if speed > 0.0 else 0.0
     state[car.X], state[car.Y], state[car.PSI] = pose.x, pose.y, pose.psi - slip
     delayed[:] = state[car.STEER]

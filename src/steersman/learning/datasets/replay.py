@@ -14,7 +14,7 @@ from steersman.kernels import observe
 from steersman.kernels import vehicle as car
 from steersman.learning.datasets.trajectory import Trajectory, Who, actions_for
 from steersman.learning.problem import Problem
-from steersman.logs import Log
+from steersman.logs import MotionLog
 from steersman.paths.base import PathComponent
 from steersman.sensing import NO_SHIFT
 from steersman.types import FloatArray
@@ -53,7 +53,7 @@ def of_episode(problem: Problem, episode: Episode, path: PathComponent) -> Traje
     return along(problem, Drive(states, episode["steer_command"], who), path)
 
 
-def of_log(problem: Problem, log: Log, path: PathComponent) -> list[Trajectory]:
+def of_log(problem: Problem, log: MotionLog, path: PathComponent) -> list[Trajectory]:
     """A recording of whoever drove: one trajectory for each stretch without a gap.
 
     States are interpolated at the problem's control period, commands held. Steering is normalised
@@ -70,7 +70,7 @@ def of_log(problem: Problem, log: Log, path: PathComponent) -> list[Trajectory]:
     return found
 
 
-def _drives(problem: Problem, log: Log) -> Iterator[Drive]:
+def _drives(problem: Problem, log: MotionLog) -> Iterator[Drive]:
     command, actual = _steering(problem, log)
     time = log["time"]
     known = np.flatnonzero(np.isfinite(command) & np.isfinite(actual))
@@ -90,7 +90,7 @@ def _drives(problem: Problem, log: Log) -> Iterator[Drive]:
         yield Drive(states, command[rows][held], Who.RECORDED)
 
 
-def _steering(problem: Problem, log: Log) -> tuple[FloatArray, FloatArray]:
+def _steering(problem: Problem, log: MotionLog) -> tuple[FloatArray, FloatArray]:
     """Normalised steering commanded, and what the wheels did (without it: the command before)."""
     if "steer_command" in log:
         command = log["steer_command"]
@@ -104,7 +104,7 @@ def _steering(problem: Problem, log: Log) -> tuple[FloatArray, FloatArray]:
     return command, np.where(np.isfinite(before), before, command)
 
 
-def _normalised(problem: Problem, log: Log, name: str) -> FloatArray:
+def _normalised(problem: Problem, log: MotionLog, name: str) -> FloatArray:
     bias = problem.vehicle.row()[car.STEER_BIAS]
     pairs = zip(log[name].tolist(), log["v_x"].tolist(), strict=True)
     steer = [problem.vehicle.steer_for_wheel_angle(u, abs(v)) + bias for u, v in pairs]

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from steersman.errors import DataError
-from steersman.paths.xodr.model import Cubic, Geometry, Road, Section
+from steersman.paths.xodr.model import Cubic, ReferencePiece, RoadRecord, Section
 from steersman.paths.xodr.reference import points
 from steersman.types import FloatArray
 
@@ -39,7 +39,7 @@ class Curve(NamedTuple):
         return Curve(self.x[::-1], self.y[::-1], self.psi[::-1] + np.pi, self.s[::-1])
 
 
-def lane_line(road: Road, section: Section, number: int) -> list[Curve]:
+def lane_line(road: RoadRecord, section: Section, number: int) -> list[Curve]:
     """The centre of a lane in one section: a curve for each stretch without a break of records.
 
     Raises:
@@ -60,7 +60,7 @@ def lane_line(road: Road, section: Section, number: int) -> list[Curve]:
     return out
 
 
-def _marks(road: Road, section: Section, number: int) -> list[float]:
+def _marks(road: RoadRecord, section: Section, number: int) -> list[float]:
     """Where a record begins that bears on the lane, within the section, its ends included."""
     places = {section.start, section.end}
     places.update(geometry.s for geometry in road.geometries)
@@ -76,7 +76,7 @@ def _inner(number: int) -> Iterator[int]:
     return (sign * k for k in range(1, abs(number) + 1))
 
 
-def _at(rows: tuple[Geometry, ...], s: float) -> Geometry:
+def _at(rows: tuple[ReferencePiece, ...], s: float) -> ReferencePiece:
     """The row that holds at ``s``."""
     found = rows[0]
     for row in rows:
@@ -97,7 +97,7 @@ def _record(rows: tuple[Cubic, ...], s: float) -> Cubic | None:
 
 
 def _offset(
-    road: Road, section: Section, number: int, start: float, middle: float
+    road: RoadRecord, section: Section, number: int, start: float, middle: float
 ) -> tuple[float, float, float, float]:
     """Coefficients of the centre's offset, left positive, over the distance from ``start``.
 
@@ -118,7 +118,7 @@ def _offset(
 
 
 def _sample(
-    geometry: Geometry, start: float, end: float, offset: tuple[float, float, float, float]
+    geometry: ReferencePiece, start: float, end: float, offset: tuple[float, float, float, float]
 ) -> Curve:
     """Samples close enough for short clothoids between them."""
     count = max(int(np.ceil((end - start) / _STEP)), _PROBES)
@@ -137,7 +137,7 @@ def _sample(
 
 
 def _evaluate(
-    geometry: Geometry, s: FloatArray, offset: tuple[float, float, float, float]
+    geometry: ReferencePiece, s: FloatArray, offset: tuple[float, float, float, float]
 ) -> Curve:
     """Points at the offset t from the reference line, with t' the offset's slope.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from steersman.paths.xodr.model import LEFT, RIGHT, Lane, Network, Section, Side
+from steersman.paths.xodr.model import LEFT, RIGHT, Lane, RoadNetwork, Section, Side
 
 DRIVABLE = frozenset(
     ("driving", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "slipLane")
@@ -25,7 +25,7 @@ class Place(NamedTuple):
 class LaneGraph:
     """The lanes of a network that can be driven, and what follows each."""
 
-    def __init__(self, network: Network) -> None:
+    def __init__(self, network: RoadNetwork) -> None:
         """All of ``network``."""
         self.network = network
 

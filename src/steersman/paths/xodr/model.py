@@ -30,7 +30,7 @@ class Cubic(NamedTuple):
         return (a + u * (b + u * (c + u * d)), b + u * (2 * c + 3 * u * d), c + 3 * u * d, d)
 
 
-class Geometry(NamedTuple):
+class ReferencePiece(NamedTuple):
     """A stretch of a reference line."""
 
     s: float
@@ -81,7 +81,7 @@ class Contact(NamedTuple):
     """Whether it is the other road's start that is met; without meaning for junctions."""
 
 
-class Road(NamedTuple):
+class RoadRecord(NamedTuple):
     """A road."""
 
     name: str
@@ -91,7 +91,7 @@ class Road(NamedTuple):
     """Whether it is a way through a junction."""
     forward: Side
     """The side whose lanes are driven towards larger s."""
-    geometries: tuple[Geometry, ...]
+    geometries: tuple[ReferencePiece, ...]
     offset: tuple[Cubic, ...]
     """Lane offset."""
     sections: dict[Side, tuple[Section, ...]]
@@ -112,11 +112,11 @@ class Connection(NamedTuple):
     """Number of the lane that is entered by that of the incoming road."""
 
 
-class Network(NamedTuple):
+class RoadNetwork(NamedTuple):
     """Roads and junctions of one file."""
 
     file: FilePath
     sha256: str
     """Digest of the file."""
-    roads: dict[str, Road]
+    roads: dict[str, RoadRecord]
     junctions: dict[str, tuple[Connection, ...]]

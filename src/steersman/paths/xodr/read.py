@@ -12,10 +12,10 @@ from steersman.paths.xodr.model import (
     Connection,
     Contact,
     Cubic,
-    Geometry,
     Lane,
-    Network,
-    Road,
+    ReferencePiece,
+    RoadNetwork,
+    RoadRecord,
     Section,
     Side,
 )
@@ -31,7 +31,7 @@ _RULES = {"RHT": RIGHT, "LHT": LEFT}
 _YES = {"true": True, "1": True, "false": False, "0": False}
 
 
-def read_network(file: FilePath) -> Network:
+def read_network(file: FilePath) -> RoadNetwork:
     """The roads and junctions of a file.
 
     Raises:
@@ -40,7 +40,7 @@ def read_network(file: FilePath) -> Network:
     root, sha256 = parse(file)
     if root.tag != "OpenDRIVE":
         raise root.fault("this is no OpenDRIVE file, whose first element is <OpenDRIVE>")
-    roads: dict[str, Road] = {}
+    roads: dict[str, RoadRecord] = {}
     for node in root.children("road"):
         road = _road(node)
         if road.name in roads:
@@ -56,15 +56,15 @@ def read_network(file: FilePath) -> Network:
         node.get("id"): tuple(_connections(node.children("connection")))
         for node in root.children("junction")
     }
-    return Network(file, sha256, roads, junctions)
+    return RoadNetwork(file, sha256, roads, junctions)
 
 
-def _lane_length(road: Road) -> float:
+def _lane_length(road: RoadRecord) -> float:
     rows = (section for sections in road.sections.values() for section in sections)
     return sum((section.end - section.start) * len(section.lanes) for section in rows)
 
 
-def _road(node: Node) -> Road:
+def _road(node: Node) -> RoadRecord:
     length = node.number("length", low=0.0)
     if length > MAX_LENGTH:
         raise node.fault(f"length is {length:g} m, the most is {MAX_LENGTH:g} m")
@@ -72,7 +72,7 @@ def _road(node: Node) -> Road:
     lanes = node.child("lanes")
     if lanes is None:
         raise node.fault("has no <lanes>")
-    return Road(
+    return RoadRecord(
         name=node.get("id"),
         length=length,
         junction=node.get("junction", "-1") != "-1",
@@ -97,8 +97,8 @@ def _contact(road: Node, name: str) -> Contact | None:
     return Contact(junction, found.get("elementId"), at_start)
 
 
-def _geometries(road: Node, length: float) -> tuple[Geometry, ...]:
-    rows: list[Geometry] = []
+def _geometries(road: Node, length: float) -> tuple[ReferencePiece, ...]:
+    rows: list[ReferencePiece] = []
     for node in road.down("planView", "geometry"):
         row = _geometry(node)
         if rows and row.s < rows[-1].s:
@@ -115,7 +115,7 @@ def _geometries(road: Node, length: float) -> tuple[Geometry, ...]:
     return tuple(rows)
 
 
-def _geometry(node: Node) -> Geometry:
+def _geometry(node: Node) -> ReferencePiece:
     shape = next(iter(node.children(*_SHAPES)), None)
     if shape is None:
         raise node.fault(f"holds none of {', '.join(_SHAPES)}")
@@ -124,7 +124,7 @@ def _geometry(node: Node) -> Geometry:
         raise node.fault(f"length is {length:g} m, the most is {MAX_LENGTH:g} m")
     x, y, psi = (node.number(name) for name in ("x", "y", "hdg"))
     s = node.number("s", low=0.0)
-    return Geometry(s, x, y, psi, length, shape.tag, _figures(shape, length), node.line)
+    return ReferencePiece(s, x, y, psi, length, shape.tag, _figures(shape, length), node.line)
 
 
 def _figures(shape: Node, length: float) -> tuple[float, ...]:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from steersman.errors import DataError
-from steersman.paths.xodr.model import Geometry
+from steersman.paths.xodr.model import ReferencePiece
 from steersman.types import FloatArray
 
 # Eight-point Gauss-Legendre rule on [0, 1]; over a quarter radian it is exact to rounding.
@@ -29,7 +29,7 @@ _EXACT = 1e-6
 _LENGTH_SLACK = 0.1
 
 
-class Points(NamedTuple):
+class ReferencePoints(NamedTuple):
     """Points of a curve, each (n,)."""
 
     x: FloatArray
@@ -40,7 +40,7 @@ class Points(NamedTuple):
     """Curvature [1/m]."""
 
 
-def points(geometry: Geometry, u: FloatArray) -> Points:
+def points(geometry: ReferencePiece, u: FloatArray) -> ReferencePoints:
     """Points at distances ``u`` (n,) from where the geometry begins [m].
 
     Raises:
@@ -55,10 +55,10 @@ def points(geometry: Geometry, u: FloatArray) -> Points:
     c, s = np.cos(geometry.psi), np.sin(geometry.psi)
     x = geometry.x + c * found.x - s * found.y
     y = geometry.y + s * found.x + c * found.y
-    return Points(x, y, geometry.psi + found.psi, found.kappa)
+    return ReferencePoints(x, y, geometry.psi + found.psi, found.kappa)
 
 
-def _clothoid(geometry: Geometry, u: FloatArray) -> Points:
+def _clothoid(geometry: ReferencePiece, u: FloatArray) -> ReferencePoints:
     """Points of linear curvature in the geometry's own frame, by quadrature of the tangent."""
     start, end = geometry.figures
     length = geometry.length
@@ -76,7 +76,9 @@ def _clothoid(geometry: Geometry, u: FloatArray) -> Points:
     y = np.concatenate(([0.0], np.cumsum(left)))
     row = np.clip((u * (count / length)).astype(np.int64), 0, count - 1)
     ahead, left = _advance(start, sharp, grid[row], u - grid[row])
-    return Points(x[row] + ahead, y[row] + left, (start + 0.5 * sharp * u) * u, start + sharp * u)
+    return ReferencePoints(
+        x[row] + ahead, y[row] + left, (start + 0.5 * sharp * u) * u, start + sharp * u
+    )
 
 
 def _advance(
@@ -88,7 +90,7 @@ def _advance(
     return size * (np.cos(angle) @ _WEIGHTS), size * (np.sin(angle) @ _WEIGHTS)
 
 
-def _cubic(geometry: Geometry, u: FloatArray) -> Points:
+def _cubic(geometry: ReferencePiece, u: FloatArray) -> ReferencePoints:
     """Points of a cubic in the geometry's own frame, its parameter found from arc length."""
     along, aside, span = _polynomials(geometry)
     count = int(np.clip(np.ceil(geometry.length / _SPANS), 4, _MOST_SPANS))
@@ -115,10 +117,10 @@ def _cubic(geometry: Geometry, u: FloatArray) -> Points:
         raise DataError(f"line {geometry.line}: <{geometry.kind}>: its figures are too large")
     if float(np.min(speed)) < _SLOWEST * geometry.length / max(span, 1e-300):
         raise DataError(f"line {geometry.line}: <{geometry.kind}>: the curve has a cusp")
-    return Points(x, y, np.arctan2(dy, dx), (dx * ddy - dy * ddx) / speed**3)
+    return ReferencePoints(x, y, np.arctan2(dy, dx), (dx * ddy - dy * ddx) / speed**3)
 
 
-def _polynomials(geometry: Geometry) -> tuple[FloatArray, FloatArray, float]:
+def _polynomials(geometry: ReferencePiece) -> tuple[FloatArray, FloatArray, float]:
     """Coefficients of both coordinates, and the largest parameter."""
     if geometry.kind == "poly3":
         # Along u the arc length grows at least as fast as u itself.

@@ -16,7 +16,7 @@ from steersman.errors import DataError
 from steersman.paths.xodr.joined import gap
 from steersman.paths.xodr.lane_line import Curve, lane_line
 from steersman.paths.xodr.lanes import LaneGraph, Place
-from steersman.paths.xodr.model import Network
+from steersman.paths.xodr.model import RoadNetwork
 from steersman.paths.xodr.read import read_network
 from steersman.paths.xodr.search import shortest, wander
 from steersman.types import Pose
@@ -32,7 +32,7 @@ _NAMED = 8
 class Ways:
     """Finds ways over the lanes of a network that a car can follow."""
 
-    def __init__(self, network: Network, min_radius: float = 0.0) -> None:
+    def __init__(self, network: RoadNetwork, min_radius: float = 0.0) -> None:
         """``min_radius`` [m]: lanes that bend more sharply somewhere are not taken."""
         self.network, self.graph = network, LaneGraph(network)
         self.min_radius = min_radius

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from steersman.errors import PlantError
 from steersman.messages import config_error
-from steersman.paths.basic import Straight
+from steersman.paths.analytic import Straight
 from steersman.protocols import Plant
 from steersman.provenance import provenance
 from steersman.studies.calibrate import identify, manoeuvres

@@ -15,7 +15,7 @@ import numpy as np
 from steersman.episode import Episode
 from steersman.errors import DataError, suggestion
 from steersman.files import write_text
-from steersman.studies.identify.log import SIGNALS, Log, of_episode
+from steersman.studies.identify.recording import SIGNALS, Log, of_episode
 from steersman.types import FloatArray
 
 _MOST_BYTES = 200_000_000

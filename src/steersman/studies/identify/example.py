@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from steersman.plants.simulator import SimulatorConfig
-from steersman.studies.identify.log import Log
+from steersman.studies.identify.recording import Log
 from steersman.types import Command, Pose
 from steersman.vehicles import Vehicle
 

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from steersman.studies.identify import replayed
+from steersman.studies.identify import stretch_replay
 from steersman.studies.identify.estimate import Estimate, Misses, estimate, scale_of
-from steersman.studies.identify.log import RESOLUTION, RESPONSES, Log
-from steersman.studies.identify.replayed import Stretch
+from steersman.studies.identify.recording import RESOLUTION, RESPONSES, Log
+from steersman.studies.identify.stretch_replay import Stretch
 from steersman.studies.identify.unknowns import (
     SIGMAS,
     Unknown,
@@ -75,8 +75,8 @@ def simulated(
     names = channels(log)
     out = np.full((len(log.time), len(names)), np.nan)
     for stretch in stretches:
-        states = replayed.lateral(vehicle, stretch)
-        out[stretch.rows] = replayed.responses(vehicle, stretch, states, names, offsets)
+        states = stretch_replay.lateral(vehicle, stretch)
+        out[stretch.rows] = stretch_replay.responses(vehicle, stretch, states, names, offsets)
     return out
 
 
@@ -115,7 +115,7 @@ def fit(
     unknowns = steering(vehicle, channels(log))
     names = [u.name for u in unknowns]
     lag = names.index("steer_lag")
-    step = replayed.H / unknowns[names.index("steer_delay")].prior
+    step = stretch_replay.H / unknowns[names.index("steer_delay")].prior
     misses = misses_of(vehicle, log, stretches, unknowns, use)
     need, wanted = np.array([u.need_z for u in unknowns]), np.full(len(unknowns), True)
     if not _turns(log, stretches):
@@ -157,7 +157,7 @@ def fit(
 def _turns(log: Log, stretches: Sequence[Stretch]) -> bool:
     """Whether the car turns at all; of one that does not, only the bias shows."""
     sideways = [
-        replayed.at_rows(stretch, stretch.speed) * log.signals["yaw_rate"][stretch.rows]
+        stretch_replay.at_rows(stretch, stretch.speed) * log.signals["yaw_rate"][stretch.rows]
         for stretch in stretches
     ]
     known = np.abs(np.nan_to_num(np.concatenate(sideways)))

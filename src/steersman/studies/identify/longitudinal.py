@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from steersman.studies.identify import replayed
+from steersman.studies.identify import stretch_replay
 from steersman.studies.identify.estimate import Misses, estimate
 from steersman.studies.identify.lateral import Fitted
-from steersman.studies.identify.log import RESOLUTION, Log
-from steersman.studies.identify.replayed import Stretch
+from steersman.studies.identify.recording import RESOLUTION, Log
+from steersman.studies.identify.stretch_replay import Stretch
 from steersman.studies.identify.unknowns import Unknown, guess_at, pedals, vehicle_at
 from steersman.types import FloatArray
 from steersman.vehicles import Vehicle
@@ -38,9 +38,9 @@ class Segments(NamedTuple):
 
 def segments(stretch: Stretch) -> Segments:
     """Starts every ``SEGMENT``."""
-    step = round(SEGMENT / replayed.H)
+    step = round(SEGMENT / stretch_replay.H)
     starts = np.arange(0, max(len(stretch.speed) - step // 2, 1), step, dtype=np.int64)
-    of_row = np.searchsorted(starts * replayed.H, stretch.time + 1e-9, side="right") - 1
+    of_row = np.searchsorted(starts * stretch_replay.H, stretch.time + 1e-9, side="right") - 1
     return Segments(starts, stretch.speed[starts], of_row)
 
 
@@ -62,11 +62,11 @@ class _Free(Misses):
         self._figures = [u for u in unknowns if u.field != "start_speed"]
         self._vehicle, self._stretches = vehicle, stretches
         self._segments = [segments(stretch) for stretch in stretches]
-        self._bases = [replayed.lateral(vehicle, stretch) for stretch in stretches]
+        self._bases = [stretch_replay.lateral(vehicle, stretch) for stretch in stretches]
         upset = np.full(len(log.time), True)
         for stretch, parts in zip(stretches, self._segments, strict=True):
             # A segment in which the car slides tells nothing of pedals.
-            slid = parts.of_row[~stretch.steady & (stretch.time >= replayed.WARM_UP)]
+            slid = parts.of_row[~stretch.steady & (stretch.time >= stretch_replay.WARM_UP)]
             upset[stretch.rows] = np.isin(parts.of_row, slid)
         self._speed = np.where(use & ~upset, log.signals["v_x"], np.nan)
         self._prior = unknowns[-1].prior
@@ -82,7 +82,7 @@ class _Free(Misses):
             count = len(parts.starts)
             speeds = np.maximum(parts.speeds + self._prior * z[at : at + count], 0.0)
             at += count
-            free = replayed.free(guess, stretch, base, parts.starts, speeds)
+            free = stretch_replay.free(guess, stretch, base, parts.starts, speeds)
             out[stretch.rows, 0] = free - self._speed[stretch.rows]
         return out
 
@@ -153,12 +153,12 @@ def _refined(
     """
     out, at = [], 0
     for stretch in stretches:
-        parts, base = segments(stretch), replayed.lateral(vehicle, stretch)
+        parts, base = segments(stretch), stretch_replay.lateral(vehicle, stretch)
         count = len(parts.starts)
         speeds = np.maximum(parts.speeds + shifts[at : at + count], 0.0)
         at += count
-        free = replayed.free_grid(vehicle, stretch, base, parts.starts, speeds)
-        out.append(replayed.corrected(log, stretch, free))
+        free = stretch_replay.free_grid(vehicle, stretch, base, parts.starts, speeds)
+        out.append(stretch_replay.corrected(log, stretch, free))
     return out
 
 
@@ -166,8 +166,8 @@ def speeds(vehicle: Vehicle, log: Log, stretches: Sequence[Stretch]) -> FloatArr
     """(rows,) simulated speed [m/s], let go from the recorded one every ``SEGMENT``."""
     out = np.full(len(log.time), np.nan)
     for stretch in stretches:
-        parts, base = segments(stretch), replayed.lateral(vehicle, stretch)
-        out[stretch.rows] = replayed.free(vehicle, stretch, base, parts.starts, parts.speeds)
+        parts, base = segments(stretch), stretch_replay.lateral(vehicle, stretch)
+        out[stretch.rows] = stretch_replay.free(vehicle, stretch, base, parts.starts, parts.speeds)
     return out
 
 
@@ -178,12 +178,12 @@ def visited(vehicle: Vehicle, log: Log, stretches: Sequence[Stretch], use: Any) 
     for stretch in stretches:
         if stretch.pedals is None:
             continue
-        grid = replayed.H * np.arange(len(stretch.pedals))
+        grid = stretch_replay.H * np.arange(len(stretch.pedals))
         row = np.clip(np.searchsorted(stretch.time, grid, side="right") - 1, 0, None)
         counts = use[stretch.rows][row] & (stretch.pedals[:, 1] < _PRESSED)
         by_level = _hats(levels, stretch.pedals[counts, 0])
         by_speed = _hats(knots, stretch.speed[:-1][counts])
-        out += replayed.H * by_level @ by_speed.T
+        out += stretch_replay.H * by_level @ by_speed.T
     return out
 
 

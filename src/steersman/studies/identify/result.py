@@ -9,7 +9,7 @@ import numpy as np
 
 from steersman.provenance import provenance
 from steersman.studies.identify import lateral, longitudinal
-from steersman.studies.identify.identify import FITTED, GIVEN, UNITS, Figure, Identified
+from steersman.studies.identify.identification import FITTED, GIVEN, UNITS, Figure, Identified
 from steersman.studies.vehicle_file import write_vehicle
 from steersman.types import FloatArray
 from steersman.vehicles import Vehicle

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from steersman.controllers.error_model import ErrorModel, discrete, error_model, steady_state
+from steersman.controllers.single_track import ErrorModel, discrete, error_model, steady_state
 from steersman.types import FloatArray
 from steersman.vehicles import Vehicle
 

@@ -13,35 +13,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.linalg import expm
 
-from steersman.kernels import mpc as kernel
+from steersman.controllers.single_track import single_track, zero_order_hold
+from steersman.kernels import condensed_qp as kernel
 from steersman.types import FloatArray, Observation
 from steersman.vehicles import Vehicle
-
-
-def single_track(vehicle: Vehicle, v0: float) -> tuple[FloatArray, FloatArray]:
-    """Continuous A (4, 4) and B (4, 1) of the linear single-track model at speed ``v0`` [m/s]."""
-    m, inertia, a, b = vehicle.mass, vehicle.yaw_inertia, vehicle.l_f, vehicle.l_r
-    c_f, c_r = vehicle.c_f, vehicle.c_r
-    matrix = np.zeros((4, 4))
-    matrix[0, 1] = matrix[0, 2] = v0
-    matrix[1, 1] = -(c_f + c_r) / (m * v0)
-    matrix[1, 3] = -1.0 - (c_f * a - c_r * b) / (m * v0 * v0)
-    matrix[2, 3] = 1.0
-    matrix[3, 1] = -(c_f * a - c_r * b) / inertia
-    matrix[3, 3] = -(c_f * a * a + c_r * b * b) / (inertia * v0)
-    control = np.array([[0.0], [c_f / (m * v0)], [0.0], [c_f * a / inertia]])
-    return matrix, control
-
-
-def zero_order_hold(a: FloatArray, b: FloatArray, dt: float) -> tuple[FloatArray, FloatArray]:
-    """Exact discretisation for an input held over ``dt`` [s]: expm of the augmented matrix."""
-    n, m = b.shape
-    block = np.zeros((n + m, n + m))
-    block[:n, :n], block[:n, n:] = a, b
-    exact = expm(block * dt)
-    return exact[:n, :n], exact[:n, n:]
 
 
 def predict(a: FloatArray, b: FloatArray, horizon: int) -> tuple[FloatArray, FloatArray]:

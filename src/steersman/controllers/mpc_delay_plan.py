@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from steersman.controllers.delay_model import Model, Weights, at_speed
-from steersman.kernels import delay_mpc as kernel
+from steersman.controllers.mpc_delay_model import Model, Weights, at_speed
+from steersman.kernels import mpc_delay as kernel
 from steersman.types import FloatArray, Observation, Status
 from steersman.vehicles import Vehicle
 
@@ -23,7 +23,7 @@ def pose(o: Observation) -> FloatArray:
     return np.array([o.lateral_error, o.heading_error, o.v_y, o.yaw_rate, o.steer, 0.0])
 
 
-class Problem(NamedTuple):
+class PlanProblem(NamedTuple):
     """State, road and limits at the moment at which the next command acts."""
 
     model: Model
@@ -50,7 +50,7 @@ class Problem(NamedTuple):
         road: FloatArray,
         motion: FloatArray,
         disturbance: FloatArray,
-    ) -> Problem:
+    ) -> PlanProblem:
         """The problem of a predicted motion at speed ``v`` [m/s]."""
         model = at_speed(tables, v)
         heading, angle = model.steady
@@ -67,7 +67,7 @@ class Problem(NamedTuple):
 
 
 def solve(
-    problem: Problem, weights: Weights, last_angle: float, last_kappa: float
+    problem: PlanProblem, weights: Weights, last_angle: float, last_kappa: float
 ) -> tuple[float, Status]:
     """The next wheel angle [rad].
 
@@ -92,7 +92,7 @@ def solve(
     return float(plan[0] + steady[0]), status
 
 
-def free_plan(problem: Problem, before: float) -> FloatArray:
+def free_plan(problem: PlanProblem, before: float) -> FloatArray:
     """The optimum without limits (N,): deviations from the steady turn's wheel angle [rad].
 
     ``before`` is the deviation of one period ago.
@@ -107,7 +107,7 @@ def free_plan(problem: Problem, before: float) -> FloatArray:
 
 
 def limited_plan(
-    problem: Problem, weights: Weights, before: float, steady: FloatArray, last_angle: float
+    problem: PlanProblem, weights: Weights, before: float, steady: FloatArray, last_angle: float
 ) -> FloatArray | None:
     """The optimum (N,) that keeps angle and rate; None if DAQP does not say "solved"."""
     import daqp
@@ -126,7 +126,9 @@ def limited_plan(
     return plan
 
 
-def condensed(problem: Problem, weights: Weights, before: float) -> tuple[FloatArray, FloatArray]:
+def condensed(
+    problem: PlanProblem, weights: Weights, before: float
+) -> tuple[FloatArray, FloatArray]:
     """Hessian (N, N) and linear term (N,) of the same cost over the deviations.
 
     The cost is the sum of xi(i)' Q xi(i), i = 1 .. N-1, and of the weighted deviations and changes,

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from steersman.kernels import mpc as kernel
+from steersman.kernels import condensed_qp as kernel
 
 SPACING = 2.0
 

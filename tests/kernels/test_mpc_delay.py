@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from steersman.kernels import delay_mpc as kernel
+from steersman.kernels import mpc_delay as kernel
 from steersman.kernels.vehicle import wheel_tangents
 from steersman.plants.simulator import SimulatorConfig
 from steersman.types import Command, Pose

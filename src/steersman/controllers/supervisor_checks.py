@@ -1,4 +1,4 @@
-"""What a supervisor can tell from an observation alone: missing, not finite, impossible, stale."""
+"""Checks of a supervisor: observations that cannot be used, and steering that oscillates."""
 
 from __future__ import annotations
 
@@ -51,28 +51,28 @@ def _possible(o: Observation) -> bool:
     return len(points) >= _FEWEST and o.spacing > 0.0 and bool(np.abs(points).max() <= reach)
 
 
-class Seen(NamedTuple):
+class LastSeen(NamedTuple):
     """The last usable observation that brought news, and where the car is since."""
 
     observation: Observation
     age: float = 0.0
     """How long ago it came first [s]."""
     motion: FloatArray | None = None
-    """Since then, as ``reckon.moved_on`` has it; None at once."""
+    """Since then, as ``dead_reckoning.moved_on`` has it; None at once."""
     road: FloatArray | None = None
-    """Its waypoints as ``reckon.quiet`` has them; None at once [m]."""
+    """Its waypoints as ``dead_reckoning.quiet`` has them; None at once [m]."""
 
 
 # Before the first observation; a named tuple like every later one, so that checkpoints can keep it.
-NOTHING_SEEN = Seen(Observation(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.zeros((0, 2)), 1.0))
+NOTHING_SEEN = LastSeen(Observation(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.zeros((0, 2)), 1.0))
 
 
-def first_sight(observation: Observation) -> Seen:
+def first_sight(observation: Observation) -> LastSeen:
     """What is known after news; a copy, as whoever observes may use the array again."""
-    return Seen(observation._replace(preview=np.array(observation.preview, dtype=np.float64)))
+    return LastSeen(observation._replace(preview=np.array(observation.preview, dtype=np.float64)))
 
 
-def no_news(seen: Seen, observation: Observation) -> Reason:
+def no_news(seen: LastSeen, observation: Observation) -> Reason:
     """``MISSING`` for the last sample again, ``STALE`` for one that is new but for its numbers."""
     if not _repeats(seen.observation, observation):
         return Reason.NONE
@@ -93,3 +93,34 @@ def _repeats(before: Observation, now: Observation) -> bool:
         return True
     straight = not any((now.lateral_error, now.heading_error, now.v_y, now.yaw_rate, now.curvature))
     return math.hypot(now.v_x, now.v_y) > _STANDING and not straight
+
+
+class Swings(NamedTuple):
+    """Where the signal turned back, as far as that was not long ago."""
+
+    turned: float | None = None
+    """Extreme value since the last reversal [m/s^2]."""
+    direction: int = 0
+    """Whether the signal has risen (1) or fallen (-1) since."""
+    ages: tuple[float, ...] = ()
+    """How long ago each reversal was [s]."""
+
+    def after(self, value: float, gap: float, window: float, dt: float) -> Swings:
+        """One step later.
+
+        Args:
+            value: of the signal [m/s^2].
+            gap: turning back by less is no reversal [m/s^2].
+            window: how long a reversal is remembered [s].
+            dt: control period [s].
+        """
+        ages = tuple(age + dt for age in self.ages if age + dt < window)
+        if self.turned is None:
+            return Swings(value, 0, ages)
+        moved = value - self.turned
+        way = 1 if moved > 0.0 else -1
+        if moved != 0.0 and self.direction in (0, way):
+            return Swings(value, way, ages)
+        if abs(moved) < gap:
+            return self._replace(ages=ages)
+        return Swings(value, way, (*ages, 0.0))

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from steersman.kernels import replay as kernel
+from steersman.kernels import recorded_response as kernel
 from steersman.kernels import vehicle as car
-from steersman.studies.identify.log import Log, pieces
+from steersman.studies.identify.recording import Log, pieces
 from steersman.types import FloatArray
 from steersman.vehicles import LONGEST_STEP, Vehicle
 

@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
-from steersman.controllers.delay_plan import pose
-from steersman.controllers.pid import steady_wheel_angle
-from steersman.kernels import delay_mpc as kernel
+from steersman.controllers.mpc_delay_plan import pose
+from steersman.controllers.single_track import steady_wheel_angle
+from steersman.kernels import mpc_delay as kernel
 from steersman.kernels import road_filter
 from steersman.kernels.preview import curvature_at, point_at
 from steersman.types import FloatArray, Observation

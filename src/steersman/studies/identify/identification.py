@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steersman.errors import DataError
-from steersman.studies.identify import lateral, longitudinal, replayed
-from steersman.studies.identify.check import check
+from steersman.studies.identify import lateral, longitudinal, stretch_replay
 from steersman.studies.identify.lateral import Fitted
-from steersman.studies.identify.log import Log
-from steersman.studies.identify.replayed import Stretch
+from steersman.studies.identify.plausibility import check
+from steersman.studies.identify.recording import Log
+from steersman.studies.identify.stretch_replay import Stretch
 from steersman.studies.identify.unknowns import SIGMAS, Unknown, offsets_at
 from steersman.types import FloatArray
 from steersman.vehicles import Vehicle
@@ -90,7 +90,7 @@ def identify(
     Raises:
         DataError: the recording is too short, or its columns contradict each other.
     """
-    stretches = replayed.stretches(log, vehicle)
+    stretches = stretch_replay.stretches(log, vehicle)
     check(log, stretches, vehicle)
     use = fitted_rows(log, holdout)
     tell("lateral: steering, tyres, inertia")

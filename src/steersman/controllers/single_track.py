@@ -1,9 +1,10 @@
-"""Error dynamics of the linear single-track model along a road, and its steady turn.
+"""The linear single-track model: alone, in errors along a road, and its steady turn.
 
-Rajamani, Vehicle Dynamics and Control, 2nd ed., sec. 2.5. State xi = [e1, e1', e2, e2']: lateral
-error of the centre of mass [m], its rate [m/s], heading error [rad], its rate [rad/s]. Input: the
-single-track wheel angle delta [rad]. Disturbance: the road's curvature kappa [1/m]; the desired
-yaw rate is v kappa. Errors and angles are positive to the left.
+Rajamani, Vehicle Dynamics and Control, 2nd ed.: sec. 2.3 for [y, beta, psi, psi'], sec. 2.5 for
+the errors xi = [e1, e1', e2, e2']: lateral error of the centre of mass [m], its rate [m/s],
+heading error [rad], its rate [rad/s]. Input: the single-track wheel angle delta [rad].
+Disturbance: the road's curvature kappa [1/m]; the desired yaw rate is v kappa. Errors and angles
+are positive to the left.
 """
 
 from __future__ import annotations
@@ -12,10 +13,34 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import expm
 
-from steersman.controllers.mpc import zero_order_hold
 from steersman.types import FloatArray, Observation
 from steersman.vehicles import Vehicle
+
+
+def single_track(vehicle: Vehicle, v0: float) -> tuple[FloatArray, FloatArray]:
+    """Continuous A (4, 4) and B (4, 1) of the linear single-track model at speed ``v0`` [m/s]."""
+    m, inertia, a, b = vehicle.mass, vehicle.yaw_inertia, vehicle.l_f, vehicle.l_r
+    c_f, c_r = vehicle.c_f, vehicle.c_r
+    matrix = np.zeros((4, 4))
+    matrix[0, 1] = matrix[0, 2] = v0
+    matrix[1, 1] = -(c_f + c_r) / (m * v0)
+    matrix[1, 3] = -1.0 - (c_f * a - c_r * b) / (m * v0 * v0)
+    matrix[2, 3] = 1.0
+    matrix[3, 1] = -(c_f * a - c_r * b) / inertia
+    matrix[3, 3] = -(c_f * a * a + c_r * b * b) / (inertia * v0)
+    control = np.array([[0.0], [c_f / (m * v0)], [0.0], [c_f * a / inertia]])
+    return matrix, control
+
+
+def zero_order_hold(a: FloatArray, b: FloatArray, dt: float) -> tuple[FloatArray, FloatArray]:
+    """Exact discretisation for an input held over ``dt`` [s]: expm of the augmented matrix."""
+    n, m = b.shape
+    block = np.zeros((n + m, n + m))
+    block[:n, :n], block[:n, n:] = a, b
+    exact = expm(block * dt)
+    return exact[:n, :n], exact[:n, n:]
 
 
 class ErrorModel(NamedTuple):
@@ -68,6 +93,20 @@ def steady_state(model: ErrorModel) -> tuple[FloatArray, float]:
     matrix = np.stack([model.a[rows, 2], model.b[rows]], axis=1)
     heading, angle = np.linalg.solve(matrix, -model.g[rows])
     return np.array([0.0, 0.0, heading, 0.0]), float(angle)
+
+
+def steady_wheel_angle(vehicle: Vehicle, v: float, kappa: float) -> float:
+    """Single-track wheel angle of the steady turn, Rajamani eq. 3.15 [rad]."""
+    load_f = vehicle.mass * vehicle.l_r / vehicle.wheelbase
+    load_r = vehicle.mass * vehicle.l_f / vehicle.wheelbase
+    understeer = load_f / vehicle.c_f - load_r / vehicle.c_r
+    return math.atan(vehicle.wheelbase * kappa) + understeer * v * v * kappa
+
+
+def steady_side_slip(vehicle: Vehicle, v: float, kappa: float) -> float:
+    """Side-slip of the steady turn at the centre of mass, Rajamani eq. 3.20 [rad]."""
+    load_r = vehicle.mass * vehicle.l_f / vehicle.wheelbase
+    return vehicle.l_r * kappa - load_r * v * v * kappa / vehicle.c_r
 
 
 def errors(observation: Observation) -> tuple[float, float, float, float]:

@@ -21,7 +21,7 @@ _LEAST_ROWS = 100
 _SLOWEST_RATE = 0.21
 
 
-class Signal(NamedTuple):
+class LogSignal(NamedTuple):
     """A quantity of a recording; the first unit is the one that it is kept in."""
 
     meaning: str
@@ -35,19 +35,19 @@ _SHARE = {"": 1.0, "percent": 0.01}
 _SPEED = {"m_s": 1.0, "km_h": 1.0 / 3.6}
 _ANGLE = {"rad": 1.0, "deg": _DEG}
 _ACCELERATION = {"m_s2": 1.0, "g": 9.81}
-SIGNALS: dict[str, Signal] = {
-    "time": Signal("time", {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}, required=True),
-    "steer_command": Signal("commanded steering, -1 to 1, left positive", _SHARE, required=True),
-    "steer_angle": Signal("commanded angle of steering or road wheels; needs --lock", _ANGLE),
-    "throttle": Signal("commanded throttle, 0 to 1", _SHARE),
-    "brake": Signal("commanded brake, 0 to 1", _SHARE),
-    "v_x": Signal("speed ahead", _SPEED, required=True),
-    "v_y": Signal("speed to the left, of the centre of mass", _SPEED),
-    "yaw_rate": Signal("yaw rate, left positive", {"rad_s": 1.0, "deg_s": _DEG}, required=True),
-    "a_x": Signal("acceleration ahead; checked, not fitted", _ACCELERATION),
-    "a_y": Signal("acceleration to the left, of the centre of mass", _ACCELERATION),
-    "steer": Signal("measured steering, -1 to 1", _SHARE),
-    "wheel_angle": Signal("measured angle of the front wheels, the mean of both", _ANGLE),
+SIGNALS: dict[str, LogSignal] = {
+    "time": LogSignal("time", {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}, required=True),
+    "steer_command": LogSignal("commanded steering, -1 to 1, left positive", _SHARE, required=True),
+    "steer_angle": LogSignal("commanded angle of steering or road wheels; needs --lock", _ANGLE),
+    "throttle": LogSignal("commanded throttle, 0 to 1", _SHARE),
+    "brake": LogSignal("commanded brake, 0 to 1", _SHARE),
+    "v_x": LogSignal("speed ahead", _SPEED, required=True),
+    "v_y": LogSignal("speed to the left, of the centre of mass", _SPEED),
+    "yaw_rate": LogSignal("yaw rate, left positive", {"rad_s": 1.0, "deg_s": _DEG}, required=True),
+    "a_x": LogSignal("acceleration ahead; checked, not fitted", _ACCELERATION),
+    "a_y": LogSignal("acceleration to the left, of the centre of mass", _ACCELERATION),
+    "steer": LogSignal("measured steering, -1 to 1", _SHARE),
+    "wheel_angle": LogSignal("measured angle of the front wheels, the mean of both", _ANGLE),
 }
 # What a vehicle's answer is compared with, and the sensor's offset that is looked for beside.
 RESPONSES = ("yaw_rate", "v_y", "a_y", "wheel_angle", "steer")

@@ -12,9 +12,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from steersman.errors import DataError
-from steersman.studies.identify import replayed
-from steersman.studies.identify.log import Log
-from steersman.studies.identify.replayed import Stretch
+from steersman.studies.identify import stretch_replay
+from steersman.studies.identify.recording import Log
+from steersman.studies.identify.stretch_replay import Stretch
 from steersman.types import FloatArray
 from steersman.vehicles import Vehicle
 
@@ -103,8 +103,8 @@ def _gaining(log: Log, stretches: list[Stretch]) -> None:
         return
     found = []
     for stretch in stretches:
-        change = np.gradient(stretch.speed, replayed.H)
-        found.append(replayed.at_rows(stretch, change))
+        change = np.gradient(stretch.speed, stretch_replay.H)
+        found.append(stretch_replay.at_rows(stretch, change))
     slope, together = _slope(np.concatenate(found), _joined(log, stretches, "a_x"))
     meanings = {
         1.0 / 9.81: "a_x seems to be in g; name it a_x_g",
@@ -126,7 +126,9 @@ def _answering(log: Log, stretches: list[Stretch], vehicle: Vehicle) -> None:
     for delay in (0.0, 0.1, 0.2, 0.3, 0.4):
         late = vehicle.replace(steer_delay=delay)
         rates = [
-            replayed.responses(late, s, replayed.lateral(late, s), ["yaw_rate"], {})[:, 0]
+            stretch_replay.responses(late, s, stretch_replay.lateral(late, s), ["yaw_rate"], {})[
+                :, 0
+            ]
             for s in stretches
         ]
         gain, together = _slope(np.concatenate(rates), seen)
