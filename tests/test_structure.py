@@ -27,7 +27,6 @@ TWICE: frozenset[str] = frozenset(
 )
 LONG: frozenset[str] = frozenset(
     {
-        "steersman/api.py",
         "steersman/commands.py",
         "steersman/contracts/controller.py",
         "steersman/features.py",

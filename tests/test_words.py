@@ -139,3 +139,24 @@ def test_load_gives_back_what_was_written() -> None:
         sm.load("no.npz")
     with pytest.raises(sm.DataError, match="holds a drive already"):
         sm.drive(duration=1, out="run")
+
+
+def test_bench_takes_dotted_settings_and_load_gives_the_typed_result(
+    tmp_path: FilePath,
+) -> None:
+    words = ("pid", "mine=tuned/lqr", "corridor=2")
+    found = sm.bench(*words, suite="quick", out=tmp_path, jobs=1)
+    assert set(found.summary.controllers) == {"pid", "mine"}
+    assert "corridor: 2" in (tmp_path / "suite.yaml").read_text()
+    assert sm.load(tmp_path) == found
+    assert type(sm.load(tmp_path / "results.json")) is type(found)
+
+
+def test_an_interrupted_drive_keeps_what_was_driven(tmp_path: FilePath) -> None:
+    def stop(share: float) -> None:
+        if share > 0.1:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        sm.drive("pid", duration=60, out=tmp_path, progress=stop)
+    assert 0.0 < sm.load(tmp_path)["time"][-1] < 59.0

@@ -16,18 +16,18 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from steersman import files as files
-    from steersman.api import attempt as attempt
-    from steersman.api import bench as bench
-    from steersman.api import compare as compare
-    from steersman.api import configure as configure
-    from steersman.api import drive as drive
-    from steersman.api import falsify as falsify
-    from steersman.api import identify as identify
-    from steersman.api import imitate as imitate
-    from steersman.api import load as load
-    from steersman.api import make as make
-    from steersman.api import train as train
-    from steersman.api import tune as tune
+    from steersman.api.driving import attempt as attempt
+    from steersman.api.driving import configure as configure
+    from steersman.api.driving import drive as drive
+    from steersman.api.driving import make as make
+    from steersman.api.learning import imitate as imitate
+    from steersman.api.learning import train as train
+    from steersman.api.loading import load as load
+    from steersman.api.studies import bench as bench
+    from steersman.api.studies import compare as compare
+    from steersman.api.studies import falsify as falsify
+    from steersman.api.studies import identify as identify
+    from steersman.api.studies import tune as tune
     from steersman.config import Component as Component
     from steersman.config import Of as Of
     from steersman.config import Settings as Settings
@@ -80,10 +80,10 @@ __version__ = "0.1.0"
 
 # The front door: the names behind each module. To add one: here, and above for type checkers.
 _FRONT_DOOR = {
-    "api": (
-        *("drive", "attempt", "train", "imitate", "tune", "bench", "compare", "falsify"),
-        *("identify", "load", "configure", "make"),
-    ),
+    "api.driving": ("drive", "attempt", "configure", "make"),
+    "api.learning": ("train", "imitate"),
+    "api.studies": ("tune", "bench", "compare", "falsify", "identify"),
+    "api.loading": ("load",),
     "config": (
         *("register", "param", "required", "Of", "Component", "Settings"),
         *("components", "families"),

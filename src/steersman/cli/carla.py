@@ -53,7 +53,7 @@ def serve(
 
     from carla_standin import StandinServer, models
     from carla_standin import serve as run
-    from steersman.api import vehicle_of
+    from steersman.api.studies import vehicle_of
 
     logging.basicConfig(format="%(message)s")
     server = StandinServer(

@@ -68,10 +68,11 @@ def compare(
     are compared place by place along their path, and a controller among them drives what the
     first one drove. Differences and ratios are paired and have 95 % bootstrap intervals.
     """
+    from steersman.api.studies import suite_settings
     from steersman.cli.seeds import parse
     from steersman.studies.compare.contestants import contestants, sort_of
 
-    named, chosen = split(words)
+    named, chosen = suite_settings(words)
     numbers = None if seeds is None else parse(seeds)
     found = contestants(named)
     sort = sort_of(found)
@@ -95,21 +96,6 @@ def compare(
         show_json(outcome.plain())
     else:
         _show(outcome, folder)
-
-
-def split(words: Sequence[str]) -> tuple[list[str], dict[str, str]]:
-    """Those that name a contestant, and by their key those that set something of the suite."""
-    from steersman import commands
-    from steersman.bench.suite import Suite
-
-    known = {"suite", *Suite.model_fields}
-    _, assignments = commands.split([word for word in words if _root(word) in known])
-    chosen = {word.partition("=")[0].strip(): word for word in assignments}
-    return [word for word in words if _root(word) not in known], chosen
-
-
-def _root(word: str) -> str:
-    return word.partition("=")[0].partition(".")[0].strip() if "=" in word else ""
 
 
 def _folder(out: str, found: Sequence[Contestant]) -> FilePath:

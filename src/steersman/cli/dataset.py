@@ -75,10 +75,10 @@ def _of_training(source: str, place: FilePath) -> Stored:
         return store.read(str(place / "data"))
     if place.is_dir() and not (place / "config.yaml").is_file():
         raise DataError(f"{source}: neither a drive ({EPISODE}) nor a training (config.yaml)")
-    from steersman import api
+    import steersman as sm
 
     name = str(place / "config.yaml") if place.is_dir() else source
-    problem = api.configure("train", name, notify=note).problem
+    problem = sm.configure("train", name, notify=note).problem
     kind = (dump(problem.demonstration.controller) or {})["kind"]
     tell_compiling()
     with share_bar("demonstrating") as progress:

@@ -75,9 +75,9 @@ def demo(
 
 
 def _train(words: list[str], folder: FilePath) -> FilePath:
-    from steersman import api
+    import steersman as sm
 
-    config = api.configure("train", "demo", *words, notify=note)
+    config = sm.configure("train", "demo", *words, notify=note)
     return train.train_with_bar(config, folder / "training", overwrite=True).policy
 
 

@@ -60,15 +60,15 @@ def drive(
 
     Files named in settings are relative to the current folder.
     """
-    from steersman import api
+    from steersman.api import driving
     from steersman.config import dump
     from steersman.rollout import Interrupted, attempt
 
-    config = api.configure("drive", *(words or []))
+    config = driving.configure("drive", *(words or []))
     settings.tell_plant(config.plant)
     folder = None if out is None else settings.out_folder(out)
     if folder is not None:
-        api.drive_folder(folder, overwrite=overwrite)
+        driving.drive_folder(folder, overwrite=overwrite)
     page = None if report is None else _page(report)
     file = recording.recording_file(mcap)
     tell_compiling()
@@ -79,9 +79,9 @@ def drive(
         episode, error = tried.episode, tried.error
     except Interrupted as stopped:
         episode, interrupted = stopped.episode, True
-    metrics = api.drive_metrics(episode)
+    metrics = driving.drive_metrics(episode)
     if folder is not None:
-        api.write_drive(folder, config, episode)
+        driving.write_drive(folder, config, episode)
     _replay(page, config, episode)
     recording.record(file, config, episode)
     if error is not None:

@@ -44,19 +44,19 @@ def falsify(
     Mass, friction, steering delay, waypoint noise and speed are disturbed, each within its range.
     Writes config.yaml, drives.jsonl (a line for each drive), falsify.json and report.html.
     """
-    from steersman import api
+    import steersman as sm
     from steersman.report.falsification import sentences, single_rows, write_falsification
     from steersman.studies.hunt import most_drives
 
     given = [] if trials is None else [f"trials={trials}"]
-    config = api.configure("falsify", *(words or []), *given, notify=note)
+    config = sm.configure("falsify", *(words or []), *given, notify=note)
     engine, jobs = settings.workers_for(config.plant, engine, jobs)
     settings.tell_plant(config.plant)
     folder = settings.out_folder(out)
     tell_compiling()
     try:
         with steps_bar(most_drives(config), "falsifying", "drives", TOLD) as update:
-            result = api.falsify(
+            result = sm.falsify(
                 config,
                 out=folder,
                 progress=lambda done, _, found: update(done, found),

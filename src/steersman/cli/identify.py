@@ -67,12 +67,12 @@ def identify(
     throttle map and brakes, each with a 95 % interval. What the recording does not tell is kept
     from the vehicle that it starts from, and said.
     """
-    from steersman import api
+    import steersman as sm
     from steersman.studies.identify.result import TITLE, plain, sections
 
     files = [None if f is None else settings.out_file(f, o) for f, o in _targets(out, page)]
     tell_compiling()
-    found = api.identify(
+    found = sm.identify(
         log, vehicle, holdout=holdout, lock=lock, ahead=ahead, out=files[0], notify=note
     )
     if files[1] is not None:

@@ -56,9 +56,9 @@ def imitate(
     kept = FilePath(out) / "config.yaml"
     if not words and resume and kept.is_file():
         words = [str(kept)]
-    from steersman import api
+    import steersman as sm
 
-    config = api.configure("imitate", *(words or []), notify=note)
+    config = sm.configure("imitate", *(words or []), notify=note)
     settings.tell_plant(config.problem.plant)
     folder = settings.out_folder(out)
     tell_compiling()
@@ -73,7 +73,7 @@ def imitate_with_bar(
     config: ImitationConfig, folder: FilePath, *, overwrite: bool, resume: bool
 ) -> ImitationResult:
     """Imitate, and show tracking error and the time left on stderr."""
-    from steersman import api
+    import steersman as sm
 
     # Data have no steps that are driven: there rounds are counted.
     steps, noun = (1, "rounds") if config.data else (config.round_steps * config.vehicles, "steps")
@@ -91,7 +91,7 @@ def imitate_with_bar(
         def tick(rounds: float) -> None:
             update(rounds * steps, text)
 
-        return api.imitate(
+        return sm.imitate(
             config,
             out=folder,
             progress=tell,

@@ -61,10 +61,10 @@ def train(
     for option, value in (("--jobs", jobs), ("--engine", engine)):
         if value is not None and chosen is None:
             raise ConfigError(f"{option}: there is one training; it goes with seeds=0..4")
-    from steersman import api
+    import steersman as sm
 
     words = words or (_resumed(out, chosen) if resume else [])
-    config = api.configure("train", *words, notify=note)
+    config = sm.configure("train", *words, notify=note)
     settings.tell_plant(config.problem.plant)
     folder = settings.out_folder(out)
     tell_compiling()
@@ -97,7 +97,7 @@ def train_with_bar(
     config: TrainConfig, folder: FilePath, *, overwrite: bool, resume: bool = False
 ) -> TrainResult:
     """Train, and show reward, tracking error, off-track resets and the time left on stderr."""
-    from steersman import api
+    import steersman as sm
 
     with steps_bar(config.steps, "training") as update:
         text = "training"
@@ -110,7 +110,7 @@ def train_with_bar(
         def tick(steps: int) -> None:
             update(steps, text)
 
-        return api.train(
+        return sm.train(
             config,
             out=folder,
             progress=tell,

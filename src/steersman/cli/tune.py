@@ -41,10 +41,10 @@ def tune(
     that the tuning cost), and the trials' errors against their steering activity: pareto.json,
     pareto.svg and report.html.
     """
-    from steersman import api
+    import steersman as sm
     from steersman.config import to_yaml
 
-    config = api.configure("tune", *(words or []), *([f"trials={trials}"] if trials else []))
+    config = sm.configure("tune", *(words or []), *([f"trials={trials}"] if trials else []))
     engine, jobs = settings.workers_for(config.plant, engine, jobs)
     settings.tell_plant(config.plant)
     folder = settings.out_folder(out)
@@ -58,7 +58,7 @@ def tune(
                 driven = True
                 update(done, f"cost {1e3 * cost:.4g} mm")
 
-            best = api.tune(config, out=folder, progress=tell, engine=engine, jobs=jobs)
+            best = sm.tune(config, out=folder, progress=tell, engine=engine, jobs=jobs)
     except KeyboardInterrupt:
         note(f"interrupted; the same command goes on from {folder}")
         raise typer.Exit(INTERRUPTED) from None
