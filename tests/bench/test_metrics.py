@@ -234,7 +234,7 @@ def test_the_contract_finds(function, finding):
 
 
 def test_a_metric_that_is_declared_is_measured(monkeypatch):
-    from steersman.config import _REGISTRY
+    from steersman.registry import _REGISTRY
 
     monkeypatch.setitem(_REGISTRY, "metric", dict(_REGISTRY["metric"]))
     metric("rows_of_test", "-", "rows", "higher", dtype=int)(len)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydantic import Field
 
 from steersman.controllers.base import ControllerComponent
 from steersman.controllers.policy import PolicyState, card_base
@@ -167,7 +168,7 @@ class Library:
 class InC(ControllerComponent):
     """A compiled policy as a controller; its state is (C's, the base's)."""
 
-    library: Any
+    library: Any = Field(exclude=True)
     base: Any = None
 
     def init(self, vehicle: Vehicle, dt: float) -> Any:

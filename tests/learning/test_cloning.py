@@ -93,7 +93,7 @@ def test_a_clone_of_a_dataset_follows(clone: FilePath) -> None:
 
 def test_what_is_written_of_a_clone(clone: FilePath, dataset: FilePath) -> None:
     told = rows(clone)
-    assert [row.steps for row in told] == [3000, 6000]
+    assert [row["steps"] for row in told] == [3000, 6000]
     assert np.isnan(told[0]["action_difference"])
     assert {row["demo_share"] for row in told} == {1.0}
     training = json.loads((clone / "policy.json").read_text())["training"]

@@ -21,6 +21,7 @@ from steersman.learning.config import TrainConfig
 from steersman.learning.demonstration import Demonstrator
 from steersman.learning.snapshot import changed, rebuilt
 from steersman.learning.train import _Training, train
+from steersman.sensing import to_observation
 from steersman.vehicles import CarlaModel3
 
 from .problems import RESIDUAL, tiny
@@ -328,14 +329,15 @@ def test_every_controller_goes_on_from_its_plain_state(kind: str, tmp_path: File
     first, second = (Demonstrator(controller, CarlaModel3(), 0.05) for _ in range(2))
     first.restart(3)
     for k, row in enumerate(early):
-        first.propose(3, row, 0.05 * k, 2.0)
+        first.propose(3, to_observation(row, 0.05 * k, 2.0))
     file = tmp_path / "state.npz"
     with file.open("wb") as stream:
         snapshot.write(first.snapshot(), stream)
     with file.open("rb") as stream:
         second.restore(snapshot.read(stream))
     for k, row in enumerate(late):
-        ours, theirs = (d.propose(3, row, 1.0 + 0.05 * k, 2.0) for d in (first, second))
+        seen = to_observation(row, 1.0 + 0.05 * k, 2.0)
+        ours, theirs = (d.propose(3, seen) for d in (first, second))
         assert ours == theirs
 
 

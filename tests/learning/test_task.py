@@ -221,9 +221,10 @@ def test_training_takes_a_python_function(tmp_path: FilePath) -> None:
         return -(step.yaw_rate**2)
 
     config = tiny(steps=300, validation={"interval": 300})
-    file = sm.train(config, reward=calm, out=tmp_path / "calm")
+    result = sm.train(config, reward=calm, out=tmp_path / "calm")
     assert len(seen) >= 300
-    assert file.is_file()
+    assert result.policy is not None
+    assert result.policy.is_file()
     with pytest.raises(ConfigError, match="a file cannot hold a Python function"):
         sm.train(str(tmp_path / "calm" / "config.yaml"), out=tmp_path / "again")
 
