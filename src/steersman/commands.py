@@ -197,7 +197,8 @@ def _whole(command: str, name: str) -> dict[str, Any] | None:
 
 def _is_file(name: str) -> bool:
     file = FilePath(name)
-    return file.suffix in words_.YAML or file.name != name or file.exists()
+    a_place = file.is_file() or (file.is_dir() and name not in presets.names())
+    return file.suffix in words_.YAML or file.name != name or a_place
 
 
 def component_fields(command: str) -> dict[str, str]:

@@ -22,7 +22,7 @@ import typer
 from tests.loops import random_policy
 from typer.testing import Result
 
-from steersman import commands, tuned
+from steersman import commands, policies, tuned
 from steersman.cli import output, seeds, settings
 from steersman.config import build, components, families, read_yaml, resolve, to_yaml
 from steersman.episode import load_episode
@@ -87,7 +87,7 @@ class TestList:
         result = steersman("list", "--json")
         listed = json.loads(result.stdout)
         expected = {family: list(components(family)) for family in families()}
-        expected["controller"] += tuned.names()
+        expected["controller"] += [*tuned.names(), *policies.names()]
         assert {family: list(names) for family, names in listed.items()} == expected
         # Other tests may have declared components of their own, without a word of explanation.
         ours = {

@@ -67,7 +67,7 @@ def _stored(source: str, place: FilePath) -> Stored:
 
 def _of_training(source: str, place: FilePath) -> Stored:
     """What a training kept of its steps, or else its demonstrator on its roads."""
-    from steersman.config import dump
+    from steersman.config import dump, read_yaml
     from steersman.learning.datasets import store
     from steersman.learning.datasets.demonstrate import SIGMA, demonstrate
 
@@ -78,7 +78,8 @@ def _of_training(source: str, place: FilePath) -> Stored:
     import steersman as sm
 
     name = str(place / "config.yaml") if place.is_dir() else source
-    problem = sm.configure("train", name, notify=note).problem
+    imitated = place.is_dir() and "fit" in read_yaml(name)
+    problem = sm.configure("imitate" if imitated else "train", name, notify=note).problem
     kind = (dump(problem.demonstration.controller) or {})["kind"]
     tell_compiling()
     with share_bar("demonstrating") as progress:
