@@ -9,6 +9,7 @@ from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
+from numba.core import caching
 
 from steersman.config import build, components
 from steersman.contracts.feature import check, drive, mirrored_rows, scenes
@@ -19,7 +20,7 @@ from steersman.delivery.c_formula import Writer
 from steersman.encoding import EncodingComponent, FeatureList, Layout
 from steersman.errors import ConfigError, DataError
 from steersman.features import Feature, Loop, Waypoints
-from steersman.kernels.formula import Group, compiled
+from steersman.kernels.formula import Group, call, compiled
 from steersman.learning.task import FunctionTerm, Judged, PaperTask, RewardTerm, TaskComponent
 from steersman.policy_file import locate, read_policy, shipped
 from steersman.types import Observation
@@ -189,3 +190,23 @@ def test_every_encoding_is_made_of_registered_features(encoding: type[EncodingCo
     for feature in build(encoding, {}).layout(2.0, 0.05, "residual").features:
         assert type(feature) is components("feature")[feature.kind]
     assert Waypoints(count=3).reads == 3
+
+
+@pytest.mark.parametrize("fault", ["no folder", "a folder that cannot be written"])
+def test_a_formula_is_compiled_without_a_cache(fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def denied(*_: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    if fault == "no folder":
+        monkeypatch.setattr(caching.CompileResultCacheImpl, "_locator_classes", [])
+    else:
+        monkeypatch.setattr(caching.IndexDataCacheFile, "save", denied)
+    place = {"no folder": 1, "a folder that cannot be written": 2}[fault]  # not compiled before
+    groups = {"loop": Group({"dt": place})}
+
+    def doubled(loop: Loop) -> float:
+        return 2.0 * loop.dt
+
+    row = np.arange(3.0)
+    formula = compiled(doubled, groups)
+    assert call(formula.address, row, row, row, 0, 0, 0) == 2.0 * place

@@ -46,11 +46,15 @@ if TYPE_CHECKING:
     from steersman.errors import SteersmanError as SteersmanError
     from steersman.errors import TrainingDiverged as TrainingDiverged
     from steersman.errors import suggestion as suggestion
+    from steersman.features import Feature as Feature
+    from steersman.features import Loop as Loop
     from steersman.learning.checkpoint import is_finished as is_finished
     from steersman.learning.config import TrainConfig as TrainConfig
     from steersman.learning.parallel import TrainingEvent as TrainingEvent
     from steersman.learning.parallel import TrainingJob as TrainingJob
     from steersman.learning.parallel import train_all as train_all
+    from steersman.learning.task import Judged as Judged
+    from steersman.learning.task import RewardTerm as RewardTerm
     from steersman.metrics.base import summarise as summarise
     from steersman.paths.base import PathComponent
     from steersman.paths.xodr.ways import lane_starts as lane_starts
@@ -96,6 +100,8 @@ _FRONT_DOOR = {
     "plants.base": ("Plant",),
     "speed": ("Speed",),
     "vehicles": ("Vehicle",),
+    "features": ("Feature", "Loop"),  # what a network reads
+    "learning.task": ("RewardTerm", "Judged"),  # what is rewarded
     "plants.motion": ("VehicleMotion",),  # a car in a world of one's own (carla_standin)
     "plants.carla_frame": ("CarlaFrame",),  # CARLA's axes, for a client or server of one's own
     "paths.xodr.ways": ("lane_starts",),  # where cars may be put on a map (carla_standin)

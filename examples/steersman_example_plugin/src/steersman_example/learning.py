@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-from steersman.config import param, register
-from steersman.features import Feature
-from steersman.learning.task import Judged, RewardTerm
-from steersman.types import Observation
+import steersman as sm
 
 
-@register("feature", "lateral_acceleration_ahead")
-class LateralAccelerationAhead(Feature):
+@sm.register("feature", "lateral_acceleration_ahead")
+class LateralAccelerationAhead(sm.Feature):
     """Lateral acceleration that the road asks for some waypoints ahead at the present speed."""
 
     unit, scale = "m/s^2", 0.2
 
-    waypoints: int = param(5, "-", "Waypoints ahead, with one more on either side.", ge=1)
+    waypoints: int = sm.param(5, "-", "Waypoints ahead, with one more on either side.", ge=1)
 
     @property
     def reads(self) -> int:
         """One waypoint more than the one ahead."""
         return self.waypoints + 2
 
-    def value(self, seen: Observation) -> float:
+    def value(self, seen: sm.Observation) -> float:
         """v_x^2 times the curvature: the second difference over the squared distance [m/s^2]."""
         x = seen.preview[1, 0] - seen.preview[0, 0]
         y = seen.preview[1, 1] - seen.preview[0, 1]
@@ -30,15 +27,15 @@ class LateralAccelerationAhead(Feature):
         return float(seen.v_x * seen.v_x * bend / (x * x + y * y))
 
 
-@register("reward", "calm")
-class Calm(RewardTerm):
+@sm.register("reward", "calm")
+class Calm(sm.RewardTerm):
     """Minus the squared lateral acceleration of the car beyond what the road asks for."""
 
     unit = "m^2/s^4"
 
-    weight: float = param(0.01, "s^4/m^2", "Factor on the term.", ge=0)
+    weight: float = sm.param(0.01, "s^4/m^2", "Factor on the term.", ge=0)
 
-    def value(self, step: Judged) -> float:
+    def value(self, step: sm.Judged) -> float:
         """Weighted: v times the yaw rate less v^2 times the curvature, squared."""
         beyond = step.speed * (step.yaw_rate - step.speed * step.curvature)
         return -self.weight * beyond * beyond
