@@ -28,9 +28,8 @@ import numpy as np
 from ddpg_mpc_pid.timing import read_weights, sb3_predict
 from steersman.controllers.policy import load_network
 from steersman.delivery.c_source import Parts, parts
-from steersman.delivery.graph import exact, read_network
+from steersman.delivery.graph import TOLERANCE, exact, random_features, read_network
 from steersman.delivery.package import write_c
-from steersman.delivery.parity import TOLERANCE, random_features
 from steersman.delivery.source import read_source
 from steersman.delivery.vector import Row, answers, drawn, rows
 from steersman.files import write_text

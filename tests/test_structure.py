@@ -22,7 +22,6 @@ CIRCLES: frozenset[str] = frozenset(
 TWICE: frozenset[str] = frozenset(
     {
         "Command",
-        "Source",
     }
 )
 LONG: frozenset[str] = frozenset(

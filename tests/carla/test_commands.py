@@ -18,8 +18,7 @@ from steersman.plants.carla import CarlaConfig
 from steersman.plants.simulator import SimulatorConfig
 from steersman.rollout import run
 from steersman.studies.calibrate import calibrate as module
-from steersman.studies.calibrate.calibrate import calibrate
-from steersman.studies.calibrate.identify import Fit
+from steersman.studies.calibrate.calibrate import Fit, calibrate
 from steersman.types import Command, Pose
 from steersman.vehicles import Bmw320i, CarlaModel3, Vehicle
 
@@ -174,7 +173,9 @@ def test_fits_that_leave_more_than_usual_are_told(
 
 def test_a_fit_that_is_no_cars_is_one_line() -> None:
     fits = {"steering rate": Fit({"steer_rate_up": -1.0}, 0.0, "-")}
-    with pytest.raises(PlantError, match=r"calibrate: steering rate: the fit is no car's: .*-1"):
+    with pytest.raises(
+        PlantError, match=r"calibrate: steering rate: the fitted figures are not allowed: .*-1"
+    ):
         module._explained(CarlaModel3(), fits, "steering rate")
 
 

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import Result
 
 from steersman.cli.export import TARGETS
-from steersman.delivery import trial
+from steersman.delivery import package as trial
 from steersman.errors import DataError
 from steersman.policy_file import locate, read_policy
 

@@ -120,7 +120,7 @@ WRONG = [
     ("imitate dmo --out new", "unknown preset 'dmo'; did you mean 'demo'?"),
     ("imitate demo agent.gamma=0.9 --out new", "agent: unknown field"),
     ("imitate demo method=dager --out new", "must be 'dagger' or 'bc'"),
-    ("imitate problem.demonstration.enabled=false --out new", "there is nobody to imitate"),
+    ("imitate problem.demonstration.enabled=false --out new", "is false; set it to true"),
     ("tune --trials 0 --out new", "invalid value for '--trials': "),
     ("tune controler=pid --out new", "controler: unknown field; did you mean 'controller'?"),
     ("demo --policy no.onnx --out new", "no.onnx: no such file"),

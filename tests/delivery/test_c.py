@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 from steersman.controllers.policy import Policy, load_network
-from steersman.delivery.graph import exact, normalised
-from steersman.delivery.parity import TOLERANCE, random_features, rounding
+from steersman.delivery.graph import TOLERANCE, exact, normalised, random_features, rounding
 from steersman.delivery.vector import Row, answers, drawn, rows, single, with_value
 from steersman.kernels.encode import FEATURE_LIMIT
 from steersman.policy_file import shipped

@@ -13,8 +13,14 @@ from onnx import helper, numpy_helper
 from torch.nn import functional
 
 from steersman.controllers.policy import load_network
-from steersman.delivery.graph import exact, normalised, read_network
-from steersman.delivery.parity import TOLERANCE, random_features, rounding
+from steersman.delivery.graph import (
+    TOLERANCE,
+    exact,
+    normalised,
+    random_features,
+    read_network,
+    rounding,
+)
 from steersman.errors import DataError
 from steersman.learning.export import network
 

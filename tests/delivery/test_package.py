@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from steersman.delivery import c_text
+from steersman.delivery.graph import TOLERANCE
 from steersman.delivery.package import write_c, write_onnx
-from steersman.delivery.parity import TOLERANCE
 from steersman.delivery.vector import answers, rows
 from steersman.errors import DataError
 from steersman.learning.export import network

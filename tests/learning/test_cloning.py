@@ -14,7 +14,7 @@ from steersman.config import build, merge
 from steersman.controllers.policy import Policy
 from steersman.errors import ConfigError, DataError
 from steersman.learning.datasets import store
-from steersman.learning.datasets.demonstrate import demonstrate
+from steersman.learning.datasets.recorder import demonstrate
 from steersman.learning.datasets.trajectory import Who
 from steersman.learning.imitation.config import ImitationConfig
 from steersman.learning.imitation.imitate import imitate

@@ -21,8 +21,7 @@ from steersman.episode import Episode
 from steersman.errors import ConfigError, DataError
 from steersman.kernels import world as kernel
 from steersman.learning.datasets import replay, source, store
-from steersman.learning.datasets.demonstrate import demonstrate
-from steersman.learning.datasets.recorder import Recorder
+from steersman.learning.datasets.recorder import Recorder, demonstrate
 from steersman.learning.datasets.trajectory import Trajectory, Who, actions_for, features, steps
 from steersman.learning.env import PathFollowingEnv
 from steersman.learning.fleet import FleetDriver
@@ -112,7 +111,7 @@ def test_demonstrations() -> None:
     assert 0.05 < np.std(gaps) < 0.3  # the noise
     exact = demonstrate(wanted, 40, 3, vehicles=4, sigma=0.0)
     assert all(np.array_equal(one.actions, one.demonstrated) for one in exact)
-    with pytest.raises(ConfigError, match="nobody demonstrates"):
+    with pytest.raises(ConfigError, match="is false; set it to true"):
         demonstrate(problem(demonstration={"enabled": False}), 40, 0)
 
 

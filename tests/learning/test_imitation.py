@@ -15,10 +15,10 @@ from steersman.config import build, merge, read_yaml
 from steersman.controllers.policy import Policy
 from steersman.errors import ConfigError, DataError, TrainingDiverged
 from steersman.learning.fleet import FleetDriver
-from steersman.learning.imitation.collect import Dataset, Drives, Driving, collect
 from steersman.learning.imitation.config import FitConfig, ImitationConfig
 from steersman.learning.imitation.fit import Regression, SampleDraw, descend
 from steersman.learning.imitation.imitate import imitate, imitation_config, load_imitation
+from steersman.learning.imitation.sources import Dataset, Drives, Driving, collect
 from steersman.learning.progress import ImitationRow
 from steersman.learning.validate import Validator
 
@@ -381,7 +381,7 @@ def test_a_loss_that_is_not_finite_ends_it(tmp_path: FilePath) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"problem": {"demonstration": {"enabled": False}}}, "there is nobody to imitate"),
+        ({"problem": {"demonstration": {"enabled": False}}}, "is false; set it to true"),
         ({"steps": 11}, "3 rounds of 4 vehicles need at least 12 steps, steps is 11"),
         ({"fit": {"updates": 2}}, r"3 rounds need at least as many updates, fit\.updates is 2"),
         ({"method": "dager"}, "must be 'dagger' or 'bc'"),

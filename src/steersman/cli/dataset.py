@@ -29,7 +29,7 @@ def export_minari(source: str, folder: FilePath) -> Sequence[FilePath]:
 
     Raises:
         DataError: there is nothing of that name, it cannot be read, or the dataset is there.
-        ConfigError: nobody demonstrates, or the configuration is wrong.
+        ConfigError: there is no demonstrator, or the configuration is wrong.
         ModuleNotFoundError: the extra ``minari`` is not installed.
     """
     from steersman.learning.datasets import store
@@ -69,7 +69,7 @@ def _of_training(source: str, place: FilePath) -> Stored:
     """What a training kept of its steps, or else its demonstrator on its roads."""
     from steersman.config import dump, read_yaml
     from steersman.learning.datasets import store
-    from steersman.learning.datasets.demonstrate import SIGMA, demonstrate
+    from steersman.learning.datasets.recorder import SIGMA, demonstrate
 
     if (place / "data").is_dir():
         return store.read(str(place / "data"))

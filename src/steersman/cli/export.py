@@ -51,8 +51,7 @@ class Target(NamedTuple):
 
 
 def _c(source: str, folder: FilePath) -> Sequence[FilePath]:
-    from steersman.delivery.package import write_c
-    from steersman.delivery.trial import try_out
+    from steersman.delivery.package import try_out, write_c
 
     files = write_c(source, folder)
     note(try_out(files[0]))

@@ -15,7 +15,7 @@ from steersman.delivery.c_formula import Writer
 from steersman.delivery.c_network import activations, arrays, layers
 from steersman.delivery.c_text import decimal
 from steersman.delivery.graph import CLIP, TANH, Network
-from steersman.delivery.source import Source, controller
+from steersman.delivery.source import Source
 from steersman.encoding import Layout
 from steersman.errors import DataError
 from steersman.features import UPDATES, Feature
@@ -72,7 +72,7 @@ def parts(source: Source, network: Network) -> Parts:
             raise DataError(f"{source.file}: hidden values up to {size.max():.1e} leave float32")
         if layer.activation in {TANH, CLIP}:
             size = np.minimum(size, 1.0)
-    return Parts(source, network, layout, card.trim, controller(source))
+    return Parts(source, network, layout, card.trim, Policy(file=str(source.file)))
 
 
 def fill(template: str, words: dict[str, Any]) -> str:

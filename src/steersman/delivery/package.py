@@ -1,7 +1,10 @@
-"""Writes the files of a delivery and checks them."""
+"""Write the files of a delivery, check them, and try the C code with a compiler."""
 
 from __future__ import annotations
 
+import shutil
+import subprocess
+import tempfile
 from collections.abc import Callable, Sequence
 from importlib.resources import files
 from pathlib import Path as FilePath
@@ -12,16 +15,17 @@ import numpy as np
 from steersman.controllers.policy import load_network
 from steersman.delivery.c_source import Parts, header, parts, source_text
 from steersman.delivery.c_text import identifier
-from steersman.delivery.graph import exact, read_network
-from steersman.delivery.parity import TOLERANCE, random_features, rounding
+from steersman.delivery.graph import TOLERANCE, exact, random_features, read_network, rounding
 from steersman.delivery.source import Source, read_source
 from steersman.delivery.vector import program_text, vector_text
-from steersman.errors import DataError
+from steersman.errors import DataError, one_line
 from steersman.files import replacing, write_text
 from steersman.policy_file import PolicyCard, read_policy, sha256
 
 # Observations on which the written network is compared with its source.
 CHECKED = 2000
+COMPILERS = ("cc", "gcc", "clang")
+_LONGEST = 120.0
 Tell = Callable[[str], object]
 
 
@@ -29,7 +33,7 @@ def write_onnx(words: str, folder: FilePath, tell: Tell) -> Sequence[FilePath]:
     """The policy as ``NAME.onnx`` with its card ``NAME.json``, read back and compared.
 
     Raises:
-        DataError: the source is no sound policy, or what was written does not answer like it.
+        DataError: the source is no valid policy, or the outputs of the written file differ.
     """
     source = read_source(words)
     file = folder / f"{identifier(source.name)}.onnx"
@@ -42,7 +46,7 @@ def write_c(words: str, folder: FilePath) -> Sequence[FilePath]:
     """The policy as C99: header, source, test vector with its program, Makefile, network, card.
 
     Raises:
-        DataError: the source is no sound policy, or one that C text cannot be made of.
+        DataError: the source is no valid policy, or one that C text cannot be made of.
     """
     source = read_source(words)
     made = parts(source, read_network(source.data, str(source.file)))
@@ -83,18 +87,18 @@ def _limits(made: Parts) -> dict[str, list[float]]:
 
 
 def compare(source: Source, file: FilePath) -> str:
-    """Says how well a written network agrees with its source.
+    """A sentence on how well a written network agrees with its source.
 
     Raises:
-        DataError: its answers are others, or further from the exact ones than rounding explains.
+        DataError: its outputs differ, or are further from the exact ones than rounding explains.
     """
     data, card = read_policy(file)
     network = read_network(source.data, str(source.file))
     seen = random_features(network.scale, CHECKED)
-    given = _answers(source.data, str(source.file), seen)
-    written = _answers(data, str(file), seen)
+    given = _outputs(source.data, str(source.file), seen)
+    written = _outputs(data, str(file), seen)
     if card.scale != source.card.scale or not np.array_equal(given, written):
-        raise DataError(f"{file}: answers differently from {source.file}")
+        raise DataError(f"{file}: its outputs differ from those of {source.file}")
     away = abs(written - exact(network, seen)[:, 0])
     if not (away <= TOLERANCE + rounding(network, seen)).all():
         raise DataError(f"{file}: differs from float64 by {away.max():.1e}, more than it may")
@@ -104,6 +108,38 @@ def compare(source: Source, file: FilePath) -> str:
     )
 
 
-def _answers(data: bytes, name: str, features: Any) -> Any:
+def _outputs(data: bytes, name: str, features: Any) -> Any:
     run = load_network(data, name, features.shape[1])
     return np.array([run(row[None, :]) for row in features])
+
+
+def try_out(source: FilePath) -> str:
+    """A sentence on how the test vector of a policy's C source went, or why it was not run.
+
+    Raises:
+        DataError: its outputs are not the expected ones.
+    """
+    compiler = next((found for found in map(shutil.which, COMPILERS) if found), None)
+    folder, vector = source.parent, source.name.replace("steersman", "test", 1)
+    by_hand = f"make -C {folder} test"
+    if compiler is None:
+        return f"not compiled: there is no C compiler here; where there is one: {by_hand}"
+    with tempfile.TemporaryDirectory() as scratch:
+        program = FilePath(scratch, "test")
+        files = [str(each.resolve()) for each in (source, source.with_name(vector))]
+        words = [compiler, "-std=c99", "-O1", "-o", str(program), *files, "-lm"]
+        try:
+            made = _run(words)
+            if made.returncode != 0:
+                why = one_line(made.stderr)[:160]
+                return f"not compiled: {FilePath(compiler).name} says {why}; by hand: {by_hand}"
+            said = _run([str(program)])
+        except (OSError, subprocess.SubprocessError) as error:
+            return f"not tried: {one_line(str(error))[:160]}; by hand: {by_hand}"
+    if said.returncode != 0:
+        raise DataError(f"{folder}: the test vector fails: {one_line(said.stdout)[:160]}")
+    return f"{one_line(said.stdout)} (again: {by_hand})"
+
+
+def _run(words: list[str]) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(words, capture_output=True, text=True, check=False, timeout=_LONGEST)

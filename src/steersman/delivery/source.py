@@ -1,15 +1,15 @@
-"""What a user names when a policy is to be delivered."""
+"""The policy that is to be delivered, from the user's word for it."""
 
 from __future__ import annotations
 
 from pathlib import Path as FilePath
 from typing import NamedTuple
 
-from steersman.controllers.policy import Policy, card_base, card_layout, load_network
+from steersman.controllers.policy import card_base, card_layout, load_network
 from steersman.errors import ConfigError, DataError
 from steersman.policy_file import PolicyCard, locate, read_policy
 
-# What a training calls its policy; the folder's name tells more.
+# The name of every training's policy; the folder's name is used instead.
 _ANY = "policy"
 
 
@@ -54,8 +54,3 @@ def _file(words: str) -> FilePath:
     if given.suffix == ".json":
         return given.with_suffix(".onnx")
     return locate(words)
-
-
-def controller(source: Source) -> Policy:
-    """The policy as a controller."""
-    return Policy(file=str(source.file))

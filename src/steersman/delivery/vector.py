@@ -1,4 +1,4 @@
-"""The test vector: whole steps and network inputs, with the answers of the policy's controller."""
+"""The test vector: whole steps and network inputs, with the outputs of the policy's controller."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from steersman.controllers.base import ControllerComponent, within_limits
 from steersman.controllers.policy import PolicyState
 from steersman.delivery import c_text
 from steersman.delivery.c_source import Parts, common, fill
-from steersman.delivery.graph import exact
-from steersman.delivery.parity import TOLERANCE, random_features
+from steersman.delivery.graph import TOLERANCE, exact, random_features
 from steersman.paths.random_road import RandomRoad
 from steersman.sensing import WaypointSensor, track
 from steersman.types import FloatArray, Observation, Status, VehicleState
@@ -33,18 +32,18 @@ class Row(NamedTuple):
     base: float
     """Command of the corrected controller."""
     executed: float | None
-    """What was executed instead of the answer."""
+    """Command that was executed instead of the policy's; None: the policy's."""
 
 
 class Answer(NamedTuple):
-    """What the controller says to a row."""
+    """The controller's output for a row."""
 
     steer: float
     status: Status
 
 
-class Told(ControllerComponent):
-    """Stands for the corrected controller: its state is what it answers."""
+class GivenCommand(ControllerComponent):
+    """In place of the corrected controller: its command is its state."""
 
     def init(self, vehicle: Vehicle, dt: float) -> float:
         """Straight on."""
@@ -56,14 +55,14 @@ class Told(ControllerComponent):
 
 
 def reference(p: Parts) -> PolicyState:
-    """The controller's first state, with the network in float64 and the base as it is told."""
+    """The controller's first state, with the network in float64 and the base's command as given."""
     state = p.policy.init(CarlaModel3(), p.card.dt)
     state = state._replace(run=lambda x: float(exact(p.network, x)[0, 0]))
-    return state if state.base is None else state._replace(base=Told(), base_state=0.0)
+    return state if state.base is None else state._replace(base=GivenCommand(), base_state=0.0)
 
 
 def answers(p: Parts, rows: list[Row]) -> list[Answer]:
-    """The answers of the policy's controller to ``rows``."""
+    """The outputs of the policy's controller for ``rows``."""
     start = state = reference(p)
     out = []
     for row in rows:
@@ -71,7 +70,7 @@ def answers(p: Parts, rows: list[Row]) -> list[Answer]:
         if state.base is not None:
             state = state._replace(base_state=row.base)
         if state.base is not None and not math.isfinite(row.base):
-            # No controller of this package answers that; in C it is one more input.
+            # No controller of this package returns that; in C it is one more input.
             out.append(Answer(within_limits(row.seen.steer), Status.FALLBACK))
         else:
             decision, state = p.policy.step(state, row.seen)

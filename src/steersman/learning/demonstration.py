@@ -21,7 +21,7 @@ class Demonstration(Settings):
     controller: Annotated[ControllerComponent, Of("controller")] = param(
         MpcPid(), "-", "The demonstrating controller."
     )
-    enabled: bool = param(True, "-", "Off: nobody demonstrates (no extra action, no r_diff).")
+    enabled: bool = param(True, "-", "Off: no demonstrator (no extra action, no r_diff).")
     p_action: Annotated[Schedule, Of("schedule")] = param(
         Constant(at=0.2), "-", "Probability that the demonstrated action is executed."
     )

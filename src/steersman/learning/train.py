@@ -106,7 +106,7 @@ class _Training:
         tick: Callable[[int], None] | None,
         resumed_at: int | None = None,
     ) -> None:
-        from steersman.learning.datasets.keep import Keeper
+        from steersman.learning.datasets.recorder import Keeper
         from steersman.learning.validate import Validator
         from steersman.learning.vec_env import PathFollowingVecEnv
 

@@ -1,80 +1,78 @@
-"""Keeps what vehicles do while they learn or are demonstrated to."""
+"""Drives recorded while they happen: a fleet's steps, those of a training, and demonstrations."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+import shutil
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from steersman.errors import ConfigError
+from steersman.files import replacing
 from steersman.kernels import observe
 from steersman.kernels import world as kernel
 from steersman.kernels.vehicle import VX, VY
-from steersman.learning.datasets.trajectory import Trajectory
+from steersman.learning.datasets import store
+from steersman.learning.datasets.trajectory import Trajectory, Who
 from steersman.learning.fleet import FleetDriver
+from steersman.learning.noise import OrnsteinUhlenbeck
+from steersman.learning.problem import Problem
 from steersman.learning.snapshot import Tree
 from steersman.types import FloatArray
 
+if TYPE_CHECKING:
+    from steersman.learning.vec_env import PathFollowingVecEnv
+
+NAME = "training"
+_PARTS = "parts"
+SIGMA, THETA = 0.1, 0.15
+"""Noise on what is executed (Ornstein-Uhlenbeck, of the action's range) and its return to zero."""
 _FAILED = (kernel.LEFT_CORRIDOR, kernel.ROLLED)
-
-
-class _Step(NamedTuple):
-    """One control step of N vehicles."""
-
-    rows: FloatArray
-    places: FloatArray
-    actions: FloatArray
-    own: FloatArray
-    demonstrated: FloatArray
-    steer: FloatArray
-    demonstrated_steer: FloatArray
-    driver: Any
-    rewards: FloatArray
+# What a trajectory holds of each step.
+_COLUMNS = tuple(name for name in Trajectory._fields if name != "terminated")
 
 
 class Recorder:
     """Records the vehicles of a :class:`FleetDriver`, each from its first step on.
 
-    Before each step :meth:`choose` is told what will be done, right after it :meth:`stepped` is
-    called, before anybody begins a new episode.
+    Call :meth:`choose` before each step and :meth:`stepped` right after it, before any vehicle
+    begins a new episode.
     """
 
     def __init__(self, driver: FleetDriver) -> None:
         """Nothing is recorded yet."""
         self._driver = driver
-        self._steps: list[_Step] = []
+        self._steps: list[dict[str, Any]] = []  # values of _COLUMNS, of all vehicles
         self._first = [0] * driver.n
         self._finished: list[Trajectory] = []
 
     def choose(self, actions: Any, own: Any, who: Any) -> None:
-        """The next step's executed and own actions and drivers, (n,) each."""
+        """Record the next step's executed actions, own actions and ``Who`` of them, (n,) each."""
         driver, fleet = self._driver, self._driver.fleet
-        nobody = np.full(driver.n, np.nan)
-        demonstrates = driver.demonstrates
+        unknown = np.full(driver.n, np.nan)
         self._steps.append(
-            _Step(
-                rows=fleet.rows.copy(),
-                places=self._places(),
-                actions=np.array(actions, dtype=np.float64),
-                own=np.array(own, dtype=np.float64),
-                demonstrated=driver.demonstrated_actions() if demonstrates else nobody,
-                steer=nobody,
-                demonstrated_steer=fleet.demo.copy() if demonstrates else nobody,
-                driver=np.array(who, dtype=np.int8),
-                rewards=nobody,
-            )
+            {
+                "rows": fleet.rows.copy(),
+                "places": self._places(),
+                "actions": np.array(actions, dtype=np.float64),
+                "own": np.array(own, dtype=np.float64),
+                "demonstrated": driver.demonstrated_actions() if driver.demonstrates else unknown,
+                "demonstrated_steer": fleet.demo.copy() if driver.demonstrates else unknown,
+                "driver": np.array(who, dtype=np.int8),
+            }
         )
 
     def stepped(self) -> None:
-        """The step is done."""
+        """Record what came of the step; an episode that has ended is finished."""
         fleet = self._driver.fleet
-        self._steps[-1] = self._steps[-1]._replace(
-            steer=fleet.executed.copy(), rewards=fleet.reward[:, 0].copy()
-        )
+        self._steps[-1] |= {"steer": fleet.executed.copy(), "rewards": fleet.reward[:, 0].copy()}
         for i in np.flatnonzero(fleet.ended != kernel.RUNNING).tolist():
             self._finish(i, terminated=int(fleet.ended[i]) in _FAILED)
 
     def finished(self) -> list[Trajectory]:
-        """The episodes that have ended since this was last asked."""
+        """The episodes that have ended since the last call."""
         found, self._finished = self._finished, []
         begin = min(self._first)
         del self._steps[:begin]
@@ -89,16 +87,17 @@ class Recorder:
         return self.finished()
 
     def snapshot(self) -> dict[str, Any]:
-        """The episodes under way, once those that have ended were asked for."""
-        columns = zip(*self._steps, strict=True)
-        steps = [np.stack(column) for column in columns]
-        return {"first": list(self._first), "steps": dict(zip(_Step._fields, steps, strict=False))}
+        """The episodes under way; call :meth:`finished` before."""
+        names = _COLUMNS if self._steps else ()
+        steps = {name: np.stack([step[name] for step in self._steps]) for name in names}
+        return {"first": list(self._first), "steps": steps}
 
     def restore(self, saved: Tree) -> None:
         """Go on from a snapshot."""
         self._first, self._finished = list(saved["first"]), []
-        columns = [saved["steps"][name] for name in _Step._fields if saved["steps"]]
-        self._steps = [_Step(*values) for values in zip(*columns, strict=True)]
+        steps = saved["steps"]
+        count = len(steps["rows"]) if steps else 0
+        self._steps = [{name: steps[name][k] for name in _COLUMNS} for k in range(count)]
 
     def _places(self) -> FloatArray:
         fleet = self._driver.fleet
@@ -109,10 +108,129 @@ class Recorder:
     def _finish(self, i: int, *, terminated: bool) -> None:
         steps = self._steps[self._first[i] :]
         self._first[i] = len(self._steps)
-        columns = {
-            name: np.stack([getattr(step, name)[i] for step in steps]) for name in _Step._fields
-        }
+        columns = {name: np.stack([step[name][i] for step in steps]) for name in _COLUMNS}
         last = {"rows": self._driver.fleet.rows[i], "places": self._places()[i]}
         for name, value in last.items():
             columns[name] = np.concatenate((columns[name], value[None, :]))
         self._finished.append(Trajectory(**columns, terminated=terminated))
+
+
+class Keeper:
+    """Keeps the steps of a training's vehicles in ``DIR/data``.
+
+    Episodes that have ended go into a part for each checkpoint; those under way are in the
+    checkpoint.
+    """
+
+    def __init__(self, env: PathFollowingVecEnv, out: FilePath) -> None:
+        """Begin to keep.
+
+        Raises:
+            ModuleNotFoundError: the extra ``minari`` is not installed.
+        """
+        store.require()
+        self._folder = out / "data"
+        self._recorder = env.recorder = Recorder(env.driver)
+
+    def flush(self, steps: int) -> None:
+        """Write the episodes that have ended since the last part; before a checkpoint."""
+        found = self._recorder.finished()
+        if found:
+            with replacing(self._parts() / f"step_{steps:09d}.npz") as stream:
+                np.savez(stream, **_packed(found))
+
+    def snapshot(self) -> dict[str, Any]:
+        """The episodes under way."""
+        return self._recorder.snapshot()
+
+    def restore(self, saved: Tree, steps: int) -> None:
+        """Go on from a checkpoint; parts from after it are deleted."""
+        self._recorder.restore(saved)
+        for file in self._parts().glob("step_*.npz"):
+            if int(file.stem.removeprefix("step_")) > steps:
+                file.unlink()
+
+    def finish(self, problem: Problem, source: str) -> FilePath:
+        """Write the dataset, in place of one of the same training; returns its folder."""
+        found: list[Trajectory] = []
+        for file in sorted(self._parts().glob("step_*.npz")):
+            with np.load(file, allow_pickle=False) as part:
+                found += _unpacked(dict(part))
+        found += self._recorder.take()
+        shutil.rmtree(self._folder / f"{NAME}-v0", ignore_errors=True)
+        place = store.write(self._folder, NAME, store.Stored(problem, found, source))
+        shutil.rmtree(self._parts(), ignore_errors=True)
+        return place
+
+    def _parts(self) -> FilePath:
+        return self._folder / _PARTS
+
+
+def _packed(found: list[Trajectory]) -> dict[str, Any]:
+    """Episodes behind each other."""
+    columns = {
+        name: np.concatenate([np.atleast_1d(getattr(one, name)) for one in found])
+        for name in Trajectory._fields
+    }
+    return {**columns, "steps": np.array([one.steps for one in found])}
+
+
+def _unpacked(columns: dict[str, Any]) -> list[Trajectory]:
+    counts = columns.pop("steps").tolist()
+    ends = columns.pop("terminated").tolist()
+    first, out = 0, []
+    for k, count in enumerate(counts):
+        # Rows and places have one more than there are steps.
+        part = {
+            name: values[first + k : first + k + count + 1]
+            if name in {"rows", "places"}
+            else values[first : first + count]
+            for name, values in columns.items()
+        }
+        out.append(Trajectory(**part, terminated=bool(ends[k])))
+        first += count
+    return out
+
+
+def demonstrate(
+    problem: Problem,
+    steps: int,
+    seed: int,
+    *,
+    vehicles: int = 16,
+    sigma: float = SIGMA,
+    tick: Callable[[float], None] | None = None,
+) -> list[Trajectory]:
+    """Episodes of at least ``steps`` steps together, driven by the problem's demonstrator.
+
+    Noise on what is executed shows how the demonstrator comes back (Laskey et al., DART, CoRL
+    2017); the demonstrated actions are without it. The same arguments give the same episodes.
+
+    Raises:
+        ConfigError: the problem has no demonstrator.
+    """
+    if not problem.demonstration.enabled:
+        raise ConfigError("is false; set it to true", ("problem", "demonstration", "enabled"))
+    n = vehicles if problem.plant.embedded else 1
+    driver = FleetDriver(problem, n)
+    seeds = np.random.SeedSequence(seed).generate_state(2)
+    noise = OrnsteinUhlenbeck(n, THETA, lambda: sigma, 1.0, int(seeds[0]))
+    recorder, unknown = Recorder(driver), np.full(n, np.nan)
+    driver.seed(int(seeds[1]))
+    try:
+        for i in range(n):
+            driver.reset(i)
+        count = -(-steps // n)
+        for k in range(count):
+            actions = np.clip(driver.demonstrated_actions() + noise()[:, 0], -1.0, 1.0)
+            recorder.choose(actions, unknown, np.full(n, Who.DEMONSTRATOR))
+            driver.step(actions)
+            recorder.stepped()
+            for i in np.flatnonzero(driver.fleet.ended != kernel.RUNNING).tolist():
+                driver.reset(i)
+                noise.reset(i)
+            if tick is not None:
+                tick((k + 1) / count)
+    finally:
+        driver.close()
+    return recorder.take()

@@ -36,7 +36,7 @@ class Drive(NamedTuple):
 
 
 def of_episode(problem: Problem, episode: Episode, path: PathComponent) -> Trajectory:
-    """An episode of ours, which its controller demonstrates; a policy's is its own.
+    """An episode as data: its controller is the demonstrator, or the own policy if it is one.
 
     Raises:
         DataError: it is too short, or was driven at another control period.
@@ -54,7 +54,7 @@ def of_episode(problem: Problem, episode: Episode, path: PathComponent) -> Traje
 
 
 def of_log(problem: Problem, log: MotionLog, path: PathComponent) -> list[Trajectory]:
-    """A recording of whoever drove: one trajectory for each stretch without a gap.
+    """A recording as data: one trajectory for each stretch without a gap.
 
     States are interpolated at the problem's control period, commands held. Steering is normalised
     by the problem's vehicle, unless the recording has it normalised.
@@ -91,7 +91,7 @@ def _drives(problem: Problem, log: MotionLog) -> Iterator[Drive]:
 
 
 def _steering(problem: Problem, log: MotionLog) -> tuple[FloatArray, FloatArray]:
-    """Normalised steering commanded, and what the wheels did (without it: the command before)."""
+    """Normalised steering commanded, and measured (without it: the command before)."""
     if "steer_command" in log:
         command = log["steer_command"]
     else:
@@ -132,7 +132,7 @@ def along(problem: Problem, drive: Drive, path: PathComponent) -> Trajectory:
         raise DataError(f"holds less than {_LEAST_STEPS} steps")
     rows, tracking = _observed(problem, drive.states, path)
     actions = actions_for(problem, rows, steer, steer)
-    nobody = np.full(len(steer), np.nan)
+    unknown = np.full(len(steer), np.nan)
     shown = drive.who == Who.DEMONSTRATOR
     speed = np.hypot(drive.states[:, car.VX], drive.states[:, car.VY])
     columns = [tracking[:, j] for j in (observe.D, observe.HEADING, observe.S)]
@@ -140,10 +140,10 @@ def along(problem: Problem, drive: Drive, path: PathComponent) -> Trajectory:
         rows=rows,
         places=np.stack([*columns, speed], axis=1),
         actions=actions,
-        own=actions if drive.who == Who.OWN else nobody,
-        demonstrated=actions if shown else nobody,
+        own=actions if drive.who == Who.OWN else unknown,
+        demonstrated=actions if shown else unknown,
         steer=steer,
-        demonstrated_steer=steer if shown else nobody,
+        demonstrated_steer=steer if shown else unknown,
         driver=np.full(len(steer), drive.who, dtype=np.int8),
         rewards=problem.task.rewards(drive.states, tracking, steer, steer, problem.plant.dt),
         terminated=bool(abs(tracking[-1, observe.D]) > problem.corridor),

@@ -80,7 +80,7 @@ def recorded_path(file: FilePath) -> McapPath:
     with opened(file) as recording:
         topic = recording.find((schemas.PATH_TYPE,))
     path = McapPath(file=file, topic=topic)
-    _ = path.table  # so that a fault in it is told here
+    _ = path.table  # so that a fault in it is raised here
     return path
 
 

@@ -37,7 +37,7 @@ _LONGEST_TEXT = 120
 
 
 class Stored(NamedTuple):
-    """What a Minari dataset of ours holds."""
+    """What a Minari dataset of Steersman holds."""
 
     problem: Problem
     """Whose observations, actions and rewards they are."""
@@ -75,7 +75,7 @@ def write(folder: FilePath, name: str, stored: Stored) -> FilePath:
 
 
 def require() -> None:
-    """Tell before any work that nothing can be written.
+    """Check before any work that a dataset can be written.
 
     Raises:
         ModuleNotFoundError: the extra ``minari`` is not installed.
@@ -178,7 +178,7 @@ def read(name: str) -> Stored:
     Actions come back in single precision, everything else to the bit.
 
     Raises:
-        DataError: there is none, it is damaged, or it is not one of ours.
+        DataError: there is none, it is damaged, or it is not one of Steersman.
         ModuleNotFoundError: the extra ``minari`` is not installed.
     """
     from minari import MinariDataset

@@ -1,4 +1,4 @@
-"""A drive as data: what was seen, what was done, what a demonstrator would have done, who drove."""
+"""A drive as data: observations, executed actions, demonstrated actions, and their origin."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ from steersman.types import FloatArray
 
 
 class Who(IntEnum):
-    """Who drove in a step."""
+    """Origin of the executed action of a step."""
 
     OWN = 0
     """The policy that is trained or driven."""
     DEMONSTRATOR = 1
     RECORDED = 2
-    """Whoever drove the car of a recording: a person, or a controller that is not known."""
+    """The driver of a recording: a person, or a controller that is not known."""
 
 
 class Trajectory(NamedTuple):
     """One episode of T steps.
 
-    Actions are those of the problem, in [-1, 1]; steering is normalised, left positive. Where there
-    was nobody to ask they are NaN.
+    Actions are those of the problem, in [-1, 1]; steering is normalised, left positive. What is not
+    known is NaN.
     """
 
     rows: FloatArray
-    """(T + 1, 7 + 2 waypoints) what the sensor told, before any encoding, the last one after the
-    last step: lateral error [m], heading error [rad], v_x, v_y [m/s], yaw rate [rad/s], steering
-    [-], curvature [1/m], waypoints x, y ahead [m]."""
+    """(T + 1, 7 + 2 waypoints) observations before any encoding, the last one after the last step:
+    lateral error [m], heading error [rad], v_x, v_y [m/s], yaw rate [rad/s], steering [-],
+    curvature [1/m], waypoints x, y ahead [m]."""
     places: FloatArray
     """(T + 1, 4) the truth: lateral error [m], heading error [rad], arc length [m], speed [m/s]."""
     actions: FloatArray
@@ -55,7 +55,7 @@ class Trajectory(NamedTuple):
     demonstrated_steer: FloatArray
     """(T,) the demonstrator's steering."""
     driver: NDArray[np.int8]
-    """(T,) ``Who`` drove."""
+    """(T,) ``Who`` of the executed action."""
     rewards: FloatArray
     """(T,) of the problem's task."""
     terminated: bool

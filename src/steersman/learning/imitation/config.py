@@ -41,7 +41,7 @@ class ImitationConfig(Settings):
     second round on the network drives, but for a share ``beta`` of the steps.
     """
 
-    problem: Problem = param(Problem(), "-", "Roads, cars, input, action, and who demonstrates.")
+    problem: Problem = param(Problem(), "-", "Roads, cars, input, action, and the demonstrator.")
     method: Literal["dagger", "bc"] = param("dagger", "-", "DAgger or behaviour cloning.")
     data: tuple[str, ...] = param(
         (),
@@ -95,7 +95,7 @@ class ImitationConfig(Settings):
     def _given(self) -> ImitationConfig:
         if self.data and self.method != "bc":
             raise ConfigError(
-                f"learning from data is behaviour cloning: nobody drives; set method=bc, not "
+                f"learning from data is behaviour cloning, without any driving; set method=bc, not "
                 f"{self.method}",
                 ("data",),
             )
@@ -110,7 +110,7 @@ class ImitationConfig(Settings):
                 ("vehicles",),
             )
         if not self.problem.demonstration.enabled and not self.data:
-            raise ValueError("problem.demonstration.enabled is false: there is nobody to imitate")
+            raise ValueError("problem.demonstration.enabled is false; set it to true, or name data")
         if self.steps < self.rounds * self.vehicles:
             raise ValueError(
                 f"{self.rounds} rounds of {self.vehicles} vehicles need at least "

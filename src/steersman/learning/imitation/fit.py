@@ -14,8 +14,8 @@ import numpy as np
 from numba import njit
 
 from steersman.learning import networks
-from steersman.learning.imitation.collect import Dataset
 from steersman.learning.imitation.config import FitConfig
+from steersman.learning.imitation.sources import Dataset
 from steersman.learning.networks import (
     FAST,
     Moments,
@@ -148,7 +148,7 @@ class Regression:
     ) -> float:
         """Update until there were ``until`` updates in all; returns the mean loss.
 
-        Batches are drawn evenly from all samples. ``tick`` is told the share done.
+        Batches are drawn evenly from all samples. ``tick`` is called with the share done.
         """
         rng, config = np.random.default_rng(seed), self.config
         first, total = self.updates, 0.0

@@ -22,10 +22,9 @@ from steersman.files import alone, replacing
 from steersman.learning import checkpoint
 from steersman.learning.arithmetic import arithmetic
 from steersman.learning.export import export_policy
-from steersman.learning.imitation.collect import Dataset, Drives
 from steersman.learning.imitation.config import ImitationConfig
 from steersman.learning.imitation.fit import Regression
-from steersman.learning.imitation.sources import Driven, Given, Source
+from steersman.learning.imitation.sources import Dataset, Driven, Drives, Given, SampleSource
 from steersman.learning.progress import ImitationRow, LearningResult, Record, learned
 from steersman.learning.snapshot import Tree
 from steersman.learning.validate import Score, Validator
@@ -72,7 +71,7 @@ def imitate(
     if finished:
         return learned(out, config, ImitationRow)
     with arithmetic(config.threads):
-        source: Source = given if given is not None else Driven(config)
+        source: SampleSource = given if given is not None else Driven(config)
         with closing(source):
             _Imitation(config, source, out, reporter, tick, say).run(saved)
     return learned(out, config, ImitationRow)
@@ -112,7 +111,7 @@ class _Imitation:
     def __init__(
         self,
         config: ImitationConfig,
-        source: Source,
+        source: SampleSource,
         out: FilePath,
         reporter: Callable[[ImitationRow], None] | None,
         tick: Callable[[float], None] | None,

@@ -1,27 +1,125 @@
-"""Where the samples of an imitation come from: driving, or data that are there already."""
+"""Samples for an imitation: from driving, or from data that were recorded."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from steersman.config import dump
+from steersman.kernels import observe
+from steersman.kernels import world as kernel
 from steersman.learning.datasets.source import load
 from steersman.learning.datasets.trajectory import Trajectory, Who, actions_for, features, steps
 from steersman.learning.fleet import FleetDriver
-from steersman.learning.imitation.collect import Dataset, Drives, Driving, collect
 from steersman.learning.imitation.config import ImitationConfig
+from steersman.learning.noise import OrnsteinUhlenbeck
 from steersman.learning.problem import Problem
 from steersman.learning.validate import Score, Validator
 from steersman.plants.mover import Shared
 from steersman.types import FloatArray
 
 Act = Callable[[Any], Any]
+_LOST = (kernel.LEFT_CORRIDOR, kernel.ROLLED)
 
 
-class Source(Protocol):
+class Dataset(NamedTuple):
+    """What a network is fitted to, wherever it comes from."""
+
+    features: Any
+    """(n, k) float32, the network's input: scaled and clipped."""
+    actions: Any
+    """(n,) float32 in [-1, 1], the output that it is fitted to."""
+
+    @classmethod
+    def empty(cls, features: int) -> Dataset:
+        """No samples yet."""
+        return cls(np.zeros((0, features), np.float32), np.zeros(0, np.float32))
+
+    def joined(self, other: Dataset) -> Dataset:
+        """These samples, then the other's."""
+        return Dataset(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
+
+
+class Drives(NamedTuple):
+    """What was seen in a round of driving."""
+
+    data: Dataset
+    mean_error: float
+    """Mean |lateral error| of all steps [m]."""
+    off_track: int
+    """Episodes that ended off the road or rolled over."""
+    difference: float
+    """RMS difference between the network's action and the demonstrator's in the states visited [-]:
+    the error of the fit on samples that it has not seen. NaN without a network."""
+    demonstrated: float
+    """Share of the steps in which the demonstrator's action was executed."""
+
+
+class Driving(NamedTuple):
+    """How the actions of a round are chosen."""
+
+    network: Callable[[Any], Any] | None
+    """Maps features (n, k) to actions (n,); None: there is none yet."""
+    beta: float
+    """Probability that the demonstrator's action is executed; drawn for each vehicle and step."""
+    sigma: float
+    """Noise on what is executed (Ornstein-Uhlenbeck, of the action's range)."""
+    theta: float
+    """Its return to zero per step."""
+
+
+def collect(
+    driver: FleetDriver,
+    driving: Driving,
+    steps: int,
+    seed: np.random.SeedSequence,
+    tick: Callable[[float], None],
+) -> Drives:
+    """Drive ``steps`` control steps with every vehicle, from new episodes on.
+
+    The label of a state is the demonstrator's action there, whichever is executed.
+    ``tick`` is called with the share done. The same arguments collect the same samples.
+    """
+    fleet, n = driver.fleet, driver.n
+    seeds = seed.generate_state(3)
+    rng = np.random.default_rng(int(seeds[0]))
+    noise = OrnsteinUhlenbeck(n, driving.theta, lambda: driving.sigma, 1.0, int(seeds[1]))
+    driver.seed(int(seeds[2]))
+    for i in range(n):
+        driver.reset(i)
+    features = np.empty((steps, n, fleet.inputs.shape[1]), np.float32)
+    actions = np.empty((steps, n), np.float32)
+    error, off_track, squares, demonstrated = 0.0, 0, 0.0, 0
+    for k in range(steps):
+        labels = driver.demonstrated_actions()
+        features[k], actions[k] = fleet.inputs, labels
+        demonstrates = rng.random(n) < driving.beta
+        chosen = labels
+        if driving.network is not None:
+            own = driving.network(fleet.inputs)
+            squares += float(((own - labels) ** 2).sum())
+            chosen = np.where(demonstrates, labels, own)
+        demonstrated += int(demonstrates.sum()) if driving.network is not None else n
+        driver.step(np.clip(chosen + noise()[:, 0], -1.0, 1.0))
+        error += float(np.abs(fleet.tracking[:, observe.D]).sum())
+        for i in np.flatnonzero(fleet.ended != kernel.RUNNING).tolist():
+            off_track += int(fleet.ended[i]) in _LOST
+            driver.reset(i)
+            noise.reset(i)
+        tick((k + 1) / steps)
+    count = steps * n
+    return Drives(
+        Dataset(features.reshape(count, -1), actions.reshape(count)),
+        error / count,
+        off_track,
+        float("nan") if driving.network is None else (squares / count) ** 0.5,
+        demonstrated / count,
+    )
+
+
+class SampleSource(Protocol):
     """Gives samples, round by round."""
 
     per_round: int
@@ -30,7 +128,7 @@ class Source(Protocol):
     """The plant that the validation has to drive, too; None: one of its own."""
 
     def judge(self) -> Score | None:
-        """How who is imitated drives the validation; None if that cannot be tried."""
+        """Validation of what is imitated; None if it cannot be driven."""
 
     def announce(self, judged: Score | None) -> str:
         """What is imitated, in a sentence."""
@@ -38,7 +136,7 @@ class Source(Protocol):
     def round(
         self, k: int, act: Act, seed: np.random.SeedSequence, tick: Callable[[float], None]
     ) -> Drives:
-        """New samples of round ``k``; from the second on the network answers with ``act``."""
+        """New samples of round ``k``; ``act`` is the network, used from the second round on."""
 
     def note(self) -> dict[str, Any]:
         """What a policy's card says of it."""
@@ -48,7 +146,7 @@ class Source(Protocol):
 
 
 class Driven:
-    """The demonstrator, or from the second round on its pupil, drives."""
+    """Samples of driving: by the demonstrator, from the second round on by the network."""
 
     def __init__(self, config: ImitationConfig) -> None:
         """Make the vehicles."""
@@ -81,7 +179,7 @@ class Driven:
         return collect(self._driver, driving, config.round_steps, seed, tick)
 
     def note(self) -> dict[str, Any]:
-        """Who demonstrated."""
+        """The demonstrator."""
         return {"demonstrator": dump(self._config.problem.demonstration.controller)}
 
     def close(self) -> None:
@@ -109,10 +207,10 @@ class Given:
         self._data = Dataset(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
     def judge(self) -> None:
-        """Who drove is not there to be judged."""
+        """The driver of recorded data cannot drive the validation."""
 
     def announce(self, judged: Score | None) -> str:
-        """How much there is, and who drove."""
+        """How much there is, and the shares of its drivers."""
         who = np.concatenate([one.driver for one in self._drives])
         shares = [f"{np.mean(who == w):.0%} by {w.name.lower()}" for w in Who if np.any(who == w)]
         names = ", ".join(self._config.data)
@@ -121,7 +219,7 @@ class Given:
     def round(
         self, k: int, act: Act, seed: np.random.SeedSequence, tick: Callable[[float], None]
     ) -> Drives:
-        """All samples in the first round, none later; nobody drives."""
+        """All samples in the first round, none later."""
         data, ended = self._data, sum(one.terminated for one in self._drives)
         gap = float(np.sqrt(np.mean((act(data.features) - data.actions) ** 2))) if k else np.nan
         errors = np.concatenate([one.places[:-1, 0] for one in self._drives])

@@ -1,21 +1,30 @@
-"""Drive the manoeuvres on a plant, fit a vehicle to them, and write it as a file."""
+"""Drive manoeuvres on a plant, fit a vehicle to them by least squares, and write it as a file.
+
+Sources: identification by output error and by least squares, Ljung, *System Identification*,
+2nd ed., ch. 7; stiffness from steady turns and inertia from the response to a step of steering,
+Rajamani, *Vehicle Dynamics and Control*, 2nd ed., sec. 2.3 and 3.3, here through the whole
+four-wheel model.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import numpy as np
 from pydantic import ValidationError
 
 from steersman.errors import PlantError
 from steersman.messages import config_error
 from steersman.paths.analytic import Straight
+from steersman.plants.simulator import SimulatorConfig
 from steersman.protocols import Plant
 from steersman.provenance import provenance
-from steersman.studies.calibrate import identify, manoeuvres
-from steersman.studies.calibrate.identify import Fit
-from steersman.studies.calibrate.manoeuvres import ManoeuvreDriver, Tell
+from steersman.studies.calibrate import manoeuvres
+from steersman.studies.calibrate.manoeuvres import Manoeuvre, ManoeuvreDriver, Tell, inner_angle
 from steersman.studies.vehicle_file import write_vehicle
+from steersman.types import Command, FloatArray
 from steersman.vehicles import Vehicle
 
 # Enough for a throttle run to the top speed [m].
@@ -29,13 +38,33 @@ USUAL = {
     "tyres and inertia": 0.01,
 }
 """RMS errors, in the units of the fits, beyond which the model does not describe the car."""
+# Shares of full lock between which a ramp is a ramp.
+_RAMP = (0.02, 0.98)
+# An offset of the steering that differs by less is the same [rad].
+_ALIGNED = 1e-4
+# Largest difference of a pedal that has reached its command [-].
+_PEDAL = 1e-3
+# Knots of a curve with fewer samples than this keep their values.
+_FEWEST = 3
+# What weighs as much as each other in the response: yaw rate [rad/s] and side velocity [m/s].
+_SCALES = np.array([0.02, 0.05])
+# Stiffness and inertia are looked for within these factors.
+_FACTORS = (0.1, 10.0)
+
+
+class Fit(NamedTuple):
+    """Figures of the vehicle, and the RMS error that they leave, in ``unit``."""
+
+    figures: dict[str, Any]
+    error: float
+    unit: str
 
 
 class Calibration(NamedTuple):
     """A vehicle that explains what a plant did."""
 
     before: Vehicle
-    """What was known of it."""
+    """The plant's vehicle."""
     vehicle: Vehicle
     fits: dict[str, Fit]
     """By what was fitted."""
@@ -45,7 +74,7 @@ def calibrate(plant: Plant, tell: Tell) -> Calibration:
     """Drive, and fit; about three minutes of simulated time.
 
     The figures that are fitted: lock, offset, rates and curve of the steering, throttle map, axle
-    stiffnesses, yaw inertia. All others are what the plant knows of its vehicle.
+    stiffnesses, yaw inertia. All others are those of the plant's vehicle.
 
     Args:
         plant: anything with a wide straight road; it is left open.
@@ -58,17 +87,15 @@ def calibrate(plant: Plant, tell: Tell) -> Calibration:
     driver = ManoeuvreDriver(plant, tell)
     rest = manoeuvres.lock_at_rest(driver)
     before: Vehicle = plant.vehicle  # read from the server only now
-    fits: dict[str, Fit] = {"steering rate": identify.steering_rates(rest, before)}
+    fits: dict[str, Fit] = {"steering rate": steering_rates(rest, before)}
     vehicle = _explained(before, fits, "steering rate")
-    fits["steering curve"] = identify.steering_curve(
-        rest, manoeuvres.curve_runs(driver, vehicle), vehicle
-    )
+    fits["steering curve"] = steering_curve(rest, manoeuvres.curve_runs(driver, vehicle), vehicle)
     vehicle = _explained(vehicle, fits, "steering curve")
     throttles = manoeuvres.throttle_runs(driver, vehicle)
-    fits["throttle map"] = identify.throttle_map(throttles, vehicle)
+    fits["throttle map"] = throttle_map(throttles, vehicle)
     vehicle = _explained(vehicle, fits, "throttle map")
     steps = manoeuvres.step_runs(driver, vehicle)
-    fits["tyres and inertia"] = identify.tyres_and_inertia(steps, vehicle)
+    fits["tyres and inertia"] = tyres_and_inertia(steps, vehicle)
     vehicle = _explained(vehicle, fits, "tyres and inertia")
     return Calibration(before, vehicle, fits)
 
@@ -77,13 +104,13 @@ def _explained(vehicle: Vehicle, fits: dict[str, Fit], name: str) -> Vehicle:
     """The vehicle with the figures of a fit.
 
     Raises:
-        PlantError: no car of ours has such figures.
+        PlantError: such figures are not allowed for a vehicle.
     """
     try:
         return vehicle.replace(**fits[name].figures)
     except ValidationError as error:
         why = config_error(type(vehicle), error)
-        raise PlantError(f"calibrate: {name}: the fit is no car's: {why}") from None
+        raise PlantError(f"calibrate: {name}: the fitted figures are not allowed: {why}") from None
 
 
 def write(found: Calibration, file: FilePath, source: str) -> None:
@@ -95,3 +122,155 @@ def write(found: Calibration, file: FilePath, source: str) -> None:
     head = [f"Calibrated on {source}, commit {provenance()['commit']}. What the fits leave:"]
     head += [f"  {name}: {fit.error:.3g} {fit.unit}" for name, fit in found.fits.items()]
     write_vehicle(found.vehicle, file, head)
+
+
+def steering_rates(run: Manoeuvre, vehicle: Vehicle) -> Fit:
+    """Full lock and offset [rad], and the rates to lock and back [1/s], from full lock at rest.
+
+    Raises:
+        PlantError: the wheels did not move.
+    """
+    angles = np.array([inner_angle(vehicle, s.wheel_angle) for s in run.states])
+    lock = float(np.max(angles))
+    if lock < 0.05:  # noqa: PLR2004 - [rad]
+        raise PlantError("calibrate: the wheels do not turn at standstill; is the car alive?")
+    offset = float(angles[-1])  # by then the wheels stand where the command 0 has them
+    if abs(offset - vehicle.steer_bias) < _ALIGNED:
+        offset = vehicle.steer_bias
+    lock -= offset
+    share = (angles - offset) / lock
+    half = len(share) // 2
+    up, up_error = _slope(share[: half + 1], run.dt)
+    down, down_error = _slope(share[half:], run.dt)
+    figures = {"max_wheel_angle": lock, "steer_rate_up": up, "steer_rate_down": -down}
+    figures["steer_bias"] = offset
+    return Fit(figures, max(up_error, down_error), "-")
+
+
+def _slope(share: FloatArray, dt: float) -> tuple[float, float]:
+    """Slope of the ramp within a signal [1/s], and the RMS error of the line."""
+    inside = (share > _RAMP[0]) & (share < _RAMP[1])
+    if inside.sum() < 2:  # noqa: PLR2004 - a line needs two
+        # Faster than a control period: at least so fast.
+        return float(np.sign(share[-1] - share[0])) / dt, 0.0
+    times = dt * np.flatnonzero(inside)
+    line = np.polyfit(times, share[inside], 1)
+    return float(line[0]), float(np.sqrt(np.mean((np.polyval(line, times) - share[inside]) ** 2)))
+
+
+def steering_curve(rest: Manoeuvre, runs: Sequence[Manoeuvre], vehicle: Vehicle) -> Fit:
+    """Shares of the full wheel angle at the speeds of the vehicle's curve.
+
+    Of each run the samples in which the steering has reached its command; at rest the
+    factor is 1 by definition.
+    """
+    lock = vehicle.max_wheel_angle
+    speeds, factors = [0.0] * _FEWEST, [1.0] * _FEWEST
+    for run in runs:
+        held = _held(run, vehicle)
+        for k in held:
+            angle = inner_angle(vehicle, run.states[k].wheel_angle)
+            speeds.append(abs(run.states[k].v_x))
+            factors.append(angle / (run.commands[k - 1].steer * lock + vehicle.steer_bias))
+    values, error = _piecewise(
+        np.array(vehicle.steer_curve_speed),
+        np.array(speeds),
+        np.array(factors),
+        np.array(vehicle.steer_curve_factor),
+    )
+    return Fit({"steer_curve_factor": tuple(values.tolist())}, error, "-")
+
+
+def _held(run: Manoeuvre, vehicle: Vehicle) -> list[int]:
+    """Indices of the states that the same steering was held for, long enough to be reached."""
+    found, since = [], 0
+    for k, command in enumerate(run.commands):
+        if k and command.steer != run.commands[k - 1].steer:
+            since = k
+        needed = abs(command.steer) / vehicle.steer_rate_up + 2.0 * run.dt
+        if command.steer != 0.0 and (k + 1 - since) * run.dt > needed:
+            found.append(k + 1)
+    return found
+
+
+def throttle_map(runs: Mapping[float, Sequence[Manoeuvre]], vehicle: Vehicle) -> Fit:
+    """Net accelerations on a straight at the throttles and speeds of the vehicle's map [m/s^2]."""
+    speeds = np.array(vehicle.map_speed)
+    rows, errors = [], []
+    for throttle, known in zip(vehicle.map_throttle, vehicle.map_acceleration, strict=True):
+        v, a = [], []
+        for run in runs[throttle]:
+            for one, other in zip(run.states, run.states[1:], strict=False):
+                if abs(one.throttle - throttle) < _PEDAL:
+                    v.append(0.5 * (one.v_x + other.v_x))
+                    a.append((other.v_x - one.v_x) / run.dt)
+        values, error = _piecewise(speeds, np.array(v), np.array(a), np.array(known))
+        rows.append(tuple(values.tolist()))
+        errors.append(error)
+    figures = {"map_acceleration": tuple(rows), "map_mass": None}
+    return Fit(figures, float(np.sqrt(np.mean(np.square(errors)))), "m/s^2")
+
+
+def _piecewise(
+    knots: FloatArray, x: FloatArray, y: FloatArray, known: FloatArray
+) -> tuple[FloatArray, float]:
+    """Values at the knots of the piecewise linear curve through samples, and its RMS error.
+
+    Knots beside which there are too few samples keep the values that are known, and so does the
+    end of a curve that the samples do not reach: it is no matter of extrapolation.
+    """
+    inside = (x >= knots[0]) & (x <= knots[-1])
+    x, y = x[inside], y[inside]
+    hats = np.array([np.interp(x, knots, row) for row in np.eye(len(knots))]).T
+    seen_knots = (hats > 0.3).sum(axis=0) >= _FEWEST  # noqa: PLR2004 - nearer than other knots, about
+    if not seen_knots.any():
+        return known, 0.0
+    rest = y - hats[:, ~seen_knots] @ known[~seen_knots]
+    # Samples between a knot with data and one without say nothing of either.
+    clean = hats[:, ~seen_knots].sum(axis=1) < 1e-9  # noqa: PLR2004
+    values = known.copy()
+    values[seen_knots] = np.linalg.lstsq(hats[clean][:, seen_knots], rest[clean], rcond=None)[0]
+    left = hats[clean] @ values - y[clean]
+    return values, float(np.sqrt(np.mean(left**2)))
+
+
+def tyres_and_inertia(runs: Sequence[Manoeuvre], vehicle: Vehicle) -> Fit:
+    """Axle stiffnesses [N/rad] and yaw inertia [kg m^2] that reproduce steps of the steering.
+
+    The same commands are driven on the embedded simulator; yaw rate and side velocity are to
+    agree. The steady part of a step determines the stiffnesses, its beginning and end the inertia.
+    """
+    from scipy.optimize import least_squares
+
+    names = ("c_f", "c_r", "yaw_inertia")
+    start = np.array([getattr(vehicle, name) for name in names])
+    seen = [_response(run.states) for run in runs]
+
+    def misses(logs: FloatArray) -> FloatArray:
+        figures = dict(zip(names, (start * np.exp(logs)).tolist(), strict=True))
+        guess = vehicle.replace(**figures)
+        parts = [
+            (_response(replay(run, guess)) - found) / _SCALES
+            for run, found in zip(runs, seen, strict=True)
+        ]
+        return np.concatenate([part.ravel() for part in parts])
+
+    bounds = tuple(np.full(3, np.log(f)) for f in _FACTORS)
+    found = least_squares(misses, np.zeros(3), bounds=bounds, x_scale=0.1, diff_step=1e-4)
+    values = (start * np.exp(found.x)).tolist()
+    left = misses(found.x).reshape(-1, 2) * _SCALES
+    error = float(np.sqrt(np.mean(left[:, 0] ** 2)))
+    return Fit(dict(zip(names, values, strict=True)), error, "rad/s")
+
+
+def replay(run: Manoeuvre, vehicle: Vehicle) -> list[Any]:
+    """The states that the embedded simulator goes through from the same start."""
+    plant = SimulatorConfig(dt=run.dt).make(vehicle)
+    first = run.states[0]
+    plant.resume(first)
+    return [first, *(plant.step(Command(*command)) for command in run.commands)]
+
+
+def _response(states: Sequence[Any]) -> FloatArray:
+    """Yaw rate and side velocity, (n, 2)."""
+    return np.array([[s.yaw_rate, s.v_y] for s in states])
