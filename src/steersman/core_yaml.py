@@ -116,7 +116,9 @@ def read_yaml(file: FilePath | str) -> dict[str, Any]:
     try:
         data = load(FilePath(file).read_text(encoding="utf-8"))
     except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error.strerror})") from None
+        missing = isinstance(error, FileNotFoundError)
+        fault = "no such file" if missing else f"cannot be read ({error.strerror})"
+        raise DataError(f"{file}: {fault}") from None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         line = f"line {mark.line + 1}: " if mark is not None else ""

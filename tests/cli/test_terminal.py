@@ -23,16 +23,17 @@ _ESCAPES = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]")
 _COLOURS = re.compile(r"\x1b\[[0-9;]*?(?:3[0-7]|4[0-7]|9[0-7]|38;|48;)[0-9;]*m")
 
 
-def commands(group: typer.Typer = app, before: str = "") -> Iterator[tuple[str, Any]]:
+def commands(group: Any, before: str = "") -> Iterator[tuple[str, Any]]:
     """All commands by their words."""
-    for command in group.registered_commands:
-        yield f"{before}{command.name}", command.callback
-    for inner in group.registered_groups:
-        assert inner.typer_instance is not None
-        yield from commands(inner.typer_instance, f"{before}{inner.name} ")
+    for name in group.commands:
+        command = group.commands[name]
+        if hasattr(command, "commands"):
+            yield from commands(command, f"{before}{name} ")
+        else:
+            yield f"{before}{name}", command.callback
 
 
-ALL = dict(commands())
+ALL = dict(commands(typer.main.get_command(app)))
 WITH_JSON = [name for name, callback in ALL.items() if "as_json" in callback.__annotations__]
 
 

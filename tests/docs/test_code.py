@@ -81,7 +81,7 @@ def call(words: list[str], monkeypatch: pytest.MonkeyPatch) -> tuple[int, str]:
         if "plant=carla" in words:
             patch.setattr(settings, "tell_plant", stop)
         if _missing_map(words):
-            patch.setattr("steersman.rollout.run", stop)
+            patch.setattr("steersman.rollout.attempt", stop)
         try:
             result = CliRunner().invoke(app, words, prog_name="steersman", catch_exceptions=False)
         except Checked:
