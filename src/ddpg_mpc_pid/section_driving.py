@@ -5,9 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ddpg_mpc_pid.page import (
+    PaperFigure,
+    PaperFinding,
+    PaperSection,
+    PaperTable,
+    number,
+    percent,
+    ratio,
+)
 from ddpg_mpc_pid.plan import FULL_METHOD, METHODS
 from ddpg_mpc_pid.tracks import LABELS
-from ddpg_mpc_pid.words import finding, number, percent, ratio
 
 _AGENT = METHODS[FULL_METHOD].label
 _MPC_PID = "MPC-PID"
@@ -21,60 +29,57 @@ def ended(row: Mapping[str, Any]) -> str:
     return f"{row['end'].replace('_', ' ')} after {number(row['distance'], 'm')}"
 
 
-def circle_section(found: Mapping[str, Any]) -> dict[str, Any]:
+def circle_section(found: Mapping[str, Any]) -> PaperSection:
     """The paper's table."""
-    rows, findings = [], []
+    rows: list[dict[str, Any]] = []
+    findings: list[PaperFinding] = []
     for test in found["tests"]:
         for driver, s in test["drivers"].items():
             if s["seeds"]:
                 rows.append(_circle_row(test["test"], driver, s))
         paper = test["paper"]
-        rows.append({"test": test["test"], "driver": "paper's agent", **paper})
+        names = {
+            "ALE, median [mm]": "ale_mm",
+            "AOE [deg]": "aoe_deg",
+            "SD of steering": "steer_std",
+        }
+        row = {heading: paper[name] for heading, name in names.items()}
+        rows.append({"test": test["test"], "driver": "paper's agent", **row})
         agent = test["drivers"].get(_AGENT)
         if agent and agent["seeds"]:
             findings += _circle_findings(test, agent)
-    columns = {
-        "test": "test",
-        "driver": "driver",
-        "completed": "seeds that drove to the end",
-        "ale_mm": "ALE, median [mm]",
-        "worst_mm": "worst seed [mm]",
-        "aoe_deg": "AOE [deg]",
-        "least_aoe_deg": "least AOE [deg]",
-        "course_deg": "course error [deg]",
-        "steer_std": "SD of steering",
-        "steady_steer_std": "last half",
-        "speed": "speed reached [m/s]",
-    }
-    return {
-        "title": "Circle of radius 50 m (the paper's table)",
-        "text": [
+    return PaperSection(
+        "Circle of radius 50 m (the paper's table)",
+        [
             "Median over seeds, and the worst seed. AOE is the mean heading error; the least AOE "
             "is the steady side-slip of the simulated car at the speed reached, which no "
             "controller can go below with zero lateral error; the course error is without it. The "
             "paper gives no speeds: 9.9 to 24.2 m/s are inferred from its AOE. The same throttle "
             "is not the same speed, so errors compare at equal speed.",
         ],
-        "findings": findings,
-        "tables": [{"title": "Errors", "columns": columns, "rows": rows}],
-    }
+        findings,
+        [PaperTable("Errors", rows)],
+    )
 
 
 def _circle_row(test: str, driver: str, s: Mapping[str, Any]) -> dict[str, Any]:
-    names = ("ale_mm", "aoe_deg", "course_deg", "steer_std", "steady_steer_std")
-    worst = s["worst"]
+    median = s["median"]
     return {
         "test": test,
         "driver": driver,
-        "completed": f"{s['completed']} of {s['seeds']}",
-        **{name: s["median"][name] for name in names},
-        "worst_mm": worst["ale_mm"],
-        "least_aoe_deg": s["least_aoe_deg"],
-        "speed": s["median"]["steady_speed"],
+        "seeds that drove to the end": f"{s['completed']} of {s['seeds']}",
+        "ALE, median [mm]": median["ale_mm"],
+        "worst seed [mm]": s["worst"]["ale_mm"],
+        "AOE [deg]": median["aoe_deg"],
+        "least AOE [deg]": s["least_aoe_deg"],
+        "course error [deg]": median["course_deg"],
+        "SD of steering": median["steer_std"],
+        "last half": median["steady_steer_std"],
+        "speed reached [m/s]": median["steady_speed"],
     }
 
 
-def _circle_findings(test: Mapping[str, Any], agent: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _circle_findings(test: Mapping[str, Any], agent: Mapping[str, Any]) -> list[PaperFinding]:
     paper, mine, name = test["paper"], agent["median"], test["test"]
     lost = agent["seeds"] - agent["completed"]
     if 2 * lost >= agent["seeds"]:
@@ -82,10 +87,10 @@ def _circle_findings(test: Mapping[str, Any], agent: Mapping[str, Any]) -> list[
             f"{name}: {lost} of {agent['seeds']} seeds did not drive to the end (worst: "
             f"{ended(agent['worst'])}); the paper's agent did, with {paper['ale_mm']:g} mm."
         )
-        return [finding(False, text)]
+        return [PaperFinding(False, text)]
     factor = ratio(mine["ale_mm"], paper["ale_mm"])
     out = [
-        finding(
+        PaperFinding(
             None if factor is None else factor <= 1.0,
             f"{name}: ALE {number(mine['ale_mm'], 'mm')} against the paper's "
             f"{paper['ale_mm']:g} mm, {number(factor)} times (agrees: not larger); "
@@ -97,7 +102,7 @@ def _circle_findings(test: Mapping[str, Any], agent: Mapping[str, Any]) -> list[
     if least:
         away = abs(mine["steady_aoe_deg"] - least)
         out.append(
-            finding(
+            PaperFinding(
                 abs(mine["aoe_deg"] - paper["aoe_deg"]) <= _CLOSE * paper["aoe_deg"],
                 f"{name}: AOE {number(mine['aoe_deg'])} deg against {paper['aoe_deg']:g} (agrees: "
                 f"within {percent(_CLOSE)}); side-slip alone makes {number(least)} deg at "
@@ -109,7 +114,7 @@ def _circle_findings(test: Mapping[str, Any], agent: Mapping[str, Any]) -> list[
     return out
 
 
-def robustness_section(found: Mapping[str, Any]) -> dict[str, Any]:
+def robustness_section(found: Mapping[str, Any]) -> PaperSection:
     """The paper's figure of errors with shifted waypoints."""
     rows, lines = [], []
     for kind, words in (("every_step", "drawn every step"), ("once", "drawn once")):
@@ -118,14 +123,14 @@ def robustness_section(found: Mapping[str, Any]) -> dict[str, Any]:
             median = agent["median"]
             rows.append(
                 {
-                    "shift": words,
-                    "range": reach,
-                    "agent": median.get("ale_mm"),
-                    "max": median.get("max_mm"),
-                    "worst": agent["worst"].get("ale_mm"),
-                    "completed": f"{agent['completed']} of {agent['seeds']}",
-                    "mpc": mpc["ale_mm"],
-                    "mpc_end": ended(mpc),
+                    "shifts": words,
+                    "range [m]": reach,
+                    "agent, mean |d|, median [mm]": median.get("ale_mm"),
+                    "agent, max |d|, median [mm]": median.get("max_mm"),
+                    "worst seed, mean |d| [mm]": agent["worst"].get("ale_mm"),
+                    "seeds that drove to the end": f"{agent['completed']} of {agent['seeds']}",
+                    "MPC-PID, mean |d| [mm]": mpc["ale_mm"],
+                    "MPC-PID": ended(mpc),
                 }
             )
         for name, values in (
@@ -134,23 +139,22 @@ def robustness_section(found: Mapping[str, Any]) -> dict[str, Any]:
         ):
             lines.append({"name": f"{name}, {words}", "x": found["ranges"], "y": values})
     series = found.get("series", [])
-    figures: list[dict[str, Any]] = []
+    figures = []
     for key, title, unit in (
         ("lateral_mm", "Lateral error", "mm"),
         ("heading_deg", "Heading error", "deg"),
     ):
         over = [{"name": f"{s['range']:g} m", "x": s["time"], "y": s[key]} for s in series]
         whole = f"{title} at throttle {found['throttle']:g} (median seed)"
-        figures.append({"file": key, "title": whole, "x": "s", "y": unit, "lines": over})
-    against = "Mean lateral error against range"
-    figures.append({"file": "range", "title": against, "x": "m", "y": "mm", "lines": lines})
+        figures.append(PaperFigure(key, whole, "s", unit, over))
+    figures.append(PaperFigure("range", "Mean lateral error against range", "m", "mm", lines))
     held = [
         reach
         for reach, a in zip(found["ranges"], found["every_step"]["agent"], strict=True)
         if a["seeds"] and a["completed"] == a["seeds"]
     ]
     findings = [
-        finding(
+        PaperFinding(
             bool(held) and held[-1] == found["ranges"][-1],
             "With waypoints shifted anew at every step, all seeds stayed on the road with "
             + (f"{', '.join(f'{r:g}' for r in held)} m" if held else "no range")
@@ -160,7 +164,7 @@ def robustness_section(found: Mapping[str, Any]) -> dict[str, Any]:
     ]
     far, last = found["every_step"]["agent"][-1], found["every_step"]["mpc_pid"][-1]
     findings.append(
-        finding(
+        PaperFinding(
             None,
             f"With {found['ranges'][-1]:g} m the agent's mean |d| is "
             f"{number(far['median'].get('ale_mm'), 'mm')} in the median and "
@@ -168,26 +172,16 @@ def robustness_section(found: Mapping[str, Any]) -> dict[str, Any]:
             f"{number(last['ale_mm'], 'mm')} ({ended(last)}); both see the same waypoints.",
         )
     )
-    columns = {
-        "shift": "shifts",
-        "range": "range [m]",
-        "agent": "agent, mean |d|, median [mm]",
-        "max": "agent, max |d|, median [mm]",
-        "worst": "worst seed, mean |d| [mm]",
-        "completed": "seeds that drove to the end",
-        "mpc": "MPC-PID, mean |d| [mm]",
-        "mpc_end": "MPC-PID",
-    }
-    return {
-        "title": "Waypoint errors (the paper's figure of robustness)",
-        "text": ["Circle of radius 50 m; every waypoint shifted in x and y, uniformly."],
-        "findings": findings,
-        "tables": [{"title": "Error against range", "columns": columns, "rows": rows}],
-        "figures": figures,
-    }
+    return PaperSection(
+        "Waypoint errors (the paper's figure of robustness)",
+        ["Circle of radius 50 m; every waypoint shifted in x and y, uniformly."],
+        findings,
+        [PaperTable("Error against range", rows)],
+        figures,
+    )
 
 
-def monza_section(found: Mapping[str, Any]) -> dict[str, Any]:
+def monza_section(found: Mapping[str, Any]) -> PaperSection:
     """The paper's figure of the racing track."""
     agent = found["agent"]
     rows = [
@@ -200,28 +194,17 @@ def monza_section(found: Mapping[str, Any]) -> dict[str, Any]:
         line = found["line"]
         both = [("path", "path_x", "path_y"), (f"driven, seed {line['seed']}", "x", "y")]
         drawn = [{"name": name, "x": line[x], "y": line[y]} for name, x, y in both]
+        along = [{"name": "lateral error", "x": line["s"], "y": line["lateral_error"]}]
         figures = [
-            {"file": "monza", "title": "Monza", "x": "x [m]", "y": "y [m]", "lines": drawn}
-            | {"equal": True},
-            {
-                "file": "monza_error",
-                "title": "Lateral error along the lap",
-                "x": "m",
-                "y": "m",
-                "lines": [{"name": "lateral error", "x": line["s"], "y": line["lateral_error"]}],
-            },
+            PaperFigure("monza", "Monza", "x [m]", "y [m]", drawn, equal=True),
+            PaperFigure("monza_error", "Lateral error along the lap", "m", "m", along),
         ]
-    drivers = list(found["corners"])
-    corners = [
-        {
-            "corner": parts[0]["corner"],
-            **{f"{d}_{key}": p[key] for d, p in zip(drivers, parts, strict=True)
-               for key in ("mean_mm", "max_mm")},
-        }
-        for parts in zip(*found["corners"].values(), strict=True)
-    ]  # fmt: skip
-    heads = {f"{d}_{k}_mm": f"{d.replace('_', '-')}, {k} |d| [mm]" for d in drivers
-             for k in ("mean", "max")}  # fmt: skip
+    corners: list[dict[str, Any]] = []
+    for parts in zip(*found["corners"].values(), strict=True):
+        corners.append({"corner": parts[0]["corner"]})
+        for driver, part in zip(found["corners"], parts, strict=True):
+            for kind in ("mean", "max"):
+                corners[-1][f"{driver.replace('_', '-')}, {kind} |d| [mm]"] = part[f"{kind}_mm"]
     findings = []
     if agent["seeds"]:
         text = (
@@ -231,24 +214,21 @@ def monza_section(found: Mapping[str, Any]) -> dict[str, Any]:
             f"({ended(agent['worst'])}); "
             f"MPC-PID: {number(found['mpc_pid']['ale_mm'], 'mm')}, {ended(found['mpc_pid'])}."
         )
-        findings = [finding(agent["completed"] == agent["seeds"], text)]
-    columns = {"driver": "driver", "ale_mm": "mean |d| [mm]", "max_mm": "max |d| [mm]"}
-    columns |= {"speed": "mean speed [m/s]", "steer_std": "SD of steering", "end": "lap"}
-    return {
-        "title": f"Monza at throttle {found['throttle']:g} (the paper's racing track)",
-        "text": ["At this throttle the car drives about 30 km/h, for which MPC-PID is tuned."],
-        "findings": findings,
-        "tables": [
-            {"title": "Laps", "columns": columns, "rows": rows},
-            {
-                "title": "Corners (agent: the median seed)",
-                "columns": {"corner": "corner"} | heads,
-                "rows": corners,
-            },
-        ],
-        "figures": figures,
-    }
+        findings = [PaperFinding(agent["completed"] == agent["seeds"], text)]
+    return PaperSection(
+        f"Monza at throttle {found['throttle']:g} (the paper's racing track)",
+        ["At this throttle the car drives about 30 km/h, for which MPC-PID is tuned."],
+        findings,
+        [PaperTable("Laps", rows), PaperTable("Corners (agent: the median seed)", corners)],
+        figures,
+    )
 
 
 def _lap(row: Mapping[str, Any]) -> dict[str, Any]:
-    return {k: row[k] for k in ("ale_mm", "max_mm", "speed", "steer_std")} | {"end": ended(row)}
+    return {
+        "mean |d| [mm]": row["ale_mm"],
+        "max |d| [mm]": row["max_mm"],
+        "mean speed [m/s]": row["speed"],
+        "SD of steering": row["steer_std"],
+        "lap": ended(row),
+    }

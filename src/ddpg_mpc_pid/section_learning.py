@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from ddpg_mpc_pid.page import (
+    PaperFigure,
+    PaperFinding,
+    PaperSection,
+    PaperTable,
+    interval,
+    number,
+    percent,
+    verdict,
+)
 from ddpg_mpc_pid.plan import FULL_METHOD
-from ddpg_mpc_pid.words import finding, interval, number, percent, verdict
 
 _ALONE = "ddpg"
 _CLAIMED = "both"
@@ -20,12 +29,12 @@ _LOST = 1000.0
 _ASKED = 0.1
 
 
-def line(method: Mapping[str, Any], column: str, scale: float = 1.0) -> dict[str, Any]:
+def line(method: Mapping[str, Any], column: str) -> dict[str, Any]:
     """A column over training: median and quartiles over seeds."""
     curve = method["curves"][column]
     out = {"name": method["label"], "x": curve["steps"]}
     for key, name in (("y", "median"), ("low", "low"), ("high", "high")):
-        out[key] = [scale * v for v in curve[name]]
+        out[key] = curve[name]
     return out
 
 
@@ -37,9 +46,12 @@ def _against_time(method: Mapping[str, Any]) -> dict[str, Any]:
     return out | {key: error[name][:count] for key, name in columns.items()}
 
 
-def figure(file: str, title: str, x: str, y: str, lines: list[Any], log: bool) -> dict[str, Any]:
-    """A figure of lines."""
-    return {"file": file, "title": title, "x": x, "y": y, "lines": lines, "log": log}
+def over_steps(
+    file: str, title: str, unit: str, methods: Iterable[Mapping[str, Any]], column: str, log: bool
+) -> PaperFigure:
+    """A column over training, a line for each method."""
+    lines = [line(method, column) for method in methods]
+    return PaperFigure(file, title, "environment steps", unit, lines, log)
 
 
 def method_row(method: Mapping[str, Any]) -> dict[str, Any]:
@@ -49,70 +61,44 @@ def method_row(method: Mapping[str, Any]) -> dict[str, Any]:
         "method": method["label"],
         "seeds": method["seeds"],
         "diverged": method["diverged"],
-        "never": sum(best is None or best > _LOST for best in method["best_mm"]),
-        "best": interval(method["best_iqm"]),
-        "spread": f"{number(low)} to {number(high)}",
-        "last": interval(method["last_iqm"]),
-        "mean": interval(method["mean_over_training_iqm"]),
-        "resets": float(np.median(method["resets"])) if method["resets"] else None,
-        "seconds": float(np.median(method["seconds"])) if method["seconds"] else None,
+        "never drove": lost(method),
+        "best error, IQM [mm]": interval(method["best_iqm"]),
+        "its quartiles [mm]": f"{number(low)} to {number(high)}",
+        "last error, IQM [mm]": interval(method["last_iqm"]),
+        "mean over training, IQM [mm]": interval(method["mean_over_training_iqm"]),
+        "off-track resets, median": _median(method["resets"]),
+        "computing time, median [s]": _median(method["seconds"]),
     }
 
 
-COLUMNS = {
-    "method": "method",
-    "seeds": "seeds",
-    "diverged": "diverged",
-    "never": "never drove",
-    "best": "best error, IQM [mm]",
-    "spread": "its quartiles [mm]",
-    "last": "last error, IQM [mm]",
-    "mean": "mean over training, IQM [mm]",
-    "resets": "off-track resets, median",
-    "seconds": "computing time, median [s]",
-}
+def _median(values: Sequence[float]) -> float | None:
+    return float(np.median(values)) if values else None
 
 
-def learning_section(results: Mapping[str, Any]) -> dict[str, Any]:
+def lost(method: Mapping[str, Any]) -> int:
+    """How many seeds have never driven."""
+    return sum(best is None or best > _LOST for best in method["best_mm"])
+
+
+def learning_section(results: Mapping[str, Any]) -> PaperSection:
     """The paper's figure of losses, and what matters more: errors, resets, savings, spread."""
     learning = results["learning"]
     methods = {k: m for k, m in learning["methods"].items() if not m["ablation"]}
+    every, error = methods.values(), "validation_error_mm"
+    clock = "The same against computing time (wall time on a core of its own)"
     figures = [
-        figure(
-            "validation",
-            "Mean error on the validation set",
-            "environment steps",
-            "mm",
-            [line(m, "validation_error_mm") for m in methods.values()],
-            True,
-        ),
-        figure(
-            "validation_time",
-            "The same against computing time (wall time on a core of its own)",
-            "s",
-            "mm",
-            [_against_time(m) for m in methods.values()],
-            True,
-        ),
-        figure(
-            "resets",
-            "Off-track resets so far",
-            "environment steps",
-            "resets",
-            [line(m, "off_track_resets") for m in methods.values()],
-            False,
-        ),
+        over_steps("validation", "Mean error on the validation set", "mm", every, error, True),
+        PaperFigure("validation_time", clock, "s", "mm", list(map(_against_time, every)), True),
+        over_steps("resets", "Off-track resets so far", "resets", every, "off_track_resets", False),
     ]
     for reward, words in _LOSSES:
-        same = [m for m in methods.values() if m["reward"] == reward]
+        same = [m for m in every if m["reward"] == reward]
         for column, name in (("actor_loss", "Actor loss"), ("critic_loss", "Critic loss")):
-            lines = [line(m, column) for m in same]
-            title = f"{name}: {words}"
-            file = f"{column}_{reward}"
-            figures.append(figure(file, title, "environment steps", name.lower(), lines, False))
-    return {
-        "title": "Training methods (the paper's figure of losses)",
-        "text": [
+            file, title = f"{column}_{reward}", f"{name}: {words}"
+            figures.append(over_steps(file, title, name.lower(), same, column, False))
+    return PaperSection(
+        "Training methods (the paper's figure of losses)",
+        [
             "Median and quartiles over seeds. Losses stand together only where the reward is the "
             "same. The validation set are random roads that no training sees; a drive that "
             "fails is charged 1.5 m for its remaining time.",
@@ -121,49 +107,34 @@ def learning_section(results: Mapping[str, Any]) -> dict[str, Any]:
             "so a saving holds up to that horizon; how many seeds got there stands beside it. "
             "Where no seed of either got there, nothing is said.",
         ],
-        "findings": [
+        [
             *_saving_findings(learning),
             *_spread_findings(learning),
             *_collapsed(learning["methods"]),
             *_smooth(methods),
         ],
-        "tables": [
-            {
-                "title": "Methods",
-                "columns": COLUMNS,
-                "rows": [method_row(m) for m in methods.values()],
-            },
-            _saving_table(learning),
-        ],
-        "figures": figures,
-    }
+        [PaperTable("Methods", [method_row(m) for m in every]), _saving_table(learning)],
+        figures,
+    )
 
 
-def _saving_table(learning: Mapping[str, Any]) -> dict[str, Any]:
-    rows = []
-    for s in learning["savings"]:
-        row: dict[str, Any] = {
-            "to": f"{s['threshold_m']} m",
+def _saving_table(learning: Mapping[str, Any]) -> PaperTable:
+    rows = [
+        {
+            "mean error": f"{s['threshold_m']} m",
             "method": learning["methods"][s["method"]]["label"],
-            "reached": f"{s['reached']} of {s['seeds'][1]}",
+            "seeds that got there": f"{s['reached']} of {s['seeds'][1]}",
             "alone": f"{s['alone_reached']} of {s['seeds'][0]}",
+            "steps saved [%]": interval(s["steps"]["saving"], 100.0),
+            "time saved [%]": interval(s["seconds"]["saving"], 100.0),
+            "resets saved [%]": interval(s["off_track_resets"]["saving"], 100.0),
         }
-        for cost in ("steps", "seconds", "off_track_resets"):
-            row[cost] = interval(s[cost]["saving"], 100.0)
-        rows.append(row)
-    columns = {
-        "to": "mean error",
-        "method": "method",
-        "reached": "seeds that got there",
-        "alone": "alone",
-        "steps": "steps saved [%]",
-        "seconds": "time saved [%]",
-        "off_track_resets": "resets saved [%]",
-    }
-    return {"title": "What the demonstration saves", "columns": columns, "rows": rows}
+        for s in learning["savings"]
+    ]
+    return PaperTable("What the demonstration saves", rows)
 
 
-def _saving_findings(learning: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _saving_findings(learning: Mapping[str, Any]) -> list[PaperFinding]:
     """The claim: training is accelerated. It holds where the interval lies above zero."""
     out = []
     for s in learning["savings"]:
@@ -174,7 +145,7 @@ def _saving_findings(learning: Mapping[str, Any]) -> list[dict[str, Any]]:
         saving = s["steps"]["saving"]
         if saving is None:
             text = f"{goal}: no seed of '{label}' or of DDPG alone got there in this many steps."
-            out.append(finding(None, text))
+            out.append(PaperFinding(None, text))
             continue
         known = verdict(saving)
         end = {
@@ -187,7 +158,7 @@ def _saving_findings(learning: Mapping[str, Any]) -> list[dict[str, Any]]:
             for cost, words in (("seconds", "the time"), ("off_track_resets", "the resets"))
         )
         out.append(
-            finding(
+            PaperFinding(
                 known,
                 f"{goal} '{label}' saved {interval(saving, 100.0)} % of the steps, {others}; "
                 f"{s['reached']} of {s['seeds'][1]} seeds got there, alone {s['alone_reached']} "
@@ -197,7 +168,7 @@ def _saving_findings(learning: Mapping[str, Any]) -> list[dict[str, Any]]:
     return out
 
 
-def _spread_findings(learning: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _spread_findings(learning: Mapping[str, Any]) -> list[PaperFinding]:
     """The claim: training is stabilised, read as a smaller spread over seeds."""
     out = []
     for s in learning["spread"]:
@@ -210,27 +181,26 @@ def _spread_findings(learning: Mapping[str, Any]) -> list[dict[str, Any]]:
                 f"{number(s['alone_median_mm'], 'mm')}); smaller by {interval(s['smaller_by'])} mm "
                 "(agrees: the interval lies above zero; note: it holds zero)."
             )
-            out.append(finding(verdict(s["smaller_by"]), text))
+            out.append(PaperFinding(verdict(s["smaller_by"]), text))
     return out
 
 
-def _collapsed(methods: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _collapsed(methods: Mapping[str, Any]) -> list[PaperFinding]:
     """What the paper does not report: seeds that never learn to drive."""
-    counts = {m["label"]: method_row(m)["never"] for m in methods.values()}
-    lost = [f"{n} with '{label}'" for label, n in counts.items() if n]
-    if not lost:
+    seeds = [f"{lost(m)} with '{m['label']}'" for m in methods.values() if lost(m)]
+    if not seeds:
         return []
     return [
-        finding(
+        PaperFinding(
             None,
-            f"Seeds that never drove (best error over {_LOST / 1e3:g} m): {', '.join(lost)}. Their "
-            "policy soon sits at one limit of the action, where its gradient vanishes; neither "
-            "demonstration nor time frees it.",
+            f"Seeds that never drove (best error over {_LOST / 1e3:g} m): {', '.join(seeds)}. "
+            "Their policy soon sits at one limit of the action, where its gradient vanishes; "
+            "neither demonstration nor time frees it.",
         )
     ]
 
 
-def _smooth(methods: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _smooth(methods: Mapping[str, Any]) -> list[PaperFinding]:
     """The claim: with both parts the actor loss falls smoothly."""
     if not {_ALONE, _CLAIMED} <= methods.keys():
         return []
@@ -241,7 +211,7 @@ def _smooth(methods: Mapping[str, Any]) -> list[dict[str, Any]]:
     alone, both = shares
     known = None if alone is None or both is None or alone == both else both < alone
     return [
-        finding(
+        PaperFinding(
             known,
             f"The median actor loss rose from one validation to the next in {percent(both)} of "
             f"the cases with both, in {percent(alone)} alone (the paper: smoother with both). A "

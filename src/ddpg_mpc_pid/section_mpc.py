@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ddpg_mpc_pid.page import NOTHING, PaperFinding, PaperSection, PaperTable, number, percent
 from ddpg_mpc_pid.section_driving import ended
 from ddpg_mpc_pid.tracks import LABELS
-from ddpg_mpc_pid.words import NOTHING, finding, number, percent
 
 # What the paper says the policy saves of the time.
 _SAVED = 0.7813
@@ -15,19 +15,19 @@ _SAVED = 0.7813
 _NEAR = 0.05
 
 
-def away_section(found: Mapping[str, Any]) -> dict[str, Any]:
+def away_section(found: Mapping[str, Any]) -> PaperSection:
     """The paper's words on MPC-PID away from the track and speed it was tuned for."""
     rows, home = [], found["tuned"]
     counts = dict.fromkeys(LABELS, 0)
     agent_held = agent_all = elsewhere = 0
     for test in found["tests"]:
-        row = {"track": test["track"].replace("_", " "), "speed": test["speed"]}
+        row = {"track": test["track"].replace("_", " "), "speed [m/s]": test["speed"]}
         for name, run in test["mpc_pid"].items():
             good = run["completed"]
-            row[name] = f"{number(run['ale_mm'])} mm" if good else ended(run)
+            row[LABELS[name]] = f"{number(run['ale_mm'])} mm" if good else ended(run)
         agent = test["agent"]
         median = number(agent["median"].get("ale_mm"), "mm") if agent["completed"] else NOTHING
-        row["agent"] = f"{median}; {agent['completed']} of {agent['seeds']}"
+        row["agent, median; seeds"] = f"{median}; {agent['completed']} of {agent['seeds']}"
         rows.append(row)
         if test["track"] == home["track"] and abs(test["speed"] - home["speed"]) < _NEAR:
             continue
@@ -38,48 +38,54 @@ def away_section(found: Mapping[str, Any]) -> dict[str, Any]:
     lost = elsewhere - counts["nominal"]
     others = "; ".join(f"{LABELS[n]}: {counts[n]}" for n in LABELS if n != "nominal")
     findings = [
-        finding(
+        PaperFinding(
             lost > 0,
             f"Away from home MPC-PID with true parameters stayed on the road in "
             f"{counts['nominal']} of {elsewhere} drives (the paper: it fails to; agrees: it left "
             f"at least once). {others}. The agents: {agent_held} of {agent_all}.",
         ),
-        finding(
+        PaperFinding(
             None,
             "Why: the linear model holds for one speed. If 'a model for each speed' stays where "
             "'true parameters' leaves, the failure is that of the fixed speed, not of MPC "
             f"({counts['scheduled']} against {counts['nominal']} drives).",
         ),
     ]
-    columns = {"track": "track", "speed": "speed [m/s]", **LABELS, "agent": "agent, median; seeds"}
-    return {
-        "title": "MPC-PID away from home",
-        "text": [
+    return PaperSection(
+        "MPC-PID away from home",
+        [
             f"Tuned on the {home['track'].replace('_', ' ')} at {number(home['speed'], 'm/s')}. "
             f"Speeds are capped in corners to {found['cap']:g} m/s^2. Mean |d|, or where the car "
             "left the corridor.",
         ],
-        "findings": findings,
-        "tables": [{"title": "Drives", "columns": columns, "rows": rows}],
-    }
+        findings,
+        [PaperTable("Drives", rows)],
+    )
 
 
-def timing_section(found: Mapping[str, Any]) -> dict[str, Any]:
+def timing_section(found: Mapping[str, Any]) -> PaperSection:
     """The paper's 78 %, for every pair of implementations."""
-    rows = [row | {"kind": "extrapolated" if row.get("extrapolated") else ""}
-            for row in found["rows"]]  # fmt: skip
+    names = {"name": "implementation", "p50_us": "p50 [us]", "p99_us": "p99 [us]"}
+    names |= {"max_us": "max [us]", "steps": "steps measured", "lap_s": "lap [s]"}
+    rows = [
+        {heading: row[name] for name, heading in names.items() if name in row}
+        | {"lap": "extrapolated" if row.get("extrapolated") else "", "note": row["note"]}
+        for row in found["rows"]
+    ]
     laps = {row["name"]: row["lap_s"] for row in found["rows"] if row.get("lap_s")}
     agents = [name for name in laps if name.startswith("policy")]
     baselines = [name for name in laps if name.startswith("MPC")]
     savings = [
-        {"policy": p, "mpc": m, "saved": 1.0 - laps[p] / laps[m]} for p in agents for m in baselines
+        {"policy": p, "against": m, "saved [1]": 1.0 - laps[p] / laps[m]}
+        for p in agents
+        for m in baselines
     ]
     findings = []
     if savings:
-        shares = [float(row["saved"]) for row in savings]
+        shares = [float(row["saved [1]"]) for row in savings]
         all_or_none = {len(shares): True, 0: False}
         findings = [
-            finding(
+            PaperFinding(
                 all_or_none.get(sum(share >= _SAVED for share in shares)),
                 f"Depending on which two implementations are compared, the policy saves between "
                 f"{percent(min(shares))} and {percent(max(shares))} of MPC's time a lap (the "
@@ -88,29 +94,15 @@ def timing_section(found: Mapping[str, Any]) -> dict[str, Any]:
                 "hold the simulator, too.",
             )
         ]
-    columns = {
-        "name": "implementation",
-        "p50_us": "p50 [us]",
-        "p99_us": "p99 [us]",
-        "max_us": "max [us]",
-        "steps": "steps measured",
-        "lap_s": "lap [s]",
-        "kind": "lap",
-        "note": "note",
-    }
-    return {
-        "title": "Computing time (the paper's 78 %)",
-        "text": [
+    return PaperSection(
+        "Computing time (the paper's 78 %)",
+        [
             f"The controllers alone, in one run, on the observations of one drive; a lap has "
             f"{found['lap_steps']} control steps.",
         ],
-        "findings": findings,
-        "tables": [
-            {"title": "Times of one control step", "columns": columns, "rows": rows},
-            {
-                "title": "Share of time that the policy saves",
-                "columns": {"policy": "policy", "mpc": "against", "saved": "saved [1]"},
-                "rows": savings,
-            },
+        findings,
+        [
+            PaperTable("Times of one control step", rows),
+            PaperTable("Share of time that the policy saves", savings),
         ],
-    }
+    )

@@ -1,23 +1,28 @@
-"""The report's sections as plain data: tables, figures, and sentences made from the numbers."""
+"""The report's sections: tables, figures, and sentences made from the numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
+from ddpg_mpc_pid.page import PaperFinding, PaperSection, PaperTable, interval, number, ratio
+from ddpg_mpc_pid.plan import FULL_METHOD
 from ddpg_mpc_pid.section_driving import (
     circle_section,
     monza_section,
     robustness_section,
 )
-from ddpg_mpc_pid.section_learning import learning_section
+from ddpg_mpc_pid.section_learning import learning_section, method_row, over_steps
 from ddpg_mpc_pid.section_mpc import away_section, timing_section
-from ddpg_mpc_pid.section_options import ablation_section, coefficient_section
 
 TITLE = "The paper's experiments on the embedded simulator"
+# Where c_track settles to the letter, and where the larger share begins.
+_SETTLED, _HALF = 2.0 / 3.0, 0.5
 
 
-def sections(results: Mapping[str, Any]) -> list[dict[str, Any]]:
+def sections(results: Mapping[str, Any]) -> list[PaperSection]:
     """All sections, from what ``results.json`` holds."""
     return [
         setup_section(results),
@@ -32,13 +37,13 @@ def sections(results: Mapping[str, Any]) -> list[dict[str, Any]]:
     ]
 
 
-def setup_section(results: Mapping[str, Any]) -> dict[str, Any]:
+def setup_section(results: Mapping[str, Any]) -> PaperSection:
     """What was run, and in what it differs from the published method."""
     plan = results["plan"]
     made = ", ".join(results["made_by"])
-    return {
-        "title": "What was run",
-        "text": [
+    return PaperSection(
+        "What was run",
+        [
             f"{len(plan['trainings'])} trainings; made by commit {made}.",
             "The trainings are those of the preset 'paper' (where the paper is silent, "
             "Stable-Baselines3's defaults), with the departures below. Intervals are 95 % "
@@ -46,11 +51,84 @@ def setup_section(results: Mapping[str, Any]) -> dict[str, Any]:
             "seeds they are rough. IQM: interquartile mean over seeds. 'agrees' and 'differs' "
             "are decided by the rule that the sentence gives.",
         ],
-        "tables": [
-            {
-                "title": "Departures from the preset",
-                "columns": {"setting": "setting", "why": "why"},
-                "rows": plan["departures"],
-            }
+        tables=[PaperTable("Departures from the preset", plan["departures"])],
+    )
+
+
+def coefficient_section(results: Mapping[str, Any]) -> PaperSection:
+    """The paper's figure of c_track and c_diff."""
+    methods = results["learning"]["methods"]
+    shown = [methods[name] for name in (FULL_METHOD, "normalised") if name in methods]
+    unit = "mean over the steps since the last validation"
+    figures = [
+        over_steps(column, f"{column} over training", unit, shown, column, False)
+        for column in ("c_track", "c_diff")
+    ]
+    findings = []
+    for method in shown:
+        track: Sequence[float] = method["curves"]["c_track"]["median"]
+        if not track:
+            continue
+        agrees = track[0] > _HALF > track[-1]
+        tenth = max(len(track) // 10, 1)
+        first, last = float(np.mean(track[:tenth])), float(np.mean(track[-tenth:]))
+        trend = "rises" if last > first + 0.01 else "falls" if last < first - 0.01 else "stays"
+        findings.append(
+            PaperFinding(
+                agrees,
+                f"'{method['label']}': c_track {trend} from {number(first)} to {number(last)}, "
+                f"between {number(min(track))} and {number(max(track))} (the paper: first the "
+                "larger share, later the smaller).",
+            )
+        )
+    if FULL_METHOD in methods and methods[FULL_METHOD]["curves"]["c_track"]["median"]:
+        last = methods[FULL_METHOD]["curves"]["c_track"]["median"][-1]
+        findings.append(
+            PaperFinding(
+                None,
+                "Why: S(r_diff) is 1/2 when agent and demonstrator agree and never less; "
+                "S(r_track) tends to 1 as soon as the car tracks at speed (r_track is in m/s) and "
+                "to 0 when it is lost. To the letter c_track therefore tends to 2/3 = "
+                f"{number(_SETTLED)} for an agent that drives; measured at the end: "
+                f"{number(last)}. It weighs how well the car drives, not how far it has learned.",
+            )
+        )
+    return PaperSection(
+        "Coefficients (the paper's figure of c_track and c_demo)",
+        ["Means over all vehicles and steps; median and quartiles over seeds."],
+        findings,
+        figures=figures,
+    )
+
+
+def ablation_section(results: Mapping[str, Any]) -> PaperSection:
+    """What the paper leaves open, one by one against the full method."""
+    methods = results["learning"]["methods"]
+    full = methods.get(FULL_METHOD)
+    chosen = {k: m for k, m in methods.items() if m["ablation"] or k in (FULL_METHOD, "direct")}
+    findings = []
+    for name, method in chosen.items():
+        if full is None or name == FULL_METHOD:
+            continue
+        mine, base = method["best_iqm"], full["best_iqm"]
+        factor = ratio(mine["value"], base["value"])
+        apart = mine["high"] < base["low"] or mine["low"] > base["high"]
+        findings.append(
+            PaperFinding(
+                None,
+                f"'{method['label']}': best error {interval(mine)} mm against {interval(base)} mm "
+                f"of the full method, {number(factor)} times; the intervals "
+                f"{'are apart' if apart else 'overlap'}.",
+            )
+        )
+    title, error = "Mean error on the validation set", "validation_error_mm"
+    return PaperSection(
+        "What the paper leaves open",
+        [
+            "Each option alone against the full method (both, adaptive, indirect action). The "
+            "validation drives are the same for all."
         ],
-    }
+        findings,
+        [PaperTable("Options", [method_row(m) for m in chosen.values()])],
+        [over_steps("ablations", title, "mm", chosen.values(), error, True)],
+    )

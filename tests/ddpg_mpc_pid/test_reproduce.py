@@ -16,6 +16,7 @@ import ddpg_mpc_pid as study
 import steersman as sm
 from ddpg_mpc_pid import drives, section_driving, section_learning, timing, trainings
 from ddpg_mpc_pid.learning_curves import learning_curves
+from ddpg_mpc_pid.page import PaperSection, PaperTable
 from ddpg_mpc_pid.plan import DEPARTURES, METHODS, THRESHOLDS, Plan
 from ddpg_mpc_pid.study import Folder, open_folder, plain
 from ddpg_mpc_pid.tracks import per_corner
@@ -375,10 +376,10 @@ def test_sections_are_made_of_the_numbers(smoke: tuple[FilePath, dict[str, Any]]
     made = study.sections(kept)
     assert len(made) == 9
     assert made == study.sections(json.loads(json.dumps(plain(smoke[1]))))
-    text = json.dumps(made)
+    text = json.dumps([section.data() for section in made])
     assert "NaN" not in text
     assert "None" not in text
-    files = [figure["file"] for section in made for figure in section.get("figures", ())]
+    files = [figure.file for section in made for figure in section.figures]
     assert len(files) == len(set(files))
 
 
@@ -402,8 +403,8 @@ def test_a_saving_is_claimed_only_apart_from_zero(
     row = {"threshold_m": 0.1, "method": "both", "reached": 5, "alone_reached": 4, "seeds": [5, 5]}
     learning = {"methods": {"both": {"label": "+ both"}}, "savings": [row | costs]}
     (out,) = section_learning._saving_findings(learning)
-    assert out["agrees"] is known
-    assert words in out["text"]
+    assert out.agrees is known
+    assert words in out.text
 
 
 def test_the_circle_is_judged_by_the_numbers() -> None:
@@ -415,11 +416,11 @@ def test_the_circle_is_judged_by_the_numbers() -> None:
     label = METHODS["adaptive"].label
     test = {"test": "9.9 m/s", "paper": paper, "drivers": {label: agent}}
     good = section_driving.circle_section({"tests": [test]})
-    assert [f["agrees"] for f in good["findings"]] == [True, True]
+    assert [f.agrees for f in good.findings] == [True, True]
     lost = agent | {"completed": 0, "worst": worst | {"completed": False, "end": "off_track"}}
     bad = section_driving.circle_section({"tests": [test | {"drivers": {label: lost}}]})
-    assert [f["agrees"] for f in bad["findings"]] == [False]
-    assert "off track after 600 m" in bad["findings"][0]["text"]
+    assert [f.agrees for f in bad.findings] == [False]
+    assert "off track after 600 m" in bad.findings[0].text
 
 
 def test_the_command_joins_study_and_report(
@@ -477,4 +478,12 @@ def test_results_of_the_first_version_still_become_sections() -> None:
     file = FilePath(__file__).parents[2] / "results" / "paper" / "results.json"
     made = study.sections(json.loads(file.read_text(encoding="utf-8")))
     assert len(made) == 9
-    assert sum(len(section.get("findings", ())) for section in made) > 20
+    assert sum(len(section.findings) for section in made) > 20
+
+
+def test_a_table_has_the_headings_of_all_its_rows() -> None:
+    table = PaperTable("t", [{"a": 1}, {"a": 2, "b": 3}])
+    section = PaperSection("s", ["text"], tables=[table, PaperTable("without rows", [])])
+    assert section.data()["tables"] == [
+        {"title": "t", "columns": {"a": "a", "b": "b"}, "rows": [{"a": 1}, {"a": 2, "b": 3}]}
+    ]
