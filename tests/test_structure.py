@@ -19,11 +19,7 @@ CIRCLES: frozenset[str] = frozenset(
         "steersman.studies.identify.recording",
     }
 )
-TWICE: frozenset[str] = frozenset(
-    {
-        "Command",
-    }
-)
+TWICE: frozenset[str] = frozenset()
 LONG: frozenset[str] = frozenset(
     {
         "steersman/commands.py",

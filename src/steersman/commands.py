@@ -25,7 +25,7 @@ Notify: TypeAlias = Callable[[str], None]
 _POLICY = "its policy drives with controller=policy controller.file={inside}policy.onnx"
 
 
-class Command(NamedTuple):
+class CommandWords(NamedTuple):
     """A command that is configured by words."""
 
     config: str
@@ -39,16 +39,20 @@ class Command(NamedTuple):
 
 
 COMMANDS = {
-    "drive": Command("steersman.rollout:RunConfig", None, ""),
-    "train": Command("steersman.learning.config:TrainConfig", "agent", _POLICY, True),
-    "imitate": Command("steersman.learning.imitation.config:ImitationConfig", "fit", _POLICY, True),
-    "tune": Command(
+    "drive": CommandWords("steersman.rollout:RunConfig", None, ""),
+    "train": CommandWords("steersman.learning.config:TrainConfig", "agent", _POLICY, True),
+    "imitate": CommandWords(
+        "steersman.learning.imitation.config:ImitationConfig", "fit", _POLICY, True
+    ),
+    "tune": CommandWords(
         "steersman.studies.tune:TuneConfig", "smoothness", "what it found is {inside}tuned.yaml"
     ),
-    "falsify": Command(
+    "falsify": CommandWords(
         "steersman.studies.falsify:FalsifyConfig", "ranges", "'steersman falsify {file}' takes it"
     ),
-    "bench": Command("steersman.bench.suite:Suite", "courses", "'steersman bench {file}' takes it"),
+    "bench": CommandWords(
+        "steersman.bench.suite:Suite", "courses", "'steersman bench {file}' takes it"
+    ),
 }
 # What an imitation takes from the configuration of a training.
 _SHARED = ("problem", "validation", "seed", "trim", "threads")
