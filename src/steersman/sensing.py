@@ -125,7 +125,7 @@ class WaypointSensor(Component):
         path: Path,
         rng: np.random.Generator,
     ) -> Observation:
-        """What a controller is told about the path at this moment."""
+        """The controller's observation of the path at this moment."""
         row = np.zeros(kernel.O_PREVIEW + 2 * self.count)
         vehicle, place = state_row(state), np.array(tracking)
         if any(self.deviations):

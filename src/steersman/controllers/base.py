@@ -36,7 +36,7 @@ class ControllerComponent(Component):
         """Normalised steering (may exceed the limits), how it came about, and the new state."""
 
     def executed(self, state: Any, steer: float) -> Any:
-        """The state after the last step, told which steering was executed [normalised].
+        """The state after the last step, given the executed steering [normalised].
 
         To be called where somebody else's command may have been executed: beside an agent, under a
         correction. Controllers that remember what they commanded override this; the last that is

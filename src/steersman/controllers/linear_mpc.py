@@ -26,7 +26,7 @@ class ModelError(Settings):
     c_r: float = param(1.0, "-", "Nominal rear cornering stiffness over the true one.", gt=0)
 
     def nominal(self, vehicle: Vehicle) -> Vehicle:
-        """The vehicle as the controller believes it to be."""
+        """The nominal vehicle that the controller computes with."""
         return vehicle.replace(
             mass=vehicle.mass * self.mass,
             yaw_inertia=vehicle.yaw_inertia * self.yaw_inertia,

@@ -40,7 +40,7 @@ class SupervisorState(NamedTuple):
     candidates: tuple[Candidate, ...]
     """Inner controller, fallback and last, in the order of ``Driver``."""
     driver: Driver = Driver.INNER
-    """Who steers."""
+    """The controller that steers."""
     reason: Reason = Reason.NONE
     """Why that is not the inner controller."""
     last: float | None = None

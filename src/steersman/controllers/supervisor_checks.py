@@ -27,7 +27,7 @@ _STANDING = 0.5
 
 
 def input_fault(observation: object) -> Reason:
-    """Why nobody can steer by this observation; ``NONE`` if one can."""
+    """Why no controller can use this observation; ``NONE`` if one can."""
     if not isinstance(observation, Observation):
         return Reason.MISSING
     try:
