@@ -1,7 +1,7 @@
 """YAML as version 1.2 reads it (its core schema, https://yaml.org/spec/1.2.2/#103-core-schema).
 
 PyYAML follows version 1.1, in which ``no`` is false, ``1e-3`` is text, ``010`` is 8, ``1:30`` is
-90 and ``2026-01-01`` is a date. In a configuration each of these is a mistake that nobody sees,
+90 and ``2026-01-01`` is a date. In a configuration each of these is a mistake that stays unseen,
 and a key that stands twice silently counts once; here it is an error.
 """
 

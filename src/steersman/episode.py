@@ -49,7 +49,7 @@ COLUMNS: dict[str, str] = {
     "driver": "-",
     "reason": "-",
 }
-# Columns that episodes did not always have; without them nobody intervened.
+# Columns that episodes did not always have; without them there was no intervention.
 _LATER = ("driver", "reason")
 _REASONS = {float(reason): reason.name.lower() for reason in Reason}
 # Ways a run can end.
@@ -60,7 +60,7 @@ COMPLETED = frozenset({DURATION, LAPS, END_OF_PATH})
 
 
 class Intervention(NamedTuple):
-    """A stretch of a run in which a supervisor let somebody else steer, for one reason."""
+    """A stretch of a run in which a supervisor's fallback steered, for one reason."""
 
     begin: float
     """Time of the first step of it [s]."""
@@ -69,7 +69,7 @@ class Intervention(NamedTuple):
     reason: str
     """Name of the ``Reason`` in small letters, e.g. ``"input_not_finite"``."""
     controller: str
-    """Who steered: the kind of the fallback, or ``"hold"``."""
+    """What steered: the kind of the fallback, or ``"hold"``."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ class Episode:
 
 
 def _drivers(config: Any) -> dict[float, str]:
-    """Who steers, by the column's value: the kinds that a configuration names, as far as it does.
+    """What steers, by the column's value: the kinds that a configuration names, as far as it does.
 
     Without one, their roles.
     """

@@ -125,7 +125,7 @@ class Dying(Wrapper):
     family: ClassVar[str] = "controller"
     kind: ClassVar[str] = "dying"
 
-    inner: _Controller = required("-", "Who drives until then.")
+    inner: _Controller = required("-", "Controller until then.")
     fault: Fault = required("-", "What happens then.")
 
     def init(self, vehicle: Vehicle, dt: float) -> DyingState:
@@ -147,7 +147,7 @@ class Dying(Wrapper):
         return decision, state._replace(inner=inner)
 
     def executed(self, state: DyingState, steer: float) -> DyingState:
-        """The controller is told."""
+        """The controller gets the executed command."""
         return state._replace(inner=self.inner.executed(state.inner, steer))
 
 

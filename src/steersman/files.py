@@ -74,7 +74,7 @@ def refuse_special(file: FilePath) -> None:
     try:
         mode = os.stat(file).st_mode
     except (OSError, ValueError):
-        return  # it is not there, or whoever opens it tells why it cannot be
+        return  # it does not exist, or opening it will give the reason
     if not stat.S_ISREG(mode):
         kind = next((words for words, is_it in _KINDS.items() if is_it(mode)), "no regular file")
         raise DataError(f"{file}: cannot be written (it is {kind})")

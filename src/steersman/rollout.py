@@ -48,7 +48,7 @@ _WARM_UPS = 3
 
 
 class RunConfig(Settings):
-    """One closed loop: who drives what, where, how fast and for how long."""
+    """One closed loop: controller, vehicle, path, speed and length of the run."""
 
     controller: Annotated[ControllerComponent, Of("controller")] = param(
         MpcPid(), "-", "Lateral controller."
@@ -59,7 +59,7 @@ class RunConfig(Settings):
     )
     vehicle: Annotated[Vehicle, Of("vehicle")] = param(CarlaModel3(), "-", "Vehicle.")
     nominal: Annotated[Vehicle | None, Of("vehicle", optional=True)] = param(
-        None, "-", "Vehicle that the controller believes it steers; null: the true one."
+        None, "-", "Nominal vehicle, which the controller computes with; null: the true one."
     )
     plant: Annotated[PlantComponent, Of("plant")] = param(SimulatorConfig(), "-", "Plant.")
     sensor: Annotated[WaypointSensor, Of("sensor")] = param(WaypointSensor(), "-", "Sensor.")
@@ -330,10 +330,10 @@ _MORE = (
 def _warm_up(
     controller: ControllerComponent, controller_state: Any, observation: Observation
 ) -> None:
-    """Ask without effect, with a state that nobody uses, so that no time holds compilation.
+    """Call the controller without effect, so that no measured time contains compilation.
 
-    Several times, since what needs a step before is first computed in the next. Who fails will
-    fail again, at a step that counts.
+    Several times, since some of it needs an earlier step. A controller that fails here will fail
+    again at a step that counts.
     """
     with suppress(ControllerError):
         for _ in range(_WARM_UPS):

@@ -1,4 +1,4 @@
-"""Sensors: from the vehicle's true place on the path to what its controller is told."""
+"""Sensors: from the vehicle's true place on the path to the controller's observation."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def to_observation(row: FloatArray, time: float, spacing: float) -> Observation:
 
 @cache
 def _fit_weights(count: int, spacing: float) -> FloatArray:
-    """Pseudo-inverse of the parabola's design matrix, made once; nobody writes into it."""
+    """Pseudo-inverse of the parabola's design matrix, made once and never written into."""
     u = np.arange(count) * spacing
     design = np.stack([np.ones_like(u), u, 0.5 * u * u], axis=1)
     # Not marked as read-only: for numba that is another type, and kernels would compile twice.

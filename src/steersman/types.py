@@ -96,7 +96,7 @@ class Status(IntEnum):
 
 
 class Driver(IntEnum):
-    """Who steers under a supervisor; the own controller of everybody else."""
+    """What steers under a supervisor; without one, always the own controller."""
 
     INNER = 0
     """The supervised controller."""
@@ -104,7 +104,7 @@ class Driver(IntEnum):
     LAST = 2
     """The fallback of the fallback."""
     HOLD = 3
-    """Nobody: the steering is held, then straightened."""
+    """No controller: the steering is held, then straightened."""
 
 
 class Reason(IntEnum):
@@ -142,7 +142,7 @@ class Decision(NamedTuple):
     steer: float
     status: Status = Status.SOLVED
     driver: Driver = Driver.INNER
-    """Who steers, if a supervisor decided that."""
+    """What steers, as a supervisor decided."""
     reason: Reason = Reason.NONE
     """Why it is not the supervised controller, or why that steers by what would be seen."""
 

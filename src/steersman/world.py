@@ -69,7 +69,7 @@ class Simulation:
             corridor: its half width [m].
             disturbances: beside the sensor's and the plant's own; None is none.
             seed: of the sensor's errors and of disturbances that draw by themselves.
-            shared: a plant to drive instead of the plant's own; who made it closes it.
+            shared: a plant to drive instead of the plant's own; its maker closes it.
             fine: keep the accelerations of every integration step, in the fleet for one step.
             lesson: features, reward and meaning of the actions; None: actions are steering
                 commands.

@@ -61,7 +61,7 @@ class Listener(ControllerComponent):
     ("changes", "message"),
     [
         ({"action": "residual"}, "corrects a controller; name it as base"),
-        ({"base": "pid"}, "action 'rate' corrects nobody; set action=residual"),
+        ({"base": "pid"}, "action 'rate' uses no base; set action=residual"),
         ({**RESIDUAL, "base": {"kind": "policy"}}, "a policy cannot be the base"),
         ({**RESIDUAL, "base": "mpc_dleay"}, "did you mean 'mpc_delay'"),
         ({**RESIDUAL, "authority": 0.0}, "authority"),

@@ -1,4 +1,4 @@
-"""What a scenario does to the car, to its sensors and to what its controller believes."""
+"""What a scenario changes: the car, its sensors and the controller's nominal vehicle."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _USED_GRIP = 0.6
 class Disturbance(Settings):
     """How a run differs from a clean one; the defaults are the clean run.
 
-    The controller is told of the vehicle as the suite names it, times ``model``: a disturbed mass
+    The controller's nominal vehicle is the suite's, times ``model``: a disturbed mass
     is one that no controller knows of.
     """
 
@@ -52,7 +52,7 @@ class Disturbance(Settings):
     speed_noise: float = param(0.0, "m/s", "SD of the measured v_x and v_y.", ge=0)
     yaw_rate_noise: float = param(0.0, "rad/s", "SD of the measured yaw rate.", ge=0)
     model: ModelError = param(
-        ModelError(), "-", "Factors on the vehicle that model-based controllers believe in."
+        ModelError(), "-", "Factors on the nominal vehicle of model-based controllers."
     )
     fault: Fault | None = param(None, "-", "What breaks on the way; null: nothing.")
 
@@ -95,7 +95,7 @@ class Disturbance(Settings):
         return disturbed
 
     def _careful(self, speed: SpeedComponent) -> SpeedComponent:
-        """On a slippery road nobody drives as on a dry one: part of the grip stays in hand."""
+        """Slower on a slippery road, so that part of the grip stays unused."""
         if self.friction is None or not isinstance(speed, SpeedTracking):
             return speed
         cap = _USED_GRIP * self.friction * GRAVITY

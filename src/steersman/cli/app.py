@@ -68,7 +68,7 @@ COMMANDS = {
 
 
 class _Commands(MutableMapping[str, Any]):
-    """The commands by name, each imported when it is first asked for."""
+    """The commands by name, each imported at its first use."""
 
     def __init__(self) -> None:
         self._made: dict[str, Any] = {}

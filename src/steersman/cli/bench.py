@@ -1,4 +1,4 @@
-"""``steersman bench``: every controller over the same scenarios, and the table of who is best."""
+"""``steersman bench``: every controller over the same scenarios, and their ranking."""
 
 from __future__ import annotations
 

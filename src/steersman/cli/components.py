@@ -74,7 +74,7 @@ def show_component(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="E.g. mpc_pid.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """Show the fields of a component, or all that a command can be told."""
+    """Show the fields of a component, or all settings of a command."""
     from steersman.cli.fields import fields_of
 
     cls, tuned = _find(kind, name)

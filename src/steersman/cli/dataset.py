@@ -20,7 +20,7 @@ STEPS = 20_000
 
 
 def home() -> str | None:
-    """Where Minari is told to keep its datasets, if it is told."""
+    """Minari's folder for datasets, if its environment variable is set."""
     return os.environ.get("MINARI_DATASETS_PATH") or None
 
 
@@ -36,7 +36,7 @@ def export_minari(source: str, folder: FilePath) -> Sequence[FilePath]:
     from steersman.learning.datasets.trajectory import steps
 
     place = FilePath(source)
-    store.require()  # so that it is told before any work, as the rest is
+    store.require()  # refused before any work, as the rest is
     store.check_free(folder, _name(place))
     stored = _stored(source, place)
     made = store.write(folder, _name(place), stored)

@@ -31,7 +31,7 @@ _SHOWN = {
 _LEGEND = """
 |d|: mean lateral error of the whole run. SD: of normalised steering. head: mean
 heading error [deg], nearly all of it the car's own side-slip. a_y: largest
-lateral acceleration [m/s^2]. The paper tells no speeds; 9.9 to 24.2 m/s are
+lateral acceleration [m/s^2]. The paper gives no speeds; 9.9 to 24.2 m/s are
 inferred from its heading errors. MPC-PID is tuned for 30 km/h; sched. has a
 model for each speed.
 """

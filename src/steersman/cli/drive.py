@@ -109,7 +109,7 @@ def _page(name: str) -> FilePath:
 
 
 def _replay(page: FilePath | None, config: RunConfig, episode: Episode) -> None:
-    """Write the page of the drive, where one is asked for.
+    """Write the page of the drive, if there is a file for it.
 
     Raises:
         DataError: it cannot be written.

@@ -1,4 +1,4 @@
-"""``steersman export``: a result in the format in which somebody else takes it.
+"""``steersman export``: a result in the format of another tool.
 
 A target is a line in :data:`TARGETS`. To add one: a function that takes what the user named and
 a folder that exists and is writable, writes into it and returns the files written (the one to name
@@ -107,7 +107,7 @@ def export(
         typer.Option("--out", metavar="DIR", help="Folder to write into; else ./NAME_TARGET."),
     ] = None,
 ) -> None:
-    """Write a result in the format in which somebody else takes it.
+    """Write a result in the format of another tool.
 
     What is written is checked against what it was made from. The path of the main file is printed
     on stdout.

@@ -85,7 +85,7 @@ def write(text: str) -> None:
     """Write to stdout at once.
 
     Raises:
-        typer.Exit: nobody reads on (the pipe is closed).
+        typer.Exit: the pipe is closed.
         DataError: it cannot be written, e.g. because the disk is full.
     """
     coded = text.encode(sys.stdout.encoding or "utf-8", "replace")
@@ -156,7 +156,7 @@ def animated() -> bool:
 
 @contextmanager
 def share_bar(title: str) -> Iterator[Callable[[float], None] | None]:
-    """A progress bar on stderr that is told the share done; None where bars cannot move."""
+    """A progress bar on stderr, called with the share done; None where bars cannot move."""
     if not animated():
         yield None
         return
@@ -193,7 +193,7 @@ def _progress(text: str) -> Progress:
 def steps_bar(
     total: int, title: str, noun: str = "steps", every: float = 0.0
 ) -> Iterator[Callable[[float, str], None]]:
-    """Told (steps done, what there is to say): a bar in a terminal.
+    """Called with (steps done, text): a bar in a terminal.
 
     Elsewhere a line each time, but no sooner than a share ``every`` of the steps after the last.
     """
@@ -217,7 +217,7 @@ def steps_bar(
 def steps_bars(
     total: int, titles: Sequence[str]
 ) -> Iterator[Callable[[str, float, str, bool], None]]:
-    """Told (title, steps done, what there is to say, whether it is new): a bar for each title.
+    """Called with (title, steps done, text, whether it is new): a bar for each title.
 
     Elsewhere than in a terminal, a line for whatever is new.
     """

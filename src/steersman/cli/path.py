@@ -119,7 +119,7 @@ def _path(words: list[str]) -> PathComponent:
         raise ConfigError(f"{words[0]!r} is a setting; first comes the kind of path, e.g. circle")
     path = resolve("path", override({"kind": name}, assignments))
     assert isinstance(path, PathComponent)  # the registry holds nothing else under "path"
-    _ = path.table  # so that a fault in it is told before a folder is made
+    _ = path.table  # so that a fault in it is reported before a folder is made
     return path
 
 

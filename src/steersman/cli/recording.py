@@ -89,7 +89,7 @@ def episode_file(source: str) -> FilePath:
 def driven(file: FilePath, episode: Episode) -> tuple[Vehicle, PathComponent | None]:
     """Vehicle and path of an episode, by the configuration in it.
 
-    A path that cannot be made again (its file is gone) is None, and told.
+    A path that cannot be made again (its file is gone) is None, with a note.
 
     Raises:
         DataError: the episode does not name a vehicle.

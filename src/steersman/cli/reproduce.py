@@ -82,7 +82,7 @@ def _run(plan: Any, folder: Any, *, other_version: bool) -> dict[str, Any]:
 
 
 def _lines() -> Callable[[int, int, float, str], None]:
-    """Tells progress in a log: a line for every percent, with the time left."""
+    """Writes progress to a log: a line for every percent, with the time left."""
     begun, first, last = time.monotonic(), -1.0, -1.0
 
     def progress(done: int, of: int, share: float, text: str) -> None:

@@ -73,6 +73,6 @@ def findings(checks: Iterable[Callable[[T], Iterator[str]]], component: T) -> li
         name = each.__name__.replace("_", " ")
         try:
             out += [f"{name}: {one_line(text)}" for text in each(component)]
-        except Exception as error:  # noqa: BLE001 - a component of somebody else may raise anything
+        except Exception as error:  # noqa: BLE001 - a plug-in's component may raise anything
             out.append(one_line(f"{name}: raises {type(error).__name__}: {error}"))
     return out

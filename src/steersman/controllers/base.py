@@ -38,9 +38,9 @@ class ControllerComponent(Component):
     def executed(self, state: Any, steer: float) -> Any:
         """The state after the last step, given the executed steering [normalised].
 
-        To be called where somebody else's command may have been executed: beside an agent, under a
-        correction. Controllers that remember what they commanded override this; the last that is
-        told counts, a controller's own command changes nothing, and ``state`` is left alone.
+        To be called where a command other than the controller's own may have been executed:
+        beside an agent, or under a correction. Controllers that remember their command override
+        this; the last call counts, and ``state`` itself is not changed.
         """
         return state
 
@@ -49,7 +49,7 @@ class ControllerComponent(Component):
 
         An observation that is not finite gets the present steering, marked as a fallback, and
         leaves the state alone. So does a decision that is not: numbers may be finite and still
-        overflow on their way. Nobody but a :class:`Wrapper` overrides this.
+        overflow on their way. Only a :class:`Wrapper` overrides this.
         """
         if not is_finite(observation):
             return _hold(observation), state

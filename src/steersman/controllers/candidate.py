@@ -1,4 +1,4 @@
-"""One of those who may steer under a supervisor: asked at every step, judged, told."""
+"""A controller under a supervisor: it computes a command at every step, which is judged."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Candidate(NamedTuple):
     fresh: Any
     """Its state before the first step."""
     steer: float | None = None
-    """The command that it asked for last [normalised]; None if that was none."""
+    """Its last command [normalised]; None if it gave none."""
     status: Status = Status.SOLVED
     fault: Reason = Reason.NONE
     healthy: float = math.inf
@@ -81,7 +81,7 @@ def ask(
         decision, state = controller.step(before.state, own)
         steer: Any = decision.steer  # of another package's controller it may be anything
         status: Any = decision.status
-    except Exception as error:  # whatever it may be: nobody else is there to catch it
+    except Exception as error:  # of any kind: a failing controller must not end the supervisor
         if first and isinstance(error, ConfigError):
             raise
         return before.failed(Reason.EXCEPTION, restart=True)
@@ -122,7 +122,7 @@ def _status(status: Any) -> Status:
 def _judged(before: Candidate, steer: float, last: float, rules: Rules) -> Candidate:
     """The candidate with this command."""
     own = last if before.steer is None else before.steer
-    # After somebody else steered, some go on from there and some from their own.
+    # After another controller steered, some go on from its command and some from their own.
     change = min(abs(steer - own), abs(steer - last))
     hasty = before.hasty + rules.dt if change > rules.step + _ROUNDING else 0.0
     return before._replace(steer=steer, hasty=hasty)

@@ -101,7 +101,7 @@ def practise(vehicle: Vehicle, dt: float) -> None:
 
 
 def held(vehicle: Vehicle, seen: Observation | None, last: float, dt: float) -> float:
-    """Steering of nobody: the last one, changed as the road's bend changes in a period.
+    """Steering without a controller: the last one, changed as the road's bend changes in a period.
 
     Without a road it goes to the middle.
     """

@@ -45,11 +45,11 @@ class MpcState(NamedTuple):
     """Last plan of wheel angles that DAQP solved [rad], and how many steps ago that was."""
     age: int
     angle: float
-    """Wheel angle the MPC asked for last [rad]."""
+    """The MPC's last wheel angle [rad]."""
     steer: float = 0.0
     """Normalised steering that came of it."""
     v_x: float = 0.0
-    """Speed at which it was asked for [m/s]."""
+    """Speed at that moment [m/s]."""
 
 
 class LinearMpc(ControllerComponent):
@@ -92,7 +92,7 @@ class LinearMpc(ControllerComponent):
         )
 
     def next_plan(self, state: MpcState, observation: Observation) -> tuple[Status, MpcState]:
-        """Plan anew, or shift the last plan; the new state's ``angle`` is what is asked for."""
+        """Plan anew, or shift the last plan; the new state's ``angle`` is the MPC's wheel angle."""
         vehicle, problems, plan, age, angle = state[:5]
         problem = problems[0]
         if self.scheduled:

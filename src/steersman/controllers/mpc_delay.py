@@ -60,7 +60,7 @@ class MpcDelayState(NamedTuple):
     begun: bool = False
     """Whether there was a first step, which fills what follows."""
     angle: float = 0.0
-    """Wheel angle that was asked for last [rad]."""
+    """Last commanded wheel angle [rad]."""
     kappa: float = 0.0
     """Curvature at which it was to act [1/m]."""
     seen: Seen = Seen(0.0, 0.0, 0.0, 0.0)

@@ -74,7 +74,7 @@ def solve(
     Args:
         problem: the optimisation.
         weights: of its cost.
-        last_angle: wheel angle asked for one period ago [rad].
+        last_angle: wheel angle commanded one period ago [rad].
         last_kappa: curvature at which that was to act [1/m].
     """
     p = problem

@@ -39,7 +39,7 @@ class PolicyState(NamedTuple):
     trim: float
     """Rate of the integral loop around the network [1/s]."""
     shift: float
-    """How far the path that the network is told lies to the right of the true one [m]."""
+    """Shift to the right of the path in the network's input [m]."""
     base: ControllerComponent | None = None
     """Whose steering the action corrects."""
     authority: float = 0.0
@@ -131,7 +131,7 @@ class Policy(ControllerComponent):
         return float(steer), status, self.executed(after, float(within_limits(steer)))
 
     def executed(self, state: PolicyState, steer: float) -> PolicyState:
-        """The network's last command is what was executed; the base is told, too."""
+        """The executed command becomes the last command of the network and of its base."""
         if state.base is not None:
             told = state.base.executed(state.base_state, steer)
             state = state._replace(base_state=told)

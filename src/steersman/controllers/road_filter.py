@@ -1,4 +1,4 @@
-"""What a noisy sensor tells of the road, fused over time into a quieter observation."""
+"""Fuses a noisy sensor's road over time into an observation with less noise."""
 
 from __future__ import annotations
 

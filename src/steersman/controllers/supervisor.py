@@ -59,7 +59,7 @@ class Supervisor(Wrapper):
     """Watches a controller, its inputs and commands, and hands over to fallbacks if need be."""
 
     clock: ClassVar[Any] = staticmethod(time.perf_counter)
-    """Tells the time [s]; read only where there is a deadline."""
+    """A clock [s]; read only where there is a deadline."""
 
     inner: _Controller = param("mpc_delay", "-", "The controller that is watched.")
     fallback: _Controller = param("tuned/mpc_pid", "-", "Steers in its place.")
@@ -83,7 +83,7 @@ class Supervisor(Wrapper):
         0.3, "s", "Gaps in usable observations up to this need no hand-over.", ge=0
     )
     reckon_time: float = param(
-        1.5, "s", "So long a gap the fallbacks steer by what would be seen; then nobody.", ge=0
+        1.5, "s", "Longest gap bridged by dead reckoning; after it the steering is held.", ge=0
     )
     hasty_time: float = param(
         0.3,
@@ -100,7 +100,7 @@ class Supervisor(Wrapper):
     swings: int = param(6, "-", "So many turns in `swing_window` are an oscillation.", ge=2)
     swing_window: float = param(5.0, "s", "Time in which they are counted.", gt=0)
     swing_error: float = param(
-        0.5, "m", "Who swings and yet keeps the car closer to the path, may go on.", ge=0
+        0.5, "m", "An oscillating controller that stays closer than this to the path is kept.", ge=0
     )
     recover_time: float = param(
         2.0, "s", "How long a controller has to be without fault before it steers again.", ge=0
@@ -142,7 +142,7 @@ class Supervisor(Wrapper):
         return self._steered(state, told, fault)
 
     def executed(self, state: SupervisorState, steer: float) -> SupervisorState:
-        """The next change counts from what was executed; all three are told."""
+        """The next change counts from the executed command; all three controllers get it."""
         if state.last is None or steer == state.last:
             return state
         return self._told(state, steer)

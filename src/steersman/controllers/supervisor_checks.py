@@ -17,7 +17,7 @@ from steersman.types import FloatArray, Observation, Reason
 _MOST = (20.0, 3.2, 100.0, 30.0, 5.0, 1.1, 1.0)
 # Waypoints farther from the car than this many times the preview's length are none.
 _FARTHEST = 2.0
-# Fewest waypoints between which a road can be told.
+# Fewest waypoints that determine a road.
 _FEWEST = 4
 _PLANE = 2
 # Kinds of arrays that hold real numbers.
@@ -68,7 +68,7 @@ NOTHING_SEEN = LastSeen(Observation(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.z
 
 
 def first_sight(observation: Observation) -> LastSeen:
-    """What is known after news; a copy, as whoever observes may use the array again."""
+    """What is known after a new observation; a copy, since its array may be reused."""
     return LastSeen(observation._replace(preview=np.array(observation.preview, dtype=np.float64)))
 
 

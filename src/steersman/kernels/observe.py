@@ -1,4 +1,4 @@
-"""Where a vehicle is on its path, and what a sensor tells of the road ahead."""
+"""Where a vehicle is on its path, and what a sensor measures of the road ahead."""
 
 from __future__ import annotations
 

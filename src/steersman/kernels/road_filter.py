@@ -1,4 +1,4 @@
-"""Fusing what a noisy sensor tells of the road over time, by the car's own motion.
+"""Fusing a noisy sensor's road over time, by the car's own motion.
 
 Scalar and two-state Kalman filters whose measurement noise is estimated on the way, so that exact
 measurements pass unchanged; docs/controllers.md has the equations.

@@ -37,7 +37,7 @@ class SpeedTable(NamedTuple):
 def target_speed(
     speed: SpeedTable, n: int, table: PathTable, p: int, time: float, s: float
 ) -> float:
-    """Speed asked for at a time and place [m/s]."""
+    """Target speed at a time and place [m/s]."""
     target = interpolate(speed.times[n], speed.speeds[n], time)
     if speed.cap.shape[0] > 0:
         first = int(speed.cap_first[p])

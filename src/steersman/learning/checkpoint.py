@@ -74,7 +74,7 @@ def load(out: FilePath, notify: Notify | None = None) -> dict[str, Any] | None:
 
     Args:
         out: the training's folder.
-        notify: told about every damaged checkpoint that was passed over.
+        notify: called with a sentence for every damaged checkpoint that was passed over.
 
     Raises:
         DataError: there are checkpoints, but none can be read.
@@ -130,7 +130,7 @@ def check_folder(config: LearningConfig, out: FilePath, *, overwrite: bool, resu
     """Whether this training may go to ``out``; nothing is written.
 
     Raises:
-        DataError: it holds a training, and nobody asked to replace it or to go on with it.
+        DataError: it holds a training, and neither ``overwrite`` nor ``resume`` is set.
         ConfigError: that training has another configuration.
     """
     if overwrite and resume:

@@ -20,7 +20,7 @@ from steersman.plants.base import has_one_car
 
 
 class ValidationConfig(Settings):
-    """A fixed set of drives, never trained on, that tells how good the policy is."""
+    """A fixed set of drives, never trained on, that measures the policy."""
 
     roads: tuple[Annotated[PathComponent, Of("path")], ...] = param(
         tuple(RandomRoad(seed=1000 + i) for i in range(8)), "-", "Roads."

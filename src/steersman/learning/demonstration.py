@@ -16,7 +16,7 @@ from steersman.vehicles import Vehicle
 
 
 class Demonstration(Settings):
-    """Who demonstrates, and how often it takes the wheel."""
+    """The demonstrator, and how often its action is executed."""
 
     controller: Annotated[ControllerComponent, Of("controller")] = param(
         MpcPid(), "-", "The demonstrating controller."

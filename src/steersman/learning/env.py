@@ -25,7 +25,7 @@ _FAILED = (kernel.LEFT_CORRIDOR, kernel.ROLLED)
 class PathFollowingEnv(gymnasium.Env[Features, Features]):
     """Follow a path; the action is the steering, its rate, or a correction of it.
 
-    Observation: (features,) float32, about unit size; ``observation_names`` tells each.
+    Observation: (features,) float32, about unit size; named in ``observation_names``.
     Action: (1,) in [-1, 1], left positive. Leaving the corridor or rolling over terminates;
     time and the end of a road truncate. ``info`` holds the true lateral error [m], heading error
     [rad], speed [m/s], arc length [m], and for the returned observation the base's steering (if

@@ -94,7 +94,7 @@ class FleetDriver:
         self.demonstrates = demonstration.enabled
         """Whether a demonstrator proposes a steering at every step."""
         self._corrected = self._proposer(problem.base)
-        # A base that demonstrates itself is asked once.
+        # A base that is the demonstrator too computes once.
         itself = demonstration.enabled and demonstration.controller == problem.base
         other = demonstration.controller if demonstration.enabled and not itself else None
         self._demonstrator = self._corrected if itself else self._proposer(other)

@@ -19,7 +19,7 @@ class OrnsteinUhlenbeck(VectorizedActionNoise):
     def __init__(
         self, n: int, theta: float, sigma: Callable[[], float], dt: float, seed: int
     ) -> None:
-        """``sigma`` is asked at every step, so that it can follow a schedule."""
+        """``sigma`` is called at every step, so that it can follow a schedule."""
         ActionNoise.__init__(self)
         self.theta, self.sigma, self.dt = theta, sigma, dt
         self.rng = np.random.default_rng(seed)

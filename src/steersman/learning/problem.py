@@ -123,7 +123,7 @@ class Problem(Settings):
             raise ValueError("action residual corrects a controller; name it as base")
         if self.action != "residual" and self.base is not None:
             raise ValueError(
-                f"base {self.base.kind!r} is given, but action {self.action!r} corrects nobody; "
+                f"base {self.base.kind!r} is given, but action {self.action!r} uses no base; "
                 "set action=residual"
             )
         if self.base is not None:

@@ -54,7 +54,7 @@ class PathFollowingVecEnv(VecEnv):
         self.largest_reward = 0.0
         """Largest |reward| of a step so far."""
         self.recorder: Recorder | None = None
-        """Keeps every step, if somebody wants that."""
+        """Keeps every step; None: nothing is kept."""
         self.choice: tuple[Any, Any] | None = None
         """The agent's own actions and where the demonstrator takes the wheel, (n,) each, if the
         agent tells; for the recorder alone."""

@@ -87,7 +87,7 @@ def write_episode(
 
 
 def _check(file: FilePath, episode: Episode) -> None:
-    """Refuse what cannot be told in the messages: times and states that are not."""
+    """Refuse what messages cannot hold: times and states that are not finite."""
     time = episode["time"]
     if not (np.all(np.isfinite(time)) and np.all(np.abs(time) < _LONGEST)):
         raise DataError(f"{file}: cannot be written, the episode's times are not finite")

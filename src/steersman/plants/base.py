@@ -42,7 +42,7 @@ class PlantComponent(Component):
 
     @abstractmethod
     def make(self, vehicle: Vehicle) -> Plant:
-        """A plant that drives that vehicle, to be closed by whoever made it."""
+        """A plant that drives that vehicle, to be closed by the caller."""
 
     @property
     @abstractmethod
@@ -50,7 +50,7 @@ class PlantComponent(Component):
         """Time between the moments at which a command can begin to act [s]."""
 
     def source(self) -> str:
-        """Whose numbers it gives, for results to be told by; a server is asked.
+        """Whose numbers it gives, as results state it; a server is queried.
 
         Raises:
             PlantError: the server does not answer.
@@ -58,7 +58,7 @@ class PlantComponent(Component):
         return self.kind
 
     def car(self, vehicle: Vehicle) -> str:
-        """What is driven, in words; ``vehicle`` is what is believed of it."""
+        """What is driven, in words; ``vehicle`` is the nominal vehicle."""
         return vehicle.title
 
     def disturbances(self, n: int, seed: int) -> list[Disturber | None]:

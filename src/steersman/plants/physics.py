@@ -1,4 +1,4 @@
-"""A plant of somebody's own: its physics is one method, everything else of a plant is here.
+"""Base of plants of one's own: the physics is one method, everything else of a plant is here.
 
 Actuators (rates, lag), steering delay, integration, the steady turn at the start and the record of
 what was measured are the embedded simulator's, for whatever equations of motion there are.

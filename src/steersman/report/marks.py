@@ -117,7 +117,7 @@ def _longest(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _interventions(episode: Episode) -> list[dict[str, Any]]:
-    """Where a supervisor let somebody else steer."""
+    """Where a supervisor's fallback steered."""
     out = []
     for one in episode.interventions():
         rows = np.searchsorted(episode["time"], [one.begin, one.end])

@@ -91,7 +91,7 @@ def varints(numbers: NDArray[np.int64]) -> bytes:
 
 
 def _filled(numbers: FloatArray, known: NDArray[np.bool_]) -> FloatArray:
-    """What is missing stands as zero: its value is told apart."""
+    """Missing numbers are packed as zero, and marked as missing."""
     return np.where(known, numbers, 0.0)
 
 

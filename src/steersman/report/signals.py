@@ -29,7 +29,7 @@ class PlotSignal(NamedTuple):
     values: Callable[[Episode], FloatArray]
     step: float
     shown: bool = True
-    """Whether a page shows it before anybody asks for it."""
+    """Whether a page shows it at first."""
 
 
 SIGNALS = (

@@ -65,7 +65,7 @@ class TuneConfig(Settings):
     @field_validator("suite", mode="before")
     @classmethod
     def _driven(cls, value: Any, info: ValidationInfo) -> Any:
-        plant = info.data.get("plant")  # absent if it was refused, which is told by itself
+        plant = info.data.get("plant")  # absent if it was refused, which is an error of its own
         if isinstance(value, str):
             return [s.run for s in suite(value).model_copy(update={"plant": plant}).scenarios()]
         if not isinstance(value, (list, tuple)):
