@@ -29,7 +29,6 @@ LONG: frozenset[str] = frozenset(
         "steersman/kernels/world.py",
         "steersman/plants/carla_plant.py",
         "steersman/plants/carla_session.py",
-        "steersman/rollout.py",
         "steersman/studies/identify/estimate.py",
         "steersman/vehicles.py",
     }

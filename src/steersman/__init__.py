@@ -56,13 +56,13 @@ if TYPE_CHECKING:
     from steersman.learning.task import Judged as Judged
     from steersman.learning.task import RewardTerm as RewardTerm
     from steersman.metrics.base import summarise as summarise
+    from steersman.outcome import Attempt as Attempt
     from steersman.paths.base import PathComponent
     from steersman.paths.xodr.ways import lane_starts as lane_starts
     from steersman.plants.base import PlantComponent
     from steersman.plants.carla_frame import CarlaFrame as CarlaFrame
     from steersman.plants.motion import VehicleMotion as VehicleMotion
     from steersman.provenance import provenance as provenance
-    from steersman.rollout import Attempt as Attempt
     from steersman.rollout import RunConfig as RunConfig
     from steersman.sensing import observations as observations
     from steersman.speed import SpeedComponent
@@ -93,7 +93,8 @@ _FRONT_DOOR = {
         *("components", "families"),
         "dump",  # the plain data of a configuration, for records of one's own
     ),
-    "rollout": ("RunConfig", "Attempt"),
+    "rollout": ("RunConfig",),
+    "outcome": ("Attempt",),
     "learning.config": ("TrainConfig",),
     "controllers.base": ("Controller",),
     "paths.base": ("Path",),

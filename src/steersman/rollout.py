@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import math
-import time
-import traceback
 from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import dataclass
-from pathlib import Path as FilePath
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated
 
 import numpy as np
 from pydantic import model_validator
 
 from steersman import episode as ending
 from steersman.config import Of, Settings, param
-from steersman.controllers.base import ControllerComponent
+from steersman.controllers.base import ControllerComponent, timed_step, warm_up
 from steersman.controllers.mpc_pid import MpcPid
 from steersman.disturbances import DisturbanceComponent
 from steersman.episode import COLUMNS, Episode
-from steersman.errors import ConfigError, ControllerError, PlantError, one_line
+from steersman.errors import ConfigError, ControllerError, PlantError
 from steersman.faults import Fault
 from steersman.kernels.world import (
     CLOCK_DISTANCE,
@@ -30,6 +25,7 @@ from steersman.kernels.world import (
     TIME_UP,
     find_end,
 )
+from steersman.outcome import OUTCOMES, Attempt, Interrupted, PlantFailure, RunError
 from steersman.paths.base import PathComponent
 from steersman.plants.base import PlantComponent
 from steersman.plants.simulator import SimulatorConfig
@@ -37,14 +33,12 @@ from steersman.profiles import stack_profiles
 from steersman.provenance import provenance
 from steersman.sensing import Tracking, WaypointSensor
 from steersman.speed import ConstantThrottle, SpeedComponent
-from steersman.types import Decision, FloatArray, Observation, Pose
+from steersman.types import Decision, FloatArray, Pose
 from steersman.vehicles import CarlaModel3, Vehicle
 from steersman.world import Simulation
 
 # A run that is to end after laps or at the end of the road may take at most this long [s].
 LONGEST = 7200.0
-# Steps without effect before the first: a disturbance estimate needs one before it computes.
-_WARM_UPS = 3
 
 
 class RunConfig(Settings):
@@ -83,68 +77,6 @@ class RunConfig(Settings):
         if self.duration is not None and self.laps is not None:
             raise ConfigError("give laps or duration, not both", ("laps",))
         return self
-
-
-Outcome: TypeAlias = Literal[
-    "finished", "left_road", "rolled_over", "timed_out", "controller_failed", "plant_failed"
-]
-_OUTCOMES: dict[str, Outcome] = {
-    ending.OFF_TRACK: "left_road",
-    ending.ROLL_OVER: "rolled_over",
-    ending.TIMEOUT: "timed_out",
-}
-
-
-@dataclass(frozen=True)
-class Attempt:
-    """What came of a run.
-
-    Attributes:
-        outcome: how the run ended; ``"finished"`` is its planned end.
-        episode: what was driven; until the failure, where something failed.
-        error: what failed: a ``RunError`` or a ``PlantFailure``; None where nothing did.
-    """
-
-    outcome: Outcome
-    episode: Episode
-    error: RunError | PlantFailure | None = None
-
-    def of_controller(self) -> Episode:
-        """The episode as a result of the controller, whose failure is one; a plant's is not.
-
-        Raises:
-            PlantFailure: the plant failed while it was driven.
-        """
-        if isinstance(self.error, PlantFailure):
-            raise self.error
-        return self.episode
-
-
-class Interrupted(KeyboardInterrupt):
-    """Ctrl-C while a run was driven; ``episode`` holds what was driven until then."""
-
-    def __init__(self, episode: Episode) -> None:
-        """Keep the episode."""
-        super().__init__(episode)
-        self.episode = episode
-
-
-class RunError(ControllerError):
-    """A run that failed; ``episode`` holds what was driven until then."""
-
-    def __init__(self, message: str, episode: Episode) -> None:
-        """Keep the episode beside the message."""
-        super().__init__(message)
-        self.episode = episode
-
-
-class PlantFailure(PlantError):
-    """A plant that failed in mid-run; ``episode`` holds what was driven until then."""
-
-    def __init__(self, message: str, episode: Episode) -> None:
-        """Keep the episode beside the message."""
-        super().__init__(message)
-        self.episode = episode
 
 
 def run(config: RunConfig, progress: Callable[[float], None] | None = None) -> Episode:
@@ -193,7 +125,7 @@ def attempt(config: RunConfig, progress: Callable[[float], None] | None = None) 
         failed = RunError(str(error), episode)
         failed.__cause__ = error.__cause__
         return Attempt("controller_failed", episode, failed)
-    return Attempt(_OUTCOMES.get(end, "finished"), episode)
+    return Attempt(OUTCOMES.get(end, "finished"), episode)
 
 
 class _Drive:
@@ -243,22 +175,22 @@ class _Drive:
         if self.config.fault is not None:
             controller = self.config.fault.within(controller)
         # Only now, since a server knows of its vehicle when it is there.
-        believed = self.config.nominal or simulation.mover.vehicle
-        controller_state = controller.init(believed, simulation.dt)
+        nominal = self.config.nominal or simulation.mover.vehicle
+        memory = controller.init(nominal, simulation.dt)
         find_end(simulation.world, fleet, 0)
         if fleet.ended[0] == RUNNING:
             simulation.look(0)
-            fresh = controller.init(believed, simulation.dt)
-            _warm_up(controller, fresh, simulation.observation(0))
+            fresh = controller.init(nominal, simulation.dt)
+            warm_up(controller, fresh, simulation.observation(0))
         while fleet.ended[0] == RUNNING:
             steps, time = len(self._more), simulation.time(0)
             observation = simulation.observation(0)
             try:
-                decision, controller_state, took = _ask(controller, controller_state, observation)
+                decision, memory, took = timed_step(controller, memory, observation)
             except ControllerError as error:
-                told = ControllerError(f"{error}, at t = {time:.2f} s")
-                told.__cause__ = error.__cause__
-                return ending.ERROR, told
+                failed = ControllerError(f"{error}, at t = {time:.2f} s")
+                failed.__cause__ = error.__cause__
+                return ending.ERROR, failed
             row = np.concatenate((fleet.state[0], fleet.tracking[0]))
             try:
                 simulation.step(np.array([decision.steer]))
@@ -325,48 +257,6 @@ _MORE = (
     *("time", "steer_command", "throttle", "brake"),
     *("control_time", "status", "driver", "reason"),
 )
-
-
-def _warm_up(
-    controller: ControllerComponent, controller_state: Any, observation: Observation
-) -> None:
-    """Call the controller without effect, so that no measured time contains compilation.
-
-    Several times, since some of it needs an earlier step. A controller that fails here will fail
-    again at a step that counts.
-    """
-    with suppress(ControllerError):
-        for _ in range(_WARM_UPS):
-            _, controller_state, _ = _ask(controller, controller_state, observation)
-
-
-def _ask(
-    controller: ControllerComponent, controller_state: Any, observation: Observation
-) -> tuple[Decision, Any, float]:
-    """The controller's decision, its new state, and how long it took [s].
-
-    Raises:
-        ControllerError: it raised, or returned what no actuator can take.
-        ConfigError: it does not fit into this loop.
-    """
-    name = controller.kind or type(controller).__name__
-    begun = time.perf_counter()
-    try:
-        decision, controller_state = controller.step(controller_state, observation)
-    except ConfigError:
-        raise
-    except Exception as error:  # a user's controller may raise anything
-        frame = traceback.extract_tb(error.__traceback__)[-1]
-        where = f"{FilePath(frame.filename).name}, line {frame.lineno}"
-        fault = f"controller {name!r} raised {type(error).__name__}: {error} ({where})"
-        raise ControllerError(one_line(fault)) from error
-    took = time.perf_counter() - begun
-    if not abs(decision.steer) <= 1.0:
-        raise ControllerError(
-            f"controller {name!r} returned steering {decision.steer}, where a finite number in "
-            "[-1, 1] is expected"
-        )
-    return decision, controller_state, took
 
 
 def _goal(

@@ -20,6 +20,7 @@ from typer.testing import CliRunner
 
 from steersman.cli import app
 from steersman.errors import ConfigError, PlantError
+from steersman.outcome import PlantFailure
 from steersman.paths.analytic import Circle, Straight
 from steersman.plants import carla_server, carla_session
 from steersman.plants.carla import CarlaConfig
@@ -27,7 +28,7 @@ from steersman.plants.carla_plant import CarlaPlant
 from steersman.plants.carla_server import check_version, retried
 from steersman.plants.carla_session import ROLE
 from steersman.plants.carla_world import world_of
-from steersman.rollout import PlantFailure, run
+from steersman.rollout import run
 from steersman.types import Command, Pose
 from steersman.vehicles import CarlaModel3
 

@@ -23,9 +23,10 @@ from steersman.episode import Episode
 from steersman.errors import ConfigError
 from steersman.kernels import mpc_delay as kernel
 from steersman.learning.snapshot import changed, read, rebuilt, write
+from steersman.outcome import RunError
 from steersman.paths.analytic import Circle, Straight
 from steersman.plants.simulator import SimulatorConfig
-from steersman.rollout import RunConfig, RunError, run
+from steersman.rollout import RunConfig, run
 from steersman.sensing import WaypointSensor, track
 from steersman.speed import ConstantSpeed
 from steersman.types import Command, Decision, Driver, Observation, Pose, Reason, Status

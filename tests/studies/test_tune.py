@@ -11,7 +11,8 @@ import pytest
 from steersman.config import build, override, read_yaml
 from steersman.errors import ConfigError
 from steersman.metrics.driving import rms_lateral_error, steer_change_rms
-from steersman.rollout import Attempt, Interrupted, RunConfig, run
+from steersman.outcome import Attempt, Interrupted
+from steersman.rollout import RunConfig, run
 from steersman.studies import objective
 from steersman.studies import tune as tuning
 from steersman.studies.objective import RunCost, measure

@@ -14,7 +14,7 @@ from steersman.errors import DataError
 
 if TYPE_CHECKING:
     from steersman.episode import Episode
-    from steersman.rollout import Attempt
+    from steersman.outcome import Attempt
 
 
 _Folder = str | PathLike[str]
@@ -83,7 +83,7 @@ def drive(
         PlantError: the plant failed, or cannot be reached.
         KeyboardInterrupt: Ctrl-C; what was driven until then is in ``out``.
     """
-    from steersman.rollout import Interrupted
+    from steersman.outcome import Interrupted
     from steersman.rollout import attempt as run
 
     chosen = configuration("drive", words, settings)

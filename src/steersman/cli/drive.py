@@ -62,7 +62,8 @@ def drive(
     """
     from steersman.api import driving
     from steersman.config import dump
-    from steersman.rollout import Interrupted, attempt
+    from steersman.outcome import Interrupted
+    from steersman.rollout import attempt
 
     config = driving.configure("drive", *(words or []))
     settings.tell_plant(config.plant)

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import math
+import time
+import traceback
 from abc import abstractmethod
 from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path as FilePath
 from typing import Any, ClassVar, final
 
 from steersman.config import Component
+from steersman.errors import ConfigError, ControllerError, one_line
 from steersman.types import Decision, Observation, Status
 from steersman.vehicles import Vehicle
+
+# Steps without effect before the first: a disturbance estimate needs one before it computes.
+_WARM_UPS = 3
 
 
 class ControllerComponent(Component):
@@ -90,3 +98,45 @@ def within_limits(steer: float) -> float:
 def is_finite(observation: Observation) -> bool:
     """Whether every number of the observation is finite."""
     return math.isfinite(sum(observation[:8]) + float(observation.preview.sum()))
+
+
+def warm_up(
+    controller: ControllerComponent, controller_state: Any, observation: Observation
+) -> None:
+    """Call the controller without effect, so that no measured time contains compilation.
+
+    Several times, since some of it needs an earlier step. A controller that fails here will fail
+    again at a step that counts.
+    """
+    with suppress(ControllerError):
+        for _ in range(_WARM_UPS):
+            _, controller_state, _ = timed_step(controller, controller_state, observation)
+
+
+def timed_step(
+    controller: ControllerComponent, controller_state: Any, observation: Observation
+) -> tuple[Decision, Any, float]:
+    """The controller's decision, its new state, and how long it took [s].
+
+    Raises:
+        ControllerError: it raised, or returned what no actuator can take.
+        ConfigError: it does not fit into this loop.
+    """
+    name = controller.kind or type(controller).__name__
+    begun = time.perf_counter()
+    try:
+        decision, controller_state = controller.step(controller_state, observation)
+    except ConfigError:
+        raise
+    except Exception as error:  # a user's controller may raise anything
+        frame = traceback.extract_tb(error.__traceback__)[-1]
+        where = f"{FilePath(frame.filename).name}, line {frame.lineno}"
+        fault = f"controller {name!r} raised {type(error).__name__}: {error} ({where})"
+        raise ControllerError(one_line(fault)) from error
+    took = time.perf_counter() - begun
+    if not abs(decision.steer) <= 1.0:
+        raise ControllerError(
+            f"controller {name!r} returned steering {decision.steer}, where a finite number in "
+            "[-1, 1] is expected"
+        )
+    return decision, controller_state, took

@@ -1,0 +1,72 @@
+"""What came of a run, as a value: how it ended, what was driven, and what failed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from steersman import episode as ending
+from steersman.episode import Episode
+from steersman.errors import ControllerError, PlantError
+
+Outcome: TypeAlias = Literal[
+    "finished", "left_road", "rolled_over", "timed_out", "controller_failed", "plant_failed"
+]
+# Outcomes by the end that an episode names; of all others a run is finished.
+OUTCOMES: dict[str, Outcome] = {
+    ending.OFF_TRACK: "left_road",
+    ending.ROLL_OVER: "rolled_over",
+    ending.TIMEOUT: "timed_out",
+}
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """What came of a run.
+
+    Attributes:
+        outcome: how the run ended; ``"finished"`` is its planned end.
+        episode: what was driven; until the failure, where something failed.
+        error: what failed: a ``RunError`` or a ``PlantFailure``; None where nothing did.
+    """
+
+    outcome: Outcome
+    episode: Episode
+    error: RunError | PlantFailure | None = None
+
+    def of_controller(self) -> Episode:
+        """The episode as a result of the controller, whose failure is one; a plant's is not.
+
+        Raises:
+            PlantFailure: the plant failed while it was driven.
+        """
+        if isinstance(self.error, PlantFailure):
+            raise self.error
+        return self.episode
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C while a run was driven; ``episode`` holds what was driven until then."""
+
+    def __init__(self, episode: Episode) -> None:
+        """Keep the episode."""
+        super().__init__(episode)
+        self.episode = episode
+
+
+class RunError(ControllerError):
+    """A run that failed; ``episode`` holds what was driven until then."""
+
+    def __init__(self, message: str, episode: Episode) -> None:
+        """Keep the episode beside the message."""
+        super().__init__(message)
+        self.episode = episode
+
+
+class PlantFailure(PlantError):
+    """A plant that failed in mid-run; ``episode`` holds what was driven until then."""
+
+    def __init__(self, message: str, episode: Episode) -> None:
+        """Keep the episode beside the message."""
+        super().__init__(message)
+        self.episode = episode
