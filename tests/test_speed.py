@@ -222,7 +222,7 @@ def test_profile_from_a_file(tmp_path: FilePath) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "line 1: needs the columns time_s and speed_m_s or speed_km_h"),
+        ("", "is empty; needs the columns time_s and speed_m_s or speed_km_h"),
         ("time_s,speed\n0,1\n", "line 1: needs the columns"),
         ("time_s,speed_m_s\n", "holds no breakpoints"),
         ("time_s,speed_m_s\n0,1\n1,fast\n", "line 3: not numbers: '1,fast'"),
@@ -248,5 +248,5 @@ def test_unreadable_files(tmp_path: FilePath) -> None:
         read_profile(tmp_path / "absent.csv")
     file = tmp_path / "binary.csv"
     file.write_bytes(b"\xff\xfe\x00\x80")
-    with pytest.raises(DataError, match="not text"):
+    with pytest.raises(DataError, match="not a text file"):
         read_profile(file)

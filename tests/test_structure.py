@@ -15,8 +15,6 @@ CIRCLES: frozenset[str] = frozenset(
     {
         "steersman.cli.outcome",
         "steersman.cli.output",
-        "steersman.studies.identify.csv_log",
-        "steersman.studies.identify.recording",
     }
 )
 TWICE: frozenset[str] = frozenset()

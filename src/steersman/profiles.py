@@ -12,6 +12,7 @@ from steersman.errors import DataError
 from steersman.kernels import speed as kernel
 from steersman.kernels.speed import SpeedTable
 from steersman.protocols import Path
+from steersman.tables import Sheet, read_sheet
 from steersman.types import FloatArray
 
 CAP_STEP = 1.0
@@ -91,39 +92,33 @@ def read_profile(file: FilePath) -> tuple[FloatArray, FloatArray]:
     Raises:
         DataError: names the file, the line and what is wrong.
     """
-    try:
-        lines = file.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not text"
-        raise DataError(f"{file}: cannot be read ({reason})") from None
-    header = [name.strip() for name in lines[0].split(",")] if lines else []
+    needs = "needs the columns time_s and speed_m_s or speed_km_h"
+    sheet = read_sheet(file, needs, lambda titles: "time_s" in titles)
+    header = sheet.titles
     factors = {"speed_m_s": 1.0, "speed_km_h": 1.0 / 3.6}
     column = next((name for name in factors if name in header), None)
     if "time_s" not in header or column is None:
-        raise DataError(f"{file}, line 1: needs the columns time_s and speed_m_s or speed_km_h")
-    filled = [(i, line) for i, line in enumerate(lines[1:], start=2) if line.strip()]
-    rows = [_numbers(file, i, line, len(header)) for i, line in filled]
+        raise sheet.fault(sheet.title_line, needs)
+    rows = [_numbers(sheet, i, row) for i, row in zip(sheet.lines, sheet.rows, strict=True)]
     if not rows:
         raise DataError(f"{file}: holds no breakpoints; give at least one line of numbers")
     data = np.array(rows)
     times, speeds = data[:, header.index("time_s")], data[:, header.index(column)]
     back = np.flatnonzero(np.diff(times) <= 0.0)
     if back.size:
-        raise DataError(
-            f"{file}, line {filled[back[0] + 1][0]}: time_s must increase from line to line"
-        )
+        raise sheet.fault(sheet.lines[back[0] + 1], "time_s must increase from line to line")
     if (speeds < 0.0).any():
-        line = filled[np.flatnonzero(speeds < 0.0)[0]][0]
-        raise DataError(f"{file}, line {line}: {column} must not be negative")
+        line = sheet.lines[np.flatnonzero(speeds < 0.0)[0]]
+        raise sheet.fault(line, f"{column} must not be negative")
     return times - times[0], speeds * factors[column]
 
 
-def _numbers(file: FilePath, line: int, text: str, count: int) -> list[float]:
-    cells = text.split(",")
+def _numbers(sheet: Sheet, line: int, cells: list[str]) -> list[float]:
+    text, count = ",".join(cells), len(sheet.titles)
     try:
         values = [float(cell) for cell in cells]
     except ValueError:
-        raise DataError(f"{file}, line {line}: not numbers: {text.strip()!r}") from None
+        raise sheet.fault(line, f"not numbers: {text!r}") from None
     if len(values) != count or not np.isfinite(values).all():
-        raise DataError(f"{file}, line {line}: needs {count} finite numbers, has {text.strip()!r}")
+        raise sheet.fault(line, f"needs {count} finite numbers, has {text!r}")
     return values

@@ -9,8 +9,8 @@ from pathlib import Path as FilePath
 import pytest
 from typer.testing import Result
 
-from steersman.studies.identify.csv_log import write_log
 from steersman.studies.identify.example import recording
+from steersman.studies.identify.recording import write_log
 from steersman.vehicles import CarlaModel3
 
 Steersman = Callable[..., Result]

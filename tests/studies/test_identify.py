@@ -12,11 +12,11 @@ import pytest
 from steersman.config import build, lookup
 from steersman.errors import DataError
 from steersman.rollout import RunConfig, run
-from steersman.studies.identify import csv_log, lateral, stretch_replay
+from steersman.studies.identify import lateral, stretch_replay
 from steersman.studies.identify.estimate import Misses, estimate
 from steersman.studies.identify.example import recording
 from steersman.studies.identify.identification import Figure, Identified, fitted_rows, identify
-from steersman.studies.identify.recording import Log, of_episode, pieces, read_log
+from steersman.studies.identify.recording import Log, of_episode, pieces, read_log, write_log
 from steersman.studies.identify.result import sections, write
 from steersman.studies.identify.unknowns import SIGMAS, guess_at, steering, vehicle_at
 from steersman.vehicles import Bmw320i, CarlaModel3, Vehicle
@@ -280,7 +280,7 @@ def test_the_same_recording_gives_the_same_figures() -> None:
 def test_csv_round_trip(tmp_path: FilePath) -> None:
     log = recording(MODEL3, 20.0)
     log.signals["a_y"][7] = np.nan
-    csv_log.write_log(log, tmp_path / "log.csv")
+    write_log(log, tmp_path / "log.csv")
     read = read_log(tmp_path / "log.csv")
     assert list(read.signals) == list(log.signals)
     np.testing.assert_allclose(read.time, log.time, rtol=1e-8)

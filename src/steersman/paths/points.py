@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-import os
 from pathlib import Path as FilePath
 from typing import NamedTuple
 
 import numpy as np
 
 from steersman.errors import DataError
+from steersman.tables import Sheet, read_sheet
 from steersman.types import FloatArray
 
 _COLUMNS = {"x": ("x", "x_m"), "y": ("y", "y_m")}
-_CURE = "the header must name the columns x,y or x_m,y_m"
+_CURE = "give a CSV file whose header names the columns x,y or x_m,y_m"
 _MOST_BYTES = 50_000_000
 _FARTHEST = 1e8
 _DUPLICATE = 1e-6
@@ -40,7 +40,7 @@ class Points(NamedTuple):
 
     def fault(self, row: int, text: str) -> DataError:
         """The error to raise about the point ``row``."""
-        return DataError(f"{self.file}: {self.place} {self.lines[row % len(self.lines)]}: {text}")
+        return DataError(f"{self.file}, {self.place} {self.lines[row % len(self.lines)]}: {text}")
 
 
 def read_points(file: FilePath, closed: bool | None = None) -> Points:
@@ -53,8 +53,19 @@ def read_points(file: FilePath, closed: bool | None = None) -> Points:
         DataError: the file or the course of its points cannot be used; one line says where and
             what to do.
     """
-    lines, x, y = _parse(file, _text(file))
-    return checked(Points(file, np.array(x), np.array(y), lines, closed is not False), closed)
+    sheet = read_sheet(file, _CURE, lambda titles: not _lacking(titles), _MOST_BYTES)
+    lacking = _lacking(sheet.titles)
+    if lacking:
+        found = ", ".join(sheet.titles)[:60]
+        raise sheet.fault(
+            sheet.title_line, f"no column {' and '.join(lacking)} in {found!r}; {_CURE}"
+        )
+    x, y = _column(sheet, "x"), _column(sheet, "y")
+    return checked(Points(file, x, y, sheet.lines, closed is not False), closed)
+
+
+def _lacking(titles: list[str]) -> list[str]:
+    return [name for name in _COLUMNS if _place(titles, name) is None]
 
 
 def checked(points: Points, closed: bool | None) -> Points:
@@ -77,97 +88,31 @@ def checked(points: Points, closed: bool | None) -> Points:
     return points
 
 
-def _fault(file: FilePath, line: int, text: str) -> DataError:
-    return DataError(f"{file}: line {line}: {text}")
+def _place(titles: list[str], name: str) -> int | None:
+    names = [title.lower() for title in titles]
+    return next((names.index(word) for word in _COLUMNS[name] if word in names), None)
 
 
-def _text(file: FilePath) -> str:
-    cure = "give a CSV file with the columns x,y"
-    place = FilePath(os.path.expanduser(file))
-    if place.is_dir():
-        raise DataError(f"{file}: is a folder; {cure}")
-    try:
-        with place.open("rb") as stream:
-            data = stream.read(_MOST_BYTES + 1)
-    except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error.strerror}); {cure}") from None
-    except ValueError:
-        raise DataError(f"{str(file)!r}: is not the name of a file; {cure}") from None
-    if len(data) > _MOST_BYTES:
-        raise DataError(
-            f"{file}: is larger than {_MOST_BYTES // 1_000_000} MB; thin the points out"
-        )
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = "\0"
-    if "\0" in text:
-        raise DataError(f"{file}: is not a text file; {cure}")
-    if not text.strip():
-        raise DataError(f"{file}: is empty; {_CURE}")
-    return text
+def _column(sheet: Sheet, name: str) -> FloatArray:
+    place = _place(sheet.titles, name)
+    assert place is not None
+    rows = zip(sheet.lines, sheet.rows, strict=True)
+    return np.array([_number(sheet, line, cells, place, name) for line, cells in rows])
 
 
-def _parse(file: FilePath, text: str) -> tuple[list[int], list[float], list[float]]:
-    """Line numbers and coordinates of all points."""
-    columns: tuple[int, int] | None = None
-    separator = ","
-    numbers: list[int] = []
-    x: list[float] = []
-    y: list[float] = []
-    for number, raw in enumerate(text.splitlines(), start=1):
-        line = raw.strip()
-        comment = line.startswith("#")
-        if not line or (comment and columns is not None):
-            continue
-        if columns is None:
-            separator = next((mark for mark in (";", "\t") if mark in line), ",")
-            columns = _header(file, number, _cells(line.lstrip("# "), separator), comment)
-            continue
-        cells = _cells(line, separator)
-        numbers.append(number)
-        x.append(_number(file, number, cells, columns[0], "x"))
-        y.append(_number(file, number, cells, columns[1], "y"))
-    if columns is None:
-        raise DataError(f"{file}: has no header; {_CURE}")
-    return numbers, x, y
-
-
-def _cells(line: str, separator: str) -> list[str]:
-    return [cell.strip().strip("\"'") for cell in line.split(separator)]
-
-
-def _header(file: FilePath, number: int, cells: list[str], comment: bool) -> tuple[int, int] | None:
-    """Places of x and y; none if this is a comment that says something else."""
-    names = [cell.lower() for cell in cells]
-    places = [
-        next((names.index(word) for word in words if word in names), None)
-        for words in _COLUMNS.values()
-    ]
-    if places[0] is not None and places[1] is not None:
-        return places[0], places[1]
-    if comment:
-        return None
-    lacking = " and ".join(name for name, at in zip(_COLUMNS, places, strict=True) if at is None)
-    found = ", ".join(cells)
-    raise _fault(file, number, f"no column {lacking} in {found[:60]!r}; {_CURE}")
-
-
-def _number(file: FilePath, number: int, cells: list[str], place: int, name: str) -> float:
+def _number(sheet: Sheet, line: int, cells: list[str], place: int, name: str) -> float:
     if place >= len(cells) or not cells[place]:
-        raise _fault(file, number, f"{name} is missing; give every point an x and a y")
+        raise sheet.fault(line, f"{name} is missing; give every point an x and a y")
     cell = cells[place]
     try:
         value = float(cell)
     except ValueError:
-        raise _fault(
-            file, number, f"{name} is {cell[:40]!r}, not a number; mend or remove the line"
+        raise sheet.fault(
+            line, f"{name} is {cell[:40]!r}, not a number; mend or remove the line"
         ) from None
     if not abs(value) <= _FARTHEST:
-        raise _fault(
-            file,
-            number,
-            f"{name} is {cell[:40]}; positions are finite and in metres, mend the line",
+        raise sheet.fault(
+            line, f"{name} is {cell[:40]}; positions are finite and in metres, mend the line"
         )
     return value
 
