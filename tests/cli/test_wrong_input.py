@@ -56,7 +56,7 @@ WRONG = [
     ("drive one.csv", "'one.csv' may be a path or a speed; write path=one.csv or speed=one.csv"),
     ("drive lqr pid", "'lqr' and 'pid' are both a controller; give one of them"),
     ("drive path=one.xml", "path: unknown path 'one.xml'"),
-    ("drive vehicle=no.yaml", "vehicle: no.yaml: cannot be read"),
+    ("drive vehicle=no.yaml", "vehicle: no.yaml: no such file"),
     ("drive supervised/lqrr", "unknown controller 'lqrr'; did you mean 'lqr'?"),
     ("drive precison", "did you mean 'precision'?"),
     ("drive folder", "folder: is a folder without config.yaml, policy.onnx or"),
@@ -72,7 +72,7 @@ WRONG = [
     ("drive path=csv path.file=folder", "folder: is a folder"),
     ("drive speed=csv speed.file=one.csv", "one.csv, line 1: needs the columns time_s and"),
     ("drive speed=csv speed.file=no.csv", "no.csv: cannot be read"),
-    ("drive vehicle=file vehicle.file=no.yaml", "vehicle: no.yaml: cannot be read"),
+    ("drive vehicle=file vehicle.file=no.yaml", "vehicle: no.yaml: no such file"),
     ("drive vehicle=file vehicle.file=car.yaml", "car.yaml: mas: unknown field of bmw_320i; did"),
     # policies
     (f"drive {POLICY} controller.file=no.onnx", "no.onnx: cannot be read (No such file"),
