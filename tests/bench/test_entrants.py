@@ -83,7 +83,7 @@ def test_the_digest_tells_controllers_apart_and_not_their_places(
     ("word", "message"),
     [
         ("stanly", "unknown controller 'stanly'; did you mean 'stanley'"),
-        ("none.yaml", "none.yaml: cannot be read"),
+        ("none.yaml", "none.yaml: no such file"),
         ("none.onnx", "none.*: cannot be read"),
         ("missing/none.onnx", "missing/none.*: cannot be read"),
         ("a=", "names no controller"),

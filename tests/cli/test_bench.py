@@ -84,7 +84,7 @@ def test_two_at_once_in_one_folder_are_one_line(
     ("words", "message"),
     [
         (("quik",), "unknown suite 'quik'; did you mean 'quick'?"),
-        (("none.yaml",), "none.yaml: cannot be read"),
+        (("none.yaml",), "none.yaml: no such file"),
         (("quick", "--controllers", "pdi"), "unknown controller 'pdi'; did you mean 'pid'?"),
         (("quick", "--controllers", "pid,pid"), "both called 'pid'"),
         (("quick", "--seeds", "a"), "is not a list of seeds"),
