@@ -7,8 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from steersman.controllers.condensed_qp import MpcProblem
-from steersman.controllers.linear_mpc import Mpc
-from steersman.controllers.mpc_pid import MpcPid
+from steersman.controllers.mpc_pid import Mpc, MpcPid
 from steersman.controllers.single_track import single_track
 from steersman.paths.analytic import Circle, Straight
 from steersman.speed import ConstantSpeed

@@ -11,8 +11,13 @@ import pytest
 
 from steersman.controllers import mpc_delay_plan
 from steersman.controllers.mpc_delay import MpcDelay
-from steersman.controllers.mpc_delay_model import Weights, at_speed, build_model, build_tables
-from steersman.controllers.mpc_delay_plan import PlanProblem
+from steersman.controllers.mpc_delay_plan import (
+    PlanProblem,
+    Weights,
+    at_speed,
+    build_model,
+    build_tables,
+)
 from steersman.controllers.single_track import discrete, error_model
 from steersman.metrics.driving import rms_lateral_error
 from steersman.paths.analytic import Circle, FigureEight, Straight

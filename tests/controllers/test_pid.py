@@ -9,8 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steersman.controllers.pid import Pid, PidGains, PidState, preview_curvature
-from steersman.controllers.single_track import steady_side_slip, steady_wheel_angle
+from steersman.controllers.pid import Pid, PidGains, PidState
+from steersman.controllers.single_track import (
+    preview_curvature,
+    steady_side_slip,
+    steady_wheel_angle,
+)
 from steersman.paths.analytic import Circle, Straight
 from steersman.speed import ConstantSpeed
 from steersman.types import Status

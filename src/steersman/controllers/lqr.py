@@ -16,11 +16,11 @@ from scipy.linalg import solve_discrete_are
 
 from steersman.config import param, register
 from steersman.controllers.base import ControllerComponent
-from steersman.controllers.pid import preview_curvature
 from steersman.controllers.single_track import (
     discrete,
     error_model,
     errors,
+    preview_curvature,
     steady_side_slip,
     steady_wheel_angle,
 )

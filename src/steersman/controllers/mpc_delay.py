@@ -17,8 +17,15 @@ import numpy as np
 
 from steersman.config import param, register
 from steersman.controllers.base import ControllerComponent
-from steersman.controllers.mpc_delay_model import SLOWEST, Model, Weights, build_tables
-from steersman.controllers.mpc_delay_plan import PlanProblem, pose, solve
+from steersman.controllers.mpc_delay_plan import (
+    SLOWEST,
+    Model,
+    PlanProblem,
+    Weights,
+    build_tables,
+    pose,
+    solve,
+)
 from steersman.controllers.road_filter import NOTHING_SEEN, RoadState, first_look, fuse
 from steersman.kernels import mpc_delay as kernel
 from steersman.types import FloatArray, Observation, Status

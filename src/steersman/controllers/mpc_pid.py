@@ -1,40 +1,130 @@
-"""MPC-PID, the baseline and demonstrator: a linear MPC's plan plus PID feedback."""
+"""The linear MPC alone, and MPC-PID, the baseline and demonstrator: its plan plus PID feedback."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import ClassVar, NamedTuple
 
-from steersman.config import param, register
-from steersman.controllers.base import within_limits
-from steersman.controllers.condensed_qp import MpcProblem
-from steersman.controllers.linear_mpc import LinearMpc, ModelError, MpcState
+from steersman.config import Settings, param, register
+from steersman.controllers.base import ControllerComponent, within_limits
+from steersman.controllers.condensed_qp import MpcProblem, build_problem
 from steersman.controllers.pid import PidGains, PidState
+from steersman.kernels.mpc_delay import wheel_angle
 from steersman.types import FloatArray, Observation, Status
 from steersman.vehicles import Vehicle
 
-__all__ = ["ModelError", "MpcPid", "MpcPidState"]
+# Speeds of the scheduled models [m/s].
+_GRID_STEP = 2.0
+_GRID = tuple(_GRID_STEP * (i + 1) for i in range(20))
 
 
-class MpcPidState(NamedTuple):
-    """What MPC-PID carries from step to step: the fields of MpcState, and the PID's state."""
+class ModelError(Settings):
+    """Factors on the vehicle's true parameters that give the controller's nominal ones."""
+
+    mass: float = param(1.0, "-", "Nominal mass over true mass.", gt=0)
+    yaw_inertia: float = param(1.0, "-", "Nominal yaw inertia over the true one.", gt=0)
+    c_f: float = param(1.0, "-", "Nominal front cornering stiffness over the true one.", gt=0)
+    c_r: float = param(1.0, "-", "Nominal rear cornering stiffness over the true one.", gt=0)
+
+    def nominal(self, vehicle: Vehicle) -> Vehicle:
+        """The nominal vehicle, whose parameters the controller computes with."""
+        return vehicle.replace(**{name: getattr(vehicle, name) * f for name, f in self})
+
+
+class MpcState(NamedTuple):
+    """What MPC and MPC-PID carry from step to step."""
 
     vehicle: Vehicle
     problems: tuple[MpcProblem, ...]
-    pid: PidState
-    plan: FloatArray | None
-    age: int
-    angle: float
+    """One for the tuned speed, or one for each speed of the grid."""
+    pid: PidState = PidState()
+    plan: FloatArray | None = None
+    """Last plan of wheel angles that DAQP solved [rad]."""
+    age: int = 0
+    """How many steps ago that was."""
+    angle: float = 0.0
+    """The MPC's last wheel angle [rad]."""
     steer: float = 0.0
+    """Normalised steering that was commanded with it."""
     v_x: float = 0.0
+    """Speed at that moment [m/s]."""
+
+
+@register("controller", "mpc")
+class Mpc(ControllerComponent):
+    """The linear MPC of MPC-PID without its PID.
+
+    If DAQP does not solve, the last plan shifted by one step per failure stands in; when that is
+    used up, the wheels point straight ahead. Either is marked as a fallback.
+    """
+
+    search: ClassVar[Mapping[str, tuple[float, float, bool]]] = {
+        "p": (1e-2, 100.0, True),
+        "r": (1e-4, 1e3, True),
+    }
+
+    horizon: int = param(20, "-", "Steps of the MPC, one control period each.", ge=2, le=200)
+    v0: float = param(30.0 / 3.6, "m/s", "Speed of the linear model.", gt=0)
+    q: float = param(1.0, "1/m^2", "Weight of the squared lateral error.", gt=0)
+    p: float = param(35.6, "1/m^2", "Additional weight at the end of the horizon.", ge=0)
+    r: float = param(0.0325, "1/rad^2", "Weight of the squared wheel angle.", gt=0)
+    rate_limit: bool = param(False, "-", "Keep the steering rate limit in the plan.")
+    corridor: float | None = param(
+        None, "m", "Soft limit of the predicted lateral error; null: none.", gt=0
+    )
+    model_error: ModelError = param(ModelError(), "-", "How wrong the model's parameters are.")
+    scheduled: bool = param(False, "-", "Beyond the paper: models at 2, 4, ... 40 m/s.")
+
+    def init(self, vehicle: Vehicle, dt: float) -> MpcState:
+        """Build the QP for the vehicle's nominal parameters; there is no plan yet."""
+        nominal = self.model_error.nominal(vehicle)
+        terms = self.model_dump(include={"horizon", "q", "p", "r", "rate_limit", "corridor"})
+        speeds = _GRID if self.scheduled else (self.v0,)
+        return MpcState(nominal, tuple(build_problem(nominal, dt, v0=v, **terms) for v in speeds))
+
+    def decide(self, state: MpcState, observation: Observation) -> tuple[float, Status, MpcState]:
+        """Normalised steering, unclipped."""
+        status, planned, state = self.next_plan(state, observation)
+        return planned, status, state
+
+    def next_plan(
+        self, state: MpcState, observation: Observation
+    ) -> tuple[Status, float, MpcState]:
+        """Plan anew, or shift the last plan; normalised steering of the MPC, and the new state."""
+        problem, plan, age = state.problems[0], state.plan, state.age + 1
+        if self.scheduled:
+            near = round(observation.v_x / _GRID_STEP) - 1
+            problem = state.problems[min(max(near, 0), len(state.problems) - 1)]
+        status, solved = Status.FALLBACK, problem.solve(observation, state.angle)
+        if solved is not None:
+            plan, age, status = solved, 0, Status.SOLVED
+        angle = float(plan[age]) if plan is not None and age < problem.horizon else 0.0
+        v = observation.v_x
+        steer = state.vehicle.steer_for_wheel_angle(angle, v)
+        after = state._replace(plan=plan, age=age, angle=angle, steer=within_limits(steer), v_x=v)
+        return status, steer, after
+
+    def executed(self, state: MpcState, steer: float) -> MpcState:
+        """The rate limit counts from the executed steering; see :meth:`share`."""
+        share = self.share()
+        if not self.rate_limit or share == 0.0 or steer == state.steer:
+            return state
+        planned = state.vehicle.steer_for_wheel_angle(state.angle, state.v_x)
+        planned = within_limits(planned + (steer - state.steer) / share)
+        angle = wheel_angle(state.vehicle.table, planned, state.v_x)
+        return state._replace(angle=angle, steer=steer)
+
+    def share(self) -> float:
+        """Factor on the MPC's steering in the command."""
+        return 1.0
 
 
 @register("controller", "mpc_pid")
-class MpcPid(LinearMpc):
+class MpcPid(Mpc):
     """u = c_mpc u_MPC + c_pid u_PID: a linear MPC at one tuned speed, corrected by a PID.
 
     If DAQP does not solve, the last plan shifted by one step per failure stands in for u_MPC;
-    when that is used up, the PID drives alone. Either is marked as a fallback. When
+    when that is used up, the PID steers alone. Either is marked as a fallback. When
     ``scheduled``, the PID fades above v0 as (v0 / v)^2.
     """
 
@@ -58,30 +148,17 @@ class MpcPid(LinearMpc):
         "Gains of the PID on the lateral error.",
     )
 
-    def init(self, vehicle: Vehicle, dt: float) -> MpcPidState:
-        """Build the QP for the vehicle's nominal parameters."""
-        return _joined(self.first_plan(vehicle, dt), PidState())
-
-    def decide(
-        self, state: MpcPidState, observation: Observation
-    ) -> tuple[float, Status, MpcPidState]:
+    def decide(self, state: MpcState, observation: Observation) -> tuple[float, Status, MpcState]:
         """Normalised steering, unclipped."""
-        vehicle, problems, pid, plan, age, angle = state[:6]
-        v, c_pid = observation.v_x, self.c_pid
+        c_pid = self.c_pid
         if self.scheduled:
-            c_pid *= min(1.0, self.v0 / max(v, 1.0)) ** 2
-        feedback, pid = self.gains.update(pid, observation.lateral_error, problems[0].dt)
-        mpc = MpcState(vehicle, problems, plan, age, angle)
-        status, mpc = self.next_plan(mpc, observation)
-        planned = vehicle.steer_for_wheel_angle(mpc.angle, v)
+            c_pid *= min(1.0, self.v0 / max(observation.v_x, 1.0)) ** 2
+        dt = state.problems[0].dt
+        feedback, pid = self.gains.update(state.pid, observation.lateral_error, dt)
+        status, planned, state = self.next_plan(state, observation)
         steer = self.c_mpc * planned + c_pid * feedback
-        return steer, status, _joined(mpc._replace(steer=within_limits(steer), v_x=v), pid)
+        return steer, status, state._replace(pid=pid, steer=within_limits(steer))
 
     def share(self) -> float:
         """Factor on the MPC's steering in the command."""
         return self.c_mpc
-
-
-def _joined(mpc: MpcState, pid: PidState) -> MpcPidState:
-    vehicle, problems, plan, age, angle, steer, v_x = mpc
-    return MpcPidState(vehicle, problems, pid, plan, age, angle, steer, v_x)

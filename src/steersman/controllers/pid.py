@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar, NamedTuple
 
-import numpy as np
-
 from steersman.config import Settings, param, register
 from steersman.controllers.base import ControllerComponent
-from steersman.controllers.single_track import steady_side_slip, steady_wheel_angle
-from steersman.kernels.preview import curvature_at
-from steersman.types import FloatArray, Observation, Status
+from steersman.controllers.single_track import (
+    preview_curvature,
+    steady_side_slip,
+    steady_wheel_angle,
+)
+from steersman.types import Observation, Status
 from steersman.vehicles import Vehicle
-
-# Waypoints that have one curvature without any fit.
-_THREE = 3
 
 
 class PidState(NamedTuple):
@@ -102,30 +100,3 @@ class Pid(ControllerComponent):
             steady_slip = steady_side_slip(vehicle, v, observation.curvature)
         steer -= self.k_heading * (observation.heading_error + steady_slip)
         return steer, Status.SOLVED, state._replace(pid=pid)
-
-
-def preview_curvature(observation: Observation, distance: float, window: float = 0.0) -> float:
-    """Curvature of the road ``distance`` [m] ahead [1/m].
-
-    Linear between the curvatures at waypoints; if ``window`` [m] spans more than three of them,
-    that of a least-squares parabola over arc length through all that it spans. The window is
-    moved to where the preview holds it.
-    """
-    o = observation
-    count = min(2 * round(0.5 * window / o.spacing) + 1, len(o.preview))
-    if count > _THREE:
-        centre = round(distance / o.spacing)
-        first = min(max(centre - count // 2, 0), len(o.preview) - count)
-        return _fitted_curvature(o.preview[first : first + count], o.spacing)
-    if distance <= 0.0:
-        return o.curvature
-    return curvature_at(o.preview, o.spacing, o.curvature, distance)
-
-
-def _fitted_curvature(points: FloatArray, spacing: float) -> float:
-    """Curvature at the middle of the parabola x(u), y(u) that fits the points best [1/m]."""
-    u = spacing * (np.arange(len(points)) - 0.5 * (len(points) - 1))
-    bend = u * u - (u * u).mean()
-    x_1, y_1 = (u @ points / (u @ u)).tolist()
-    x_2, y_2 = (2.0 * (bend @ points) / (bend @ bend)).tolist()
-    return float((x_1 * y_2 - y_1 * x_2) / max((x_1 * x_1 + y_1 * y_1) ** 1.5, 1e-12))

@@ -15,8 +15,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
+from steersman.kernels.preview import curvature_at
 from steersman.types import FloatArray, Observation
 from steersman.vehicles import Vehicle
+
+# Waypoints that have one curvature without any fit.
+_THREE = 3
 
 
 def single_track(vehicle: Vehicle, v0: float) -> tuple[FloatArray, FloatArray]:
@@ -69,18 +73,10 @@ def error_model(vehicle: Vehicle, v: float) -> ErrorModel:
     return ErrorModel(a, b, g)
 
 
-class DiscreteModel(NamedTuple):
-    """xi(k+1) = a xi(k) + b delta(k) + g kappa(k), delta and kappa held over a period."""
-
-    a: FloatArray
-    b: FloatArray
-    g: FloatArray
-
-
-def discrete(model: ErrorModel, dt: float) -> DiscreteModel:
-    """Exact discretisation over ``dt`` [s]."""
+def discrete(model: ErrorModel, dt: float) -> ErrorModel:
+    """xi(k+1) = a xi(k) + b delta(k) + g kappa(k), exact for inputs held over ``dt`` [s]."""
     a, inputs = zero_order_hold(model.a, np.stack([model.b, model.g], axis=1), dt)
-    return DiscreteModel(a, inputs[:, 0].copy(), inputs[:, 1].copy())
+    return ErrorModel(a, inputs[:, 0].copy(), inputs[:, 1].copy())
 
 
 def steady_state(model: ErrorModel) -> tuple[FloatArray, float]:
@@ -119,3 +115,30 @@ def errors(observation: Observation) -> tuple[float, float, float, float]:
     beside = max(1.0 - o.curvature * o.lateral_error, 0.5)
     rate = o.yaw_rate - o.curvature * along / beside
     return o.lateral_error, o.v_x * s + o.v_y * c, o.heading_error, rate
+
+
+def preview_curvature(observation: Observation, distance: float, window: float = 0.0) -> float:
+    """Curvature of the road ``distance`` [m] ahead [1/m].
+
+    Linear between the curvatures at waypoints; if ``window`` [m] spans more than three of them,
+    that of a least-squares parabola over arc length through all that it spans. The window is
+    moved to where the preview holds it.
+    """
+    o = observation
+    count = min(2 * round(0.5 * window / o.spacing) + 1, len(o.preview))
+    if count > _THREE:
+        centre = round(distance / o.spacing)
+        first = min(max(centre - count // 2, 0), len(o.preview) - count)
+        return _fitted_curvature(o.preview[first : first + count], o.spacing)
+    if distance <= 0.0:
+        return o.curvature
+    return curvature_at(o.preview, o.spacing, o.curvature, distance)
+
+
+def _fitted_curvature(points: FloatArray, spacing: float) -> float:
+    """Curvature at the middle of the parabola x(u), y(u) that fits the points best [1/m]."""
+    u = spacing * (np.arange(len(points)) - 0.5 * (len(points) - 1))
+    bend = u * u - (u * u).mean()
+    x_1, y_1 = (u @ points / (u @ u)).tolist()
+    x_2, y_2 = (2.0 * (bend @ points) / (bend @ bend)).tolist()
+    return float((x_1 * y_2 - y_1 * x_2) / max((x_1 * x_1 + y_1 * y_1) ** 1.5, 1e-12))

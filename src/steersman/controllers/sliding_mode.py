@@ -15,8 +15,7 @@ from typing import ClassVar, NamedTuple
 
 from steersman.config import param, register
 from steersman.controllers.base import ControllerComponent
-from steersman.controllers.pid import preview_curvature
-from steersman.controllers.single_track import errors, steady_side_slip
+from steersman.controllers.single_track import errors, preview_curvature, steady_side_slip
 from steersman.types import Observation, Status
 from steersman.vehicles import Vehicle
 
