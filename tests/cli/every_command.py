@@ -27,7 +27,7 @@ NOBODY = "plant.port=1"
 CALLS: dict[str, tuple[str, ...]] = {
     "list": (),
     "show": ("controller", "mpc_pid"),
-    "check": ("speed", "constant_speed"),
+    "check": ("speed.constant_speed",),
     "drive": ("duration=1", "controller=pid", "--out", "drive"),
     "identify": ("recording.npz", "--holdout", "0"),
     "report": ("drive", "--out", "page.html"),

@@ -649,3 +649,18 @@ def test_without_the_extra_a_training_is_one_line(tmp_path: FilePath, command: s
         assert done.stderr.count("\n") == 1, done.stderr
         assert done.stderr.startswith("error: ")
         assert "not installed; this needs the extra 'train': pip install '.[train]'" in done.stderr
+
+
+def test_check_takes_a_component_or_a_whole_family(steersman: Steersman) -> None:
+    one = steersman("check", "schedule.linear", "until=0.5")
+    assert (one.exit_code, one.stdout) == (0, "")
+    assert one.stderr == "schedule.linear: no findings\n"
+    whole = steersman("check", "schedule")
+    assert whole.exit_code == 0
+    names = [line.partition(":")[0] for line in whole.stderr.splitlines()]
+    assert names == [f"schedule.{kind}" for kind in components("schedule")]
+    left_out = steersman("check", "vehicle").stderr
+    assert "vehicle.file: left out: file: required" in left_out
+    given = steersman("check", "schedule", "until=0.5")
+    assert given.exit_code == 2
+    assert "fields go with one component" in given.stderr

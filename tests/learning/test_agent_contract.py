@@ -29,7 +29,7 @@ def test_what_does_otherwise_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
             return made
 
     Careless.kind = "td3"
-    found = check(Careless)
+    found = [text.partition(": ")[2] for text in check(Careless)]
     assert "act gives no actions (n,) in [-1, 1]" in found
     assert "act and predict(deterministic=True) differ" in found
     assert "the same seed gives other weights" in found

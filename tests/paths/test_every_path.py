@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from steersman.config import components, resolve
-from steersman.contracts.path import CHECKS, apart, aside, offset
+from steersman.contracts.path import apart, aside, offset
+from steersman.contracts.path import check as contract
 from steersman.paths.base import PathComponent
 
 from .conftest import SHAPES
@@ -19,7 +20,7 @@ def test_all_kinds_are_tried() -> None:
     assert {str(fields["kind"]) for fields in SHAPES.values()} >= set(components("path"))
 
 
-@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
+@pytest.mark.parametrize("check", contract.checks, ids=lambda check: check.__name__)
 def test_paths_keep_their_contract(
     path: PathComponent, check: Callable[[PathComponent], Iterator[str]]
 ) -> None:

@@ -31,6 +31,7 @@ CHECK_EXAMPLES = (
     "  steersman check controller.lqr\n"
     "  steersman check vector_field k_heading=2\n"
     "  steersman check track.csv\n"
+    "  steersman check controller\n"
     "\n"
     "The exit code is 1 if anything is found."
 )
@@ -100,7 +101,8 @@ def check_component(
     words: Annotated[
         list[str],
         typer.Argument(
-            metavar="NAME|FAMILY.NAME [key=value ...]", help="A component, and fields of it."
+            metavar="NAME|FAMILY.NAME|FAMILY [key=value ...]",
+            help="A component, and fields of it; a family: each registered component of it.",
         ),
     ],
 ) -> None:
@@ -109,17 +111,25 @@ def check_component(
     Prints a line for each finding.
     """
     from steersman.commands import split
-    from steersman.contracts import check
+    from steersman.config import families
+    from steersman.contracts import Checked, check, check_family
 
     name, assignments = split(words)
     if name is None:
         raise ConfigError(f"{words[0]!r} is a setting; first comes a name, e.g. controller.lqr")
     tell_compiling()
-    component, found = check(name, assignments)
-    for text in found:
-        write(f"{component}: {text}\n")
-    note(f"{component}: {len(found) or 'no'} finding{'' if len(found) == 1 else 's'}")
-    if found:
+    if name in families() and assignments:
+        raise ConfigError(f"{assignments[0]}: fields go with one component, e.g. controller.lqr")
+    whole = name in families()
+    faulty = False
+    for each in check_family(name) if whole else [Checked(*check(name, assignments))]:
+        faulty |= bool(each.findings)
+        for text in each.findings:
+            write(f"{each.name}: {text}\n")
+        count = len(each.findings)
+        result = f"{count or 'no'} finding{'' if count == 1 else 's'}"
+        note(f"{each.name}: {result if each.left_out is None else f'left out: {each.left_out}'}")
+    if faulty:
         raise typer.Exit(1)
 
 

@@ -1,23 +1,79 @@
 """Checks that every component of a family has to pass, for the authors of plug-ins too.
 
-Each module is the contract of the family of its name, with one function ``check(component)`` that
-returns a sentence for each finding. ``steersman check controller.lqr`` runs it.
+Each module is the contract of the family of its name: ``check(component)`` returns a sentence for
+each finding, none if the component passes. ``steersman check controller.lqr`` runs it.
 """
 
 from __future__ import annotations
 
 import importlib
-import inspect
 import pkgutil
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
-from steersman.config import components, families, lookup, override, resolve
-from steersman.errors import ConfigError, one_line, suggestion
+from steersman.config import Component, components, dump, families, lookup, override, resolve
+from steersman.errors import ConfigError, DataError, one_line, suggestion
 from steersman.words import means
 
 T = TypeVar("T")
-_SHARED = "scenes"
+Check = Callable[[T], Iterator[str]]
+
+
+class Checked(NamedTuple):
+    """What came of the check of one component."""
+
+    name: str
+    """``family.kind``."""
+    findings: list[str]
+    """A sentence for each finding."""
+    left_out: str | None = None
+    """Why it was not checked; None if it was."""
+
+
+class Contract(Generic[T]):
+    """The checks of a family. Called with a component, it returns a sentence for each finding.
+
+    Every contract begins with :func:`loading_undoes_dumping`. What a check raises is a finding,
+    too, since a component of another package may raise anything.
+    """
+
+    def __init__(
+        self,
+        *checks: Check[T],
+        also: Callable[[T], Iterable[Check[T]]] = lambda _: (),
+        of_classes: bool = False,
+    ) -> None:
+        """The checks in their order.
+
+        Args:
+            checks: generators of sentences.
+            also: the checks that depend on what the component is.
+            of_classes: whether the checks take a class instead of a component.
+        """
+        self.checks = checks
+        self.also = also
+        self.of_classes = of_classes
+
+    def __call__(self, component: T) -> list[str]:
+        """What the checks find; each sentence begins with the name of its check."""
+        out = []
+        for each in (loading_undoes_dumping, *self.checks, *self.also(component)):
+            name = each.__name__.strip("_").replace("_", " ")
+            try:
+                out += [f"{name}: {one_line(text)}" for text in each(component)]
+            except Exception as error:  # noqa: BLE001 - a plug-in's component may raise anything
+                out.append(one_line(f"{name}: raises {type(error).__name__}: {error}"))
+        return out
+
+
+def loading_undoes_dumping(component: Any) -> Iterator[str]:
+    """As plain data and back a component of a registered kind is equal."""
+    if not isinstance(component, Component) or not component.kind:
+        return
+    if component.kind not in components(component.family):
+        return
+    if resolve(component.family, dump(component)) != component:
+        yield "its plain data give another one"
 
 
 def contracts() -> list[str]:
@@ -38,18 +94,45 @@ def check(word: str, assignments: Iterable[str] = ()) -> tuple[str, list[str]]:
 
     Raises:
         ConfigError: there is no such component, no contract of its family, or a field is wrong.
+        DataError: a file that the component reads is missing or malformed.
     """
     family, name = _family(word)
+    run = _contract(family)
+    if run.of_classes and name in components(family):
+        cls = lookup(family, name)
+        return f"{family}.{cls.kind}", run(cls)
+    found: Any = resolve(family, override({"kind": name}, assignments))
+    return f"{family}.{found.kind}", run(found)
+
+
+def check_family(family: str) -> Iterator[Checked]:
+    """Run the contract of each registered component of a family, with its default fields.
+
+    Components that need a file or a server are left out.
+
+    Raises:
+        ConfigError: the family has no contract.
+    """
+    run = _contract(family)
+    for kind, cls in components(family).items():
+        name = f"{family}.{kind}"
+        try:
+            made: Any = cls if run.of_classes else resolve(family, kind)
+        except (ConfigError, DataError) as error:
+            yield Checked(name, [], one_line(str(error)))
+            continue
+        if family == "plant" and not made.embedded:
+            yield Checked(name, [], f"needs a server; steersman check {name} uses it")
+            continue
+        yield Checked(name, run(made))
+
+
+def _contract(family: str) -> Contract[Any]:
     if family not in contracts():
         others = ", ".join(contracts())
         raise ConfigError(f"{family}: has no contract; families that have: {others}")
-    run = importlib.import_module(f"{__name__}.{family}").check
-    wanted = next(iter(inspect.signature(run).parameters.values())).annotation
-    if str(wanted).startswith("type[") and name in components(family):
-        cls: Any = lookup(family, name)
-        return f"{family}.{cls.kind}", list(run(cls))
-    found: Any = resolve(family, override({"kind": name}, assignments))
-    return f"{family}.{found.kind}", list(run(found))
+    found: Contract[Any] = importlib.import_module(f"{__name__}.{family}").check
+    return found
 
 
 def _family(word: str) -> tuple[str, str]:
@@ -63,16 +146,4 @@ def _family(word: str) -> tuple[str, str]:
         ways = " or ".join(f"{family}.{word}" for family in found)
         raise ConfigError(f"{word!r} is in several families; write {ways}")
     names = [f"{family}.{kind}" for family in families() for kind in components(family)]
-    raise ConfigError(f"unknown component {word!r}{suggestion(word, names)}")
-
-
-def findings(checks: Iterable[Callable[[T], Iterator[str]]], component: T) -> list[str]:
-    """What all checks find, each with its name; what a check raises is a finding too."""
-    out = []
-    for each in checks:
-        name = each.__name__.replace("_", " ")
-        try:
-            out += [f"{name}: {one_line(text)}" for text in each(component)]
-        except Exception as error:  # noqa: BLE001 - a plug-in's component may raise anything
-            out.append(one_line(f"{name}: raises {type(error).__name__}: {error}"))
-    return out
+    raise ConfigError(f"unknown component {word!r}{suggestion(word, [*families(), *names])}")

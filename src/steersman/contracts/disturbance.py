@@ -1,4 +1,4 @@
-"""What every disturbance has to fulfil; for packages with disturbances of their own, too."""
+"""What every disturbance has to fulfil."""
 
 from __future__ import annotations
 
@@ -6,38 +6,60 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from steersman.config import build
+from steersman.contracts import Contract
+from steersman.contracts.scenes import same
 from steersman.disturbances import DisturbanceComponent
+from steersman.episode import Episode
+from steersman.errors import ConfigError
 from steersman.paths.analytic import Circle
 from steersman.rollout import RunConfig, run
-from steersman.types import FloatArray
+
+_MOTION = ("x", "y", "psi", "v_x", "v_y", "yaw_rate")
+# What a field that is zero is set to where a disturbance does nothing by default.
+_STRENGTH = 0.1
 
 
-def check(disturbance: DisturbanceComponent) -> list[str]:
-    """What a disturbance does otherwise than disturb, the same way every time.
-
-    Returns:
-        One sentence for each finding; empty if there are none.
-    """
-    return list(_findings(disturbance))
-
-
-def _findings(disturbance: DisturbanceComponent) -> Iterator[str]:
-    once, again, other = (_motion(disturbance, seed) for seed in (0, 0, 1))
-    if once.shape != again.shape or not np.array_equal(once, again, equal_nan=True):
+def a_seed_gives_one_drive(disturbance: DisturbanceComponent) -> Iterator[str]:
+    """The same, to the bit, and a finite one."""
+    if not same(_drive(disturbance), _drive(disturbance)):
         yield "the same seed gives another drive"
-    for motion in (once, other):
-        if not np.isfinite(motion).all():
+    for seed in (0, 1):
+        episode = _drive(disturbance, seed=seed)
+        if not all(np.isfinite(episode[name]).all() for name in _MOTION):
             yield "the motion is not finite"
+
+
+def it_disturbs(disturbance: DisturbanceComponent) -> Iterator[str]:
+    """As it is, or if all its numbers are zero with 0.1 for each: a drive goes otherwise."""
+    if all(same(_drive(each), _drive()) for each in (disturbance, _strong(disturbance))):
+        yield "changes nothing in a drive of 5 s on a circle"
+
+
+def fleets_share_no_state(disturbance: DisturbanceComponent) -> Iterator[str]:
+    """Each fleet has a disturber of its own, which is restored from its snapshot."""
     first, second = disturbance.make(2, 0), disturbance.make(2, 0)
     if first is second:
         yield "make returns one object for two fleets, in which their states would mix"
     first.restore(first.snapshot())
 
 
-def _motion(disturbance: DisturbanceComponent, seed: int) -> FloatArray:
-    path, disturbances = Circle(radius=60.0), (disturbance,)
-    config = RunConfig(path=path, duration=5.0, seed=seed).model_copy(
-        update={"disturbances": disturbances}
-    )
-    episode = run(config)
-    return np.stack([episode[name] for name in ("x", "y", "psi", "v_x", "v_y", "yaw_rate")])
+check: Contract[DisturbanceComponent] = Contract(
+    a_seed_gives_one_drive, it_disturbs, fleets_share_no_state
+)
+
+
+def _strong(disturbance: DisturbanceComponent) -> DisturbanceComponent:
+    values = {name: getattr(disturbance, name) for name in type(disturbance).model_fields}
+    zeros = [name for name, value in values.items() if value == 0.0 and type(value) is float]
+    if any(type(value) is float and value for value in values.values()):
+        return disturbance
+    try:
+        return build(type(disturbance), {**values, **dict.fromkeys(zeros, _STRENGTH)})
+    except ConfigError:
+        return disturbance
+
+
+def _drive(*disturbances: DisturbanceComponent, seed: int = 0) -> Episode:
+    config = RunConfig(path=Circle(radius=60.0), duration=5.0, seed=seed)
+    return run(config.model_copy(update={"disturbances": disturbances}))

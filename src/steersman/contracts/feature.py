@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from steersman.contracts import Contract
 from steersman.encoding import Layout
 from steersman.errors import SteersmanError
 from steersman.features import BaseCorrection, Feature
@@ -19,28 +20,34 @@ _EVEN = (observe.O_VX,)
 _LARGEST, _SMALLEST = 10.0, 1e-3
 
 
-def check(feature: Feature, spacing: float = _SPACING) -> list[str]:
-    """What a feature does otherwise than its declaration says.
-
-    Returns:
-        One sentence for each finding; empty if there are none.
-    """
-    return list(_findings(feature, spacing))
+def it_is_declared(feature: Feature) -> Iterator[str]:
+    """Names with units, scales and signs."""
+    yield from declared(_layout(feature))
 
 
-def _findings(feature: Feature, spacing: float) -> Iterator[str]:
-    layout = Layout((feature,), spacing, 0.05)
-    yield from _declared(layout)
+def it_is_what_it_declares(feature: Feature) -> Iterator[str]:
+    """Finite, mirrored as declared, the same when repeated, compiled as in Python."""
+    layout = _layout(feature)
     try:
         _ = layout.table
     except SteersmanError as error:
         yield str(error)
         return
-    yield from _driven(layout, *scenes(max(feature.reads, 1), spacing))
+    yield from driven(layout)
 
 
-def _declared(layout: Layout) -> Iterator[str]:
+check: Contract[Feature] = Contract(it_is_declared, it_is_what_it_declares)
+
+
+def _layout(feature: Feature) -> Layout:
+    return Layout((feature,), _SPACING, 0.05)
+
+
+def declared(layout: Layout) -> Iterator[str]:
+    """What is wrong with names, scales and signs."""
     names = layout.names
+    if not len(names) == len(layout.scale) == len(layout.mirror):
+        yield "names, scales and signs differ in their number"
     if not all(name.endswith("]") and " [" in name for name in names):
         yield f"a name has no unit in brackets: {names}"
     if len(set(names)) != len(names):
@@ -51,7 +58,9 @@ def _declared(layout: Layout) -> Iterator[str]:
         yield "a sign under mirroring is neither 1 nor -1"
 
 
-def _driven(layout: Layout, rows: FloatArray, commands: FloatArray) -> Iterator[str]:
+def driven(layout: Layout) -> Iterator[str]:
+    """What is wrong with the numbers of a drive."""
+    rows, commands = scenes(max(layout.reads, 1), _SPACING)
     found = drive(layout, rows, commands)
     if not np.isfinite(found).all():
         yield "is not finite over finite observations"

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from steersman.contracts import Contract
 from steersman.episode import COLUMNS, DURATION, OFF_TRACK, Episode
 from steersman.metrics.base import Metric
 from steersman.types import FloatArray
@@ -20,20 +21,16 @@ LATERAL = (
 _DT, _ROWS = 0.05, 120
 
 
-def check(metric: type[Metric]) -> list[str]:
-    """What a metric does otherwise than its declaration and docs/metrics.md say.
-
-    Returns:
-        One sentence for each finding; empty if there are none.
-    """
-    return list(_findings(metric))
-
-
-def _findings(metric: type[Metric]) -> Iterator[str]:
+def it_is_declared(metric: type[Metric]) -> Iterator[str]:
+    """Unit, meaning, and which values are better."""
     if not metric.unit or not metric.meaning:
         yield "declares no unit or no meaning"
     if metric.better not in {None, "lower", "higher"}:
         yield f"better is {metric.better!r}; allowed: 'lower', 'higher', None"
+
+
+def it_keeps_the_conventions(metric: type[Metric]) -> Iterator[str]:
+    """Those of docs/metrics.md, over drives of all lengths, with gaps and mirrored."""
     for name, episode in _episodes().items():
         before = {key: values.copy() for key, values in episode.columns.items()}
         try:
@@ -52,6 +49,9 @@ def _findings(metric: type[Metric]) -> Iterator[str]:
             yield f"gives {value!r} and then {again!r} over {name}"
         if value != mirrored and not _close(value, mirrored):
             yield f"gives {value!r} over {name} and {mirrored!r} over its mirror image"
+
+
+check: Contract[type[Metric]] = Contract(it_is_declared, it_keeps_the_conventions, of_classes=True)
 
 
 def _close(one: float | None, other: float | None) -> bool:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from steersman.config import dump, resolve
-from steersman.contracts import findings
+from steersman.contracts import Contract
 from steersman.kernels import path as kernel
 from steersman.paths.base import PathComponent
 from steersman.paths.segments import MAX_PIECE, MAX_TURN
@@ -18,11 +18,6 @@ from steersman.types import FloatArray
 # Largest differences: of places [m], of tangents [rad], of curvature at a joint [1/m].
 _PLACE, _TANGENT, _JOINT = 1e-6, 1e-9, 1e-4
 _CLOSED = 1e-7
-
-
-def check(path: PathComponent) -> list[str]:
-    """What a path does otherwise than every path has to."""
-    return findings(CHECKS, path)
 
 
 def apart(path: PathComponent, a: float, b: float) -> float:
@@ -41,14 +36,14 @@ def offset(path: PathComponent, s: float, rng: np.random.Generator) -> float:
     return float(rng.uniform(-1.0, 1.0) * min(1.5, 0.8 / max(abs(path.at(s).kappa), 1e-9)))
 
 
-def loading_undoes_dumping(path: PathComponent) -> Iterator[str]:
+def a_copy_lies_where_it_lay(path: PathComponent) -> Iterator[str]:
     """As data or pickled and back, the path is equal and lies where it lay."""
     again = resolve("path", dump(path)) if path.kind else path
     for other in (again, pickle.loads(pickle.dumps(path))):
         if other != path or hash(other) != hash(path):
-            yield "its plain data give another path"
+            yield "a copy is another path"
         elif not np.array_equal(other.table.pieces, path.table.pieces):
-            yield "made again from its plain data it lies elsewhere"
+            yield "a copy lies elsewhere"
 
 
 def pieces_are_short_enough(path: PathComponent) -> Iterator[str]:
@@ -142,8 +137,8 @@ def ends_fit(path: PathComponent) -> Iterator[str]:
             yield f"a point at s = {s:.6g}, beyond its ends, is projected elsewhere"
 
 
-CHECKS = (
-    loading_undoes_dumping,
+check: Contract[PathComponent] = Contract(
+    a_copy_lies_where_it_lay,
     pieces_are_short_enough,
     pieces_join,
     projection_near_undoes_evaluation,

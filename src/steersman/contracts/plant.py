@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from steersman.bench.disturbance import Disturbance
+from steersman.contracts import Contract
 from steersman.paths.analytic import Circle
 from steersman.plants.base import PlantComponent
 from steersman.rollout import RunConfig, run
@@ -31,37 +32,6 @@ _NEAR = 1e-3
 _PATH = Circle(radius=60.0)
 
 
-def check(plant: PlantComponent) -> list[str]:
-    """What a plant does otherwise than its protocol and its declaration say.
-
-    It is driven for some seconds at a time, on a circle of radius 60 m at 12 m/s.
-
-    Returns:
-        One sentence for each finding; empty if there are none.
-    """
-    return list(_findings(plant))
-
-
-def _findings(plant: PlantComponent) -> Iterator[str]:
-    unknown = sorted(plant.cannot - set(DISTURBED))
-    if unknown:
-        yield f"cannot names {', '.join(unknown)}; allowed: {', '.join(DISTURBED)}"
-    once, again = driven(plant), driven(plant)
-    yield from _start(plant, once[0])
-    if not np.isfinite(np.array(once)).all():
-        yield "its state is not finite"
-    if once != again:
-        yield "the same commands from the same start give another motion"
-    times = [state.time for state in once]
-    if not np.allclose(times, plant.dt * np.arange(len(once)), atol=1e-9):
-        yield f"time goes on in other steps than dt, {plant.dt} s"
-    for name, disturbance in DISTURBED.items():
-        if name not in plant.cannot and not _changes(plant, disturbance):
-            yield f"ignores {name}; let it act, or list it in cannot"
-    if "delay" not in plant.cannot:
-        yield from _delay(plant)
-
-
 def driven(
     plant: PlantComponent,
     vehicle: Vehicle | None = None,
@@ -79,7 +49,31 @@ def driven(
         made.close()
 
 
-def _start(plant: PlantComponent, first: VehicleState) -> Iterator[str]:
+def what_it_cannot_is_declared(plant: PlantComponent) -> Iterator[str]:
+    """``cannot`` lists what has no effect on it, and every other disturbance changes the motion."""
+    unknown = sorted(plant.cannot - set(DISTURBED))
+    if unknown:
+        yield f"cannot names {', '.join(unknown)}; allowed: {', '.join(DISTURBED)}"
+    for name, disturbance in DISTURBED.items():
+        if name not in plant.cannot and not _changes(plant, disturbance):
+            yield f"ignores {name}; let it act, or list it in cannot"
+
+
+def its_motion_repeats(plant: PlantComponent) -> Iterator[str]:
+    """Finite, in steps of the control period, and the same from the same start."""
+    once, again = driven(plant), driven(plant)
+    if not np.isfinite(np.array(once)).all():
+        yield "its state is not finite"
+    if once != again:
+        yield "the same commands from the same start give another motion"
+    times = [state.time for state in once]
+    if not np.allclose(times, plant.dt * np.arange(len(once)), atol=1e-9):
+        yield f"time goes on in other steps than dt, {plant.dt} s"
+
+
+def reset_puts_it_on_the_pose(plant: PlantComponent) -> Iterator[str]:
+    """With the speed that is wanted, in the direction of the pose."""
+    first = driven(plant)[0]
     place = (first.x - _POSE.x, first.y - _POSE.y)
     if np.hypot(*place) > _NEAR:
         yield f"reset puts it {np.hypot(*place):.3g} m beside the pose"
@@ -107,8 +101,10 @@ def _motion(config: RunConfig) -> FloatArray:
     return np.stack([episode[name] for name in ("x", "y", "psi", "v_x", "v_y", "yaw_rate")])
 
 
-def _delay(plant: PlantComponent) -> Iterator[str]:
+def a_delay_is_later_commands(plant: PlantComponent) -> Iterator[str]:
     """Delayed by whole control periods, it moves as if the commands came later."""
+    if "delay" in plant.cannot:
+        return
     steps = max(round(0.2 / plant.dt), 1)
 
     def pulse(k: int) -> float:
@@ -119,3 +115,12 @@ def _delay(plant: PlantComponent) -> Iterator[str]:
     expected = [state.yaw_rate for state in driven(plant, steer=lambda k: pulse(k - steps))]
     if not np.allclose(found, expected, atol=1e-6):
         yield f"a steering delay of {steps * plant.dt:g} s is not one of {steps} control periods"
+
+
+check: Contract[PlantComponent] = Contract(
+    what_it_cannot_is_declared,
+    its_motion_repeats,
+    reset_puts_it_on_the_pose,
+    a_delay_is_later_commands,
+)
+"""Drives a plant for some seconds at a time, on a circle of radius 60 m at 12 m/s."""

@@ -1,4 +1,4 @@
-"""What every term of the reward, and every task, has to fulfil; for plug-ins, too."""
+"""What every term of the reward has to fulfil."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from steersman.contracts import Contract
 from steersman.errors import SteersmanError
-from steersman.kernels import reward as kernel
 from steersman.kernels.formula import call, numbers_of
-from steersman.learning.task import Judged, RewardTerm, TaskComponent
+from steersman.learning.task import Judged, RewardTerm
 from steersman.types import FloatArray
 
 _COUNT = 50
@@ -17,16 +17,8 @@ _COUNT = 50
 _EVEN = ("speed", "v_x", "dt")
 
 
-def check(term: RewardTerm) -> list[str]:
-    """What a reward term does otherwise than its declaration says.
-
-    Returns:
-        One sentence for each finding; empty if there are none.
-    """
-    return list(_findings(term))
-
-
-def _findings(term: RewardTerm) -> Iterator[str]:
+def it_is_what_it_declares(term: RewardTerm) -> Iterator[str]:
+    """Finite, alike for left and right, proportional to its weight, compiled as in Python."""
     if not term.unit:
         yield "declares no unit"
     try:
@@ -49,25 +41,7 @@ def _findings(term: RewardTerm) -> Iterator[str]:
             yield "compiled and as Python it differs"
 
 
-def check_task(task: TaskComponent) -> list[str]:
-    """What a task does otherwise than the sum of its terms, and what its terms do.
-
-    Returns:
-        One sentence for each finding; empty if there are none.
-    """
-    terms = task.sum_of()
-    findings = [f"{term.kind}: {what}" for term in terms for what in check(term)]
-    table, out = task.table(), np.empty((_COUNT, 4))
-    for step, row in zip(steps(), out, strict=True):
-        kernel.judge(table, step, row)
-    parts = np.array([values(term, steps()) for term in terms])
-    first = 1 if task.demonstration == "none" else 2
-    expected = out[:, kernel.C_TRACK] * parts[0] + parts[first:].sum(axis=0)
-    if first > 1:
-        expected += out[:, kernel.C_DIFF] * parts[1]
-    if not np.allclose(out[:, kernel.TOTAL], expected):
-        findings.append("the reward is not the sum of its terms")
-    return findings
+check: Contract[RewardTerm] = Contract(it_is_what_it_declares)
 
 
 def steps() -> FloatArray:

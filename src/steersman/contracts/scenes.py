@@ -100,6 +100,35 @@ def answers(
     return out
 
 
+def plain() -> Observation:
+    """An ordinary observation."""
+    path = PosedRoad()
+    return observe(path, beside(path, 30.0, d=0.1, heading=0.02, steer=0.25), 30.0)
+
+
+def steering(controller: ControllerComponent, observations: list[Observation]) -> list[float]:
+    """The commands to a row of observations."""
+    return [decision.steer for decision in answers(controller, observations)]
+
+
+def commands(seed: int = 0) -> list[float]:
+    """Commands of another controller, which were executed in place of its own."""
+    return [float(u) for u in np.random.default_rng(seed).uniform(-0.3, 0.3, 25)]
+
+
+def after_executed(
+    controller: ControllerComponent, observations: list[Observation], *others: list[float]
+) -> list[float]:
+    """Steering, where ``executed`` was called with each of ``others`` after every step."""
+    state, out = controller.init(CAR, DT), []
+    for observation, *steers in zip(observations, *others, strict=True):
+        decision, state = controller.step(state, observation)
+        for steer in steers:
+            state = controller.executed(state, steer)
+        out.append(decision.steer)
+    return out
+
+
 def drive(
     controller: ControllerComponent,
     path: PathComponent,

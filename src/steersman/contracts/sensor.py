@@ -6,16 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from steersman.config import dump, resolve
-from steersman.contracts import findings
+from steersman.contracts import Contract
 from steersman.contracts.scenes import PosedRoad, beside
 from steersman.sensing import WaypointSensor, track
 from steersman.types import Observation
-
-
-def check(sensor: WaypointSensor) -> list[str]:
-    """What a sensor does otherwise than every sensor has to."""
-    return findings(CHECKS, sensor)
 
 
 def _seen(sensor: WaypointSensor, road: PosedRoad, seed: int, side: float = 1.0) -> Observation:
@@ -27,12 +21,6 @@ def _seen(sensor: WaypointSensor, road: PosedRoad, seed: int, side: float = 1.0)
 def _same(one: Observation, other: Observation, tolerance: float = 0.0) -> bool:
     rows = [np.hstack([np.ravel(np.asarray(value)) for value in seen]) for seen in (one, other)]
     return rows[0].shape == rows[1].shape and np.allclose(rows[0], rows[1], 0.0, tolerance)
-
-
-def loading_undoes_dumping(sensor: WaypointSensor) -> Iterator[str]:
-    """As data and back it is equal."""
-    if sensor.kind and resolve("sensor", dump(sensor)) != sensor:
-        yield "its plain data give another one"
 
 
 def observations_are_finite(sensor: WaypointSensor) -> Iterator[str]:
@@ -59,8 +47,7 @@ def place_and_direction_do_not_matter(sensor: WaypointSensor) -> Iterator[str]:
         yield "sees the same road elsewhere otherwise"
 
 
-CHECKS = (
-    loading_undoes_dumping,
+check: Contract[WaypointSensor] = Contract(
     observations_are_finite,
     errors_depend_on_the_generator_alone,
     place_and_direction_do_not_matter,

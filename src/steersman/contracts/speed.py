@@ -6,22 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from steersman.config import dump, resolve
-from steersman.contracts import findings
+from steersman.contracts import Contract
 from steersman.contracts.scenes import DT, PosedRoad, beside, drive, same
 from steersman.controllers.pid import Pid
 from steersman.speed import SpeedComponent
-
-
-def check(speed: SpeedComponent) -> list[str]:
-    """What a source of speed does otherwise than every source has to."""
-    return findings(CHECKS, speed)
-
-
-def loading_undoes_dumping(speed: SpeedComponent) -> Iterator[str]:
-    """As data and back it is equal."""
-    if speed.kind and resolve("speed", dump(speed)) != speed:
-        yield "its plain data give another one"
 
 
 def pedals_are_in_their_range(speed: SpeedComponent) -> Iterator[str]:
@@ -54,8 +42,7 @@ def a_drawn_profile_repeats(speed: SpeedComponent) -> Iterator[str]:
         yield "one generator gives two profiles"
 
 
-CHECKS = (
-    loading_undoes_dumping,
+check: Contract[SpeedComponent] = Contract(
     pedals_are_in_their_range,
     a_drive_repeats,
     a_drawn_profile_repeats,
