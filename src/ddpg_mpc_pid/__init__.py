@@ -4,7 +4,7 @@ A package of its own: it uses ``import steersman`` and none of its modules.
 """
 
 from ddpg_mpc_pid.plan import Plan, full, quick
-from ddpg_mpc_pid.sections import TITLE, sections
+from ddpg_mpc_pid.sections import sections, write_page
 from ddpg_mpc_pid.study import estimate, reproduce
 
-__all__ = ["TITLE", "Plan", "estimate", "full", "quick", "reproduce", "sections"]
+__all__ = ["Plan", "estimate", "full", "quick", "reproduce", "sections", "write_page"]

@@ -1,68 +1,12 @@
-"""What the report's page is made of: sections, and numbers as words for their sentences."""
+"""Numbers as words for the sentences of the report."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import Any
 
 NOTHING = "-"
-
-
-class PaperFinding(NamedTuple):
-    """A sentence, and whether the paper's statement holds (None: neither yes nor no)."""
-
-    agrees: bool | None
-    text: str
-
-
-class PaperTable(NamedTuple):
-    """A table; each row maps headings to values, in the order of the columns."""
-
-    title: str
-    rows: Sequence[Mapping[str, Any]]
-
-    def data(self) -> dict[str, Any]:
-        """As the report takes it; a row may lack some of the columns."""
-        columns = {heading: heading for row in self.rows for heading in row}
-        return {"title": self.title, "columns": columns, "rows": list(self.rows)}
-
-
-class PaperFigure(NamedTuple):
-    """Lines over one axis, drawn into a file of that name."""
-
-    file: str
-    title: str
-    x: str
-    """Label of the axis."""
-    y: str
-    lines: Sequence[Mapping[str, Any]]
-    """``name``, ``x``, ``y``, and perhaps ``low`` and ``high``, the ends of a band."""
-    log: bool = False
-    """Logarithmic y."""
-    equal: bool = False
-    """The same scale for x and y."""
-
-
-class PaperSection(NamedTuple):
-    """A section of the page."""
-
-    title: str
-    text: Sequence[str]
-    """Paragraphs."""
-    findings: Sequence[PaperFinding] = ()
-    tables: Sequence[PaperTable] = ()
-    figures: Sequence[PaperFigure] = ()
-
-    def data(self) -> dict[str, Any]:
-        """As the report takes it; tables without rows are left out."""
-        return {
-            "title": self.title,
-            "text": list(self.text),
-            "findings": [finding._asdict() for finding in self.findings],
-            "tables": [table.data() for table in self.tables if table.rows],
-            "figures": [figure._asdict() for figure in self.figures],
-        }
 
 
 def number(value: float | None, unit: str = "", digits: int = 3) -> str:

@@ -5,17 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ddpg_mpc_pid.page import (
-    PaperFigure,
-    PaperFinding,
-    PaperSection,
-    PaperTable,
-    number,
-    percent,
-    ratio,
-)
+from ddpg_mpc_pid.page import number, percent, ratio
 from ddpg_mpc_pid.plan import FULL_METHOD, METHODS
 from ddpg_mpc_pid.tracks import LABELS
+from steersman import article
 
 _AGENT = METHODS[FULL_METHOD].label
 _MPC_PID = "MPC-PID"
@@ -29,10 +22,10 @@ def ended(row: Mapping[str, Any]) -> str:
     return f"{row['end'].replace('_', ' ')} after {number(row['distance'], 'm')}"
 
 
-def circle_section(found: Mapping[str, Any]) -> PaperSection:
+def circle_section(found: Mapping[str, Any]) -> article.Section:
     """The paper's table."""
     rows: list[dict[str, Any]] = []
-    findings: list[PaperFinding] = []
+    findings: list[article.Finding] = []
     for test in found["tests"]:
         for driver, s in test["drivers"].items():
             if s["seeds"]:
@@ -48,7 +41,7 @@ def circle_section(found: Mapping[str, Any]) -> PaperSection:
         agent = test["drivers"].get(_AGENT)
         if agent and agent["seeds"]:
             findings += _circle_findings(test, agent)
-    return PaperSection(
+    return article.Section(
         "Circle of radius 50 m (the paper's table)",
         [
             "Median over seeds, and the worst seed. AOE is the mean heading error; the least AOE "
@@ -58,7 +51,7 @@ def circle_section(found: Mapping[str, Any]) -> PaperSection:
             "is not the same speed, so errors compare at equal speed.",
         ],
         findings,
-        [PaperTable("Errors", rows)],
+        [article.Table("Errors", rows)],
     )
 
 
@@ -79,7 +72,7 @@ def _circle_row(test: str, driver: str, s: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _circle_findings(test: Mapping[str, Any], agent: Mapping[str, Any]) -> list[PaperFinding]:
+def _circle_findings(test: Mapping[str, Any], agent: Mapping[str, Any]) -> list[article.Finding]:
     paper, mine, name = test["paper"], agent["median"], test["test"]
     lost = agent["seeds"] - agent["completed"]
     if 2 * lost >= agent["seeds"]:
@@ -87,10 +80,10 @@ def _circle_findings(test: Mapping[str, Any], agent: Mapping[str, Any]) -> list[
             f"{name}: {lost} of {agent['seeds']} seeds did not drive to the end (worst: "
             f"{ended(agent['worst'])}); the paper's agent did, with {paper['ale_mm']:g} mm."
         )
-        return [PaperFinding(False, text)]
+        return [article.Finding(False, text)]
     factor = ratio(mine["ale_mm"], paper["ale_mm"])
     out = [
-        PaperFinding(
+        article.Finding(
             None if factor is None else factor <= 1.0,
             f"{name}: ALE {number(mine['ale_mm'], 'mm')} against the paper's "
             f"{paper['ale_mm']:g} mm, {number(factor)} times (agrees: not larger); "
@@ -102,7 +95,7 @@ def _circle_findings(test: Mapping[str, Any], agent: Mapping[str, Any]) -> list[
     if least:
         away = abs(mine["steady_aoe_deg"] - least)
         out.append(
-            PaperFinding(
+            article.Finding(
                 abs(mine["aoe_deg"] - paper["aoe_deg"]) <= _CLOSE * paper["aoe_deg"],
                 f"{name}: AOE {number(mine['aoe_deg'])} deg against {paper['aoe_deg']:g} (agrees: "
                 f"within {percent(_CLOSE)}); side-slip alone makes {number(least)} deg at "
@@ -114,7 +107,7 @@ def _circle_findings(test: Mapping[str, Any], agent: Mapping[str, Any]) -> list[
     return out
 
 
-def robustness_section(found: Mapping[str, Any]) -> PaperSection:
+def robustness_section(found: Mapping[str, Any]) -> article.Section:
     """The paper's figure of errors with shifted waypoints."""
     rows, lines = [], []
     for kind, words in (("every_step", "drawn every step"), ("once", "drawn once")):
@@ -137,24 +130,24 @@ def robustness_section(found: Mapping[str, Any]) -> PaperSection:
             (_AGENT, [a["median"].get("ale_mm") for a in agents]),
             (_MPC_PID, [m["ale_mm"] if m["completed"] else None for m in found[kind]["mpc_pid"]]),
         ):
-            lines.append({"name": f"{name}, {words}", "x": found["ranges"], "y": values})
+            lines.append(article.Line(f"{name}, {words}", found["ranges"], values))
     series = found.get("series", [])
     figures = []
     for key, title, unit in (
         ("lateral_mm", "Lateral error", "mm"),
         ("heading_deg", "Heading error", "deg"),
     ):
-        over = [{"name": f"{s['range']:g} m", "x": s["time"], "y": s[key]} for s in series]
+        over = [article.Line(f"{s['range']:g} m", s["time"], s[key]) for s in series]
         whole = f"{title} at throttle {found['throttle']:g} (median seed)"
-        figures.append(PaperFigure(key, whole, "s", unit, over))
-    figures.append(PaperFigure("range", "Mean lateral error against range", "m", "mm", lines))
+        figures.append(article.LinePlot(key, whole, "s", unit, over))
+    figures.append(article.LinePlot("range", "Mean lateral error against range", "m", "mm", lines))
     held = [
         reach
         for reach, a in zip(found["ranges"], found["every_step"]["agent"], strict=True)
         if a["seeds"] and a["completed"] == a["seeds"]
     ]
     findings = [
-        PaperFinding(
+        article.Finding(
             bool(held) and held[-1] == found["ranges"][-1],
             "With waypoints shifted anew at every step, all seeds stayed on the road with "
             + (f"{', '.join(f'{r:g}' for r in held)} m" if held else "no range")
@@ -164,7 +157,7 @@ def robustness_section(found: Mapping[str, Any]) -> PaperSection:
     ]
     far, last = found["every_step"]["agent"][-1], found["every_step"]["mpc_pid"][-1]
     findings.append(
-        PaperFinding(
+        article.Finding(
             None,
             f"With {found['ranges'][-1]:g} m the agent's mean |d| is "
             f"{number(far['median'].get('ale_mm'), 'mm')} in the median and "
@@ -172,16 +165,16 @@ def robustness_section(found: Mapping[str, Any]) -> PaperSection:
             f"{number(last['ale_mm'], 'mm')} ({ended(last)}); both see the same waypoints.",
         )
     )
-    return PaperSection(
+    return article.Section(
         "Waypoint errors (the paper's figure of robustness)",
         ["Circle of radius 50 m; every waypoint shifted in x and y, uniformly."],
         findings,
-        [PaperTable("Error against range", rows)],
+        [article.Table("Error against range", rows)],
         figures,
     )
 
 
-def monza_section(found: Mapping[str, Any]) -> PaperSection:
+def monza_section(found: Mapping[str, Any]) -> article.Section:
     """The paper's figure of the racing track."""
     agent = found["agent"]
     rows = [
@@ -193,11 +186,11 @@ def monza_section(found: Mapping[str, Any]) -> PaperSection:
     if "line" in found:
         line = found["line"]
         both = [("path", "path_x", "path_y"), (f"driven, seed {line['seed']}", "x", "y")]
-        drawn = [{"name": name, "x": line[x], "y": line[y]} for name, x, y in both]
-        along = [{"name": "lateral error", "x": line["s"], "y": line["lateral_error"]}]
+        drawn = [article.Line(name, line[x], line[y]) for name, x, y in both]
+        along = [article.Line("lateral error", line["s"], line["lateral_error"])]
         figures = [
-            PaperFigure("monza", "Monza", "x [m]", "y [m]", drawn, equal=True),
-            PaperFigure("monza_error", "Lateral error along the lap", "m", "m", along),
+            article.LinePlot("monza", "Monza", "x [m]", "y [m]", drawn, equal=True),
+            article.LinePlot("monza_error", "Lateral error along the lap", "m", "m", along),
         ]
     corners: list[dict[str, Any]] = []
     for parts in zip(*found["corners"].values(), strict=True):
@@ -214,12 +207,15 @@ def monza_section(found: Mapping[str, Any]) -> PaperSection:
             f"({ended(agent['worst'])}); "
             f"MPC-PID: {number(found['mpc_pid']['ale_mm'], 'mm')}, {ended(found['mpc_pid'])}."
         )
-        findings = [PaperFinding(agent["completed"] == agent["seeds"], text)]
-    return PaperSection(
+        findings = [article.Finding(agent["completed"] == agent["seeds"], text)]
+    return article.Section(
         f"Monza at throttle {found['throttle']:g} (the paper's racing track)",
         ["At this throttle the car drives about 30 km/h, for which MPC-PID is tuned."],
         findings,
-        [PaperTable("Laps", rows), PaperTable("Corners (agent: the median seed)", corners)],
+        [
+            article.Table("Laps", rows),
+            article.Table("Corners (agent: the median seed)", corners),
+        ],
         figures,
     )
 

@@ -7,17 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ddpg_mpc_pid.page import (
-    PaperFigure,
-    PaperFinding,
-    PaperSection,
-    PaperTable,
-    interval,
-    number,
-    percent,
-    verdict,
-)
+from ddpg_mpc_pid.page import interval, number, percent, verdict
 from ddpg_mpc_pid.plan import FULL_METHOD
+from steersman import article
 
 _ALONE = "ddpg"
 _CLAIMED = "both"
@@ -29,29 +21,26 @@ _LOST = 1000.0
 _ASKED = 0.1
 
 
-def line(method: Mapping[str, Any], column: str) -> dict[str, Any]:
+def _line(method: Mapping[str, Any], column: str) -> article.Line:
     """A column over training: median and quartiles over seeds."""
     curve = method["curves"][column]
-    out = {"name": method["label"], "x": curve["steps"]}
-    for key, name in (("y", "median"), ("low", "low"), ("high", "high")):
-        out[key] = curve[name]
-    return out
+    band = (curve["median"], curve["low"], curve["high"])
+    return article.Line(method["label"], curve["steps"], *band)
 
 
-def _against_time(method: Mapping[str, Any]) -> dict[str, Any]:
-    error, clock = method["curves"]["validation_error_mm"], method["curves"]["seconds"]
-    count = min(len(error["median"]), len(clock["median"]))
-    columns = {"y": "median", "low": "low", "high": "high"}
-    out = {"name": method["label"], "x": clock["median"][:count]}
-    return out | {key: error[name][:count] for key, name in columns.items()}
+def _against_time(method: Mapping[str, Any]) -> article.Line:
+    error, clock = method["curves"]["validation_error_mm"], method["curves"]["seconds"]["median"]
+    count = min(len(error["median"]), len(clock))
+    band = (error[name][:count] for name in ("median", "low", "high"))
+    return article.Line(method["label"], clock[:count], *band)
 
 
 def over_steps(
     file: str, title: str, unit: str, methods: Iterable[Mapping[str, Any]], column: str, log: bool
-) -> PaperFigure:
+) -> article.LinePlot:
     """A column over training, a line for each method."""
-    lines = [line(method, column) for method in methods]
-    return PaperFigure(file, title, "environment steps", unit, lines, log)
+    lines = [_line(method, column) for method in methods]
+    return article.LinePlot(file, title, "environment steps", unit, lines, log)
 
 
 def method_row(method: Mapping[str, Any]) -> dict[str, Any]:
@@ -80,7 +69,7 @@ def lost(method: Mapping[str, Any]) -> int:
     return sum(best is None or best > _LOST for best in method["best_mm"])
 
 
-def learning_section(results: Mapping[str, Any]) -> PaperSection:
+def learning_section(results: Mapping[str, Any]) -> article.Section:
     """The paper's figure of losses, and what matters more: errors, resets, savings, spread."""
     learning = results["learning"]
     methods = {k: m for k, m in learning["methods"].items() if not m["ablation"]}
@@ -88,7 +77,9 @@ def learning_section(results: Mapping[str, Any]) -> PaperSection:
     clock = "The same against computing time (wall time on a core of its own)"
     figures = [
         over_steps("validation", "Mean error on the validation set", "mm", every, error, True),
-        PaperFigure("validation_time", clock, "s", "mm", list(map(_against_time, every)), True),
+        article.LinePlot(
+            "validation_time", clock, "s", "mm", list(map(_against_time, every)), True
+        ),
         over_steps("resets", "Off-track resets so far", "resets", every, "off_track_resets", False),
     ]
     for reward, words in _LOSSES:
@@ -96,7 +87,7 @@ def learning_section(results: Mapping[str, Any]) -> PaperSection:
         for column, name in (("actor_loss", "Actor loss"), ("critic_loss", "Critic loss")):
             file, title = f"{column}_{reward}", f"{name}: {words}"
             figures.append(over_steps(file, title, name.lower(), same, column, False))
-    return PaperSection(
+    return article.Section(
         "Training methods (the paper's figure of losses)",
         [
             "Median and quartiles over seeds. Losses stand together only where the reward is the "
@@ -113,12 +104,12 @@ def learning_section(results: Mapping[str, Any]) -> PaperSection:
             *_collapsed(learning["methods"]),
             *_smooth(methods),
         ],
-        [PaperTable("Methods", [method_row(m) for m in every]), _saving_table(learning)],
+        [article.Table("Methods", [method_row(m) for m in every]), _saving_table(learning)],
         figures,
     )
 
 
-def _saving_table(learning: Mapping[str, Any]) -> PaperTable:
+def _saving_table(learning: Mapping[str, Any]) -> article.Table:
     rows = [
         {
             "mean error": f"{s['threshold_m']} m",
@@ -131,10 +122,10 @@ def _saving_table(learning: Mapping[str, Any]) -> PaperTable:
         }
         for s in learning["savings"]
     ]
-    return PaperTable("What the demonstration saves", rows)
+    return article.Table("What the demonstration saves", rows)
 
 
-def _saving_findings(learning: Mapping[str, Any]) -> list[PaperFinding]:
+def _saving_findings(learning: Mapping[str, Any]) -> list[article.Finding]:
     """The claim: training is accelerated. It holds where the interval lies above zero."""
     out = []
     for s in learning["savings"]:
@@ -145,7 +136,7 @@ def _saving_findings(learning: Mapping[str, Any]) -> list[PaperFinding]:
         saving = s["steps"]["saving"]
         if saving is None:
             text = f"{goal}: no seed of '{label}' or of DDPG alone got there in this many steps."
-            out.append(PaperFinding(None, text))
+            out.append(article.Finding(None, text))
             continue
         known = verdict(saving)
         end = {
@@ -158,7 +149,7 @@ def _saving_findings(learning: Mapping[str, Any]) -> list[PaperFinding]:
             for cost, words in (("seconds", "the time"), ("off_track_resets", "the resets"))
         )
         out.append(
-            PaperFinding(
+            article.Finding(
                 known,
                 f"{goal} '{label}' saved {interval(saving, 100.0)} % of the steps, {others}; "
                 f"{s['reached']} of {s['seeds'][1]} seeds got there, alone {s['alone_reached']} "
@@ -168,7 +159,7 @@ def _saving_findings(learning: Mapping[str, Any]) -> list[PaperFinding]:
     return out
 
 
-def _spread_findings(learning: Mapping[str, Any]) -> list[PaperFinding]:
+def _spread_findings(learning: Mapping[str, Any]) -> list[article.Finding]:
     """The claim: training is stabilised, read as a smaller spread over seeds."""
     out = []
     for s in learning["spread"]:
@@ -181,17 +172,17 @@ def _spread_findings(learning: Mapping[str, Any]) -> list[PaperFinding]:
                 f"{number(s['alone_median_mm'], 'mm')}); smaller by {interval(s['smaller_by'])} mm "
                 "(agrees: the interval lies above zero; note: it holds zero)."
             )
-            out.append(PaperFinding(verdict(s["smaller_by"]), text))
+            out.append(article.Finding(verdict(s["smaller_by"]), text))
     return out
 
 
-def _collapsed(methods: Mapping[str, Any]) -> list[PaperFinding]:
+def _collapsed(methods: Mapping[str, Any]) -> list[article.Finding]:
     """What the paper does not report: seeds that never learn to drive."""
     seeds = [f"{lost(m)} with '{m['label']}'" for m in methods.values() if lost(m)]
     if not seeds:
         return []
     return [
-        PaperFinding(
+        article.Finding(
             None,
             f"Seeds that never drove (best error over {_LOST / 1e3:g} m): {', '.join(seeds)}. "
             "Their policy soon sits at one limit of the action, where its gradient vanishes; "
@@ -200,7 +191,7 @@ def _collapsed(methods: Mapping[str, Any]) -> list[PaperFinding]:
     ]
 
 
-def _smooth(methods: Mapping[str, Any]) -> list[PaperFinding]:
+def _smooth(methods: Mapping[str, Any]) -> list[article.Finding]:
     """The claim: with both parts the actor loss falls smoothly."""
     if not {_ALONE, _CLAIMED} <= methods.keys():
         return []
@@ -211,7 +202,7 @@ def _smooth(methods: Mapping[str, Any]) -> list[PaperFinding]:
     alone, both = shares
     known = None if alone is None or both is None or alone == both else both < alone
     return [
-        PaperFinding(
+        article.Finding(
             known,
             f"The median actor loss rose from one validation to the next in {percent(both)} of "
             f"the cases with both, in {percent(alone)} alone (the paper: smoother with both). A "

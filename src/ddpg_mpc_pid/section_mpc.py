@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ddpg_mpc_pid.page import NOTHING, PaperFinding, PaperSection, PaperTable, number, percent
+from ddpg_mpc_pid.page import NOTHING, number, percent
 from ddpg_mpc_pid.section_driving import ended
 from ddpg_mpc_pid.tracks import LABELS
+from steersman import article
 
 # What the paper says the policy saves of the time.
 _SAVED = 0.7813
@@ -15,7 +16,7 @@ _SAVED = 0.7813
 _NEAR = 0.05
 
 
-def away_section(found: Mapping[str, Any]) -> PaperSection:
+def away_section(found: Mapping[str, Any]) -> article.Section:
     """The paper's words on MPC-PID away from the track and speed it was tuned for."""
     rows, home = [], found["tuned"]
     counts = dict.fromkeys(LABELS, 0)
@@ -38,20 +39,20 @@ def away_section(found: Mapping[str, Any]) -> PaperSection:
     lost = elsewhere - counts["nominal"]
     others = "; ".join(f"{LABELS[n]}: {counts[n]}" for n in LABELS if n != "nominal")
     findings = [
-        PaperFinding(
+        article.Finding(
             lost > 0,
             f"Away from home MPC-PID with true parameters stayed on the road in "
             f"{counts['nominal']} of {elsewhere} drives (the paper: it fails to; agrees: it left "
             f"at least once). {others}. The agents: {agent_held} of {agent_all}.",
         ),
-        PaperFinding(
+        article.Finding(
             None,
             "Why: the linear model holds for one speed. If 'a model for each speed' stays where "
             "'true parameters' leaves, the failure is that of the fixed speed, not of MPC "
             f"({counts['scheduled']} against {counts['nominal']} drives).",
         ),
     ]
-    return PaperSection(
+    return article.Section(
         "MPC-PID away from home",
         [
             f"Tuned on the {home['track'].replace('_', ' ')} at {number(home['speed'], 'm/s')}. "
@@ -59,11 +60,11 @@ def away_section(found: Mapping[str, Any]) -> PaperSection:
             "left the corridor.",
         ],
         findings,
-        [PaperTable("Drives", rows)],
+        [article.Table("Drives", rows)],
     )
 
 
-def timing_section(found: Mapping[str, Any]) -> PaperSection:
+def timing_section(found: Mapping[str, Any]) -> article.Section:
     """The paper's 78 %, for every pair of implementations."""
     names = {"name": "implementation", "p50_us": "p50 [us]", "p99_us": "p99 [us]"}
     names |= {"max_us": "max [us]", "steps": "steps measured", "lap_s": "lap [s]"}
@@ -85,7 +86,7 @@ def timing_section(found: Mapping[str, Any]) -> PaperSection:
         shares = [float(row["saved [1]"]) for row in savings]
         all_or_none = {len(shares): True, 0: False}
         findings = [
-            PaperFinding(
+            article.Finding(
                 all_or_none.get(sum(share >= _SAVED for share in shares)),
                 f"Depending on which two implementations are compared, the policy saves between "
                 f"{percent(min(shares))} and {percent(max(shares))} of MPC's time a lap (the "
@@ -94,7 +95,7 @@ def timing_section(found: Mapping[str, Any]) -> PaperSection:
                 "hold the simulator, too.",
             )
         ]
-    return PaperSection(
+    return article.Section(
         "Computing time (the paper's 78 %)",
         [
             f"The controllers alone, in one run, on the observations of one drive; a lap has "
@@ -102,7 +103,7 @@ def timing_section(found: Mapping[str, Any]) -> PaperSection:
         ],
         findings,
         [
-            PaperTable("Times of one control step", rows),
-            PaperTable("Share of time that the policy saves", savings),
+            article.Table("Times of one control step", rows),
+            article.Table("Share of time that the policy saves", savings),
         ],
     )

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
-from ddpg_mpc_pid.page import PaperFinding, PaperSection, PaperTable, interval, number, ratio
+from ddpg_mpc_pid.page import interval, number, ratio
 from ddpg_mpc_pid.plan import FULL_METHOD
 from ddpg_mpc_pid.section_driving import (
     circle_section,
@@ -16,13 +17,14 @@ from ddpg_mpc_pid.section_driving import (
 )
 from ddpg_mpc_pid.section_learning import learning_section, method_row, over_steps
 from ddpg_mpc_pid.section_mpc import away_section, timing_section
+from steersman import article
 
 TITLE = "The paper's experiments on the embedded simulator"
 # Where c_track settles to the letter, and where the larger share begins.
 _SETTLED, _HALF = 2.0 / 3.0, 0.5
 
 
-def sections(results: Mapping[str, Any]) -> list[PaperSection]:
+def sections(results: Mapping[str, Any]) -> list[article.Section]:
     """All sections, from what ``results.json`` holds."""
     return [
         setup_section(results),
@@ -37,11 +39,22 @@ def sections(results: Mapping[str, Any]) -> list[PaperSection]:
     ]
 
 
-def setup_section(results: Mapping[str, Any]) -> PaperSection:
+def write_page(results: Mapping[str, Any], out: FilePath) -> FilePath:
+    """Write the page of the study, and its figures into the folder ``plots`` beside it.
+
+    Raises:
+        SteersmanError: the extra ``report`` is not installed.
+        DataError: the files cannot be written.
+    """
+    source = f"Commit {', '.join(results['made_by'])}."
+    return article.write_article(sections(results), out, TITLE, source)
+
+
+def setup_section(results: Mapping[str, Any]) -> article.Section:
     """What was run, and in what it differs from the published method."""
     plan = results["plan"]
     made = ", ".join(results["made_by"])
-    return PaperSection(
+    return article.Section(
         "What was run",
         [
             f"{len(plan['trainings'])} trainings; made by commit {made}.",
@@ -51,11 +64,11 @@ def setup_section(results: Mapping[str, Any]) -> PaperSection:
             "seeds they are rough. IQM: interquartile mean over seeds. 'agrees' and 'differs' "
             "are decided by the rule that the sentence gives.",
         ],
-        tables=[PaperTable("Departures from the preset", plan["departures"])],
+        tables=[article.Table("Departures from the preset", plan["departures"])],
     )
 
 
-def coefficient_section(results: Mapping[str, Any]) -> PaperSection:
+def coefficient_section(results: Mapping[str, Any]) -> article.Section:
     """The paper's figure of c_track and c_diff."""
     methods = results["learning"]["methods"]
     shown = [methods[name] for name in (FULL_METHOD, "normalised") if name in methods]
@@ -74,7 +87,7 @@ def coefficient_section(results: Mapping[str, Any]) -> PaperSection:
         first, last = float(np.mean(track[:tenth])), float(np.mean(track[-tenth:]))
         trend = "rises" if last > first + 0.01 else "falls" if last < first - 0.01 else "stays"
         findings.append(
-            PaperFinding(
+            article.Finding(
                 agrees,
                 f"'{method['label']}': c_track {trend} from {number(first)} to {number(last)}, "
                 f"between {number(min(track))} and {number(max(track))} (the paper: first the "
@@ -84,7 +97,7 @@ def coefficient_section(results: Mapping[str, Any]) -> PaperSection:
     if FULL_METHOD in methods and methods[FULL_METHOD]["curves"]["c_track"]["median"]:
         last = methods[FULL_METHOD]["curves"]["c_track"]["median"][-1]
         findings.append(
-            PaperFinding(
+            article.Finding(
                 None,
                 "Why: S(r_diff) is 1/2 when agent and demonstrator agree and never less; "
                 "S(r_track) tends to 1 as soon as the car tracks at speed (r_track is in m/s) and "
@@ -93,7 +106,7 @@ def coefficient_section(results: Mapping[str, Any]) -> PaperSection:
                 f"{number(last)}. It weighs how well the car drives, not how far it has learned.",
             )
         )
-    return PaperSection(
+    return article.Section(
         "Coefficients (the paper's figure of c_track and c_demo)",
         ["Means over all vehicles and steps; median and quartiles over seeds."],
         findings,
@@ -101,7 +114,7 @@ def coefficient_section(results: Mapping[str, Any]) -> PaperSection:
     )
 
 
-def ablation_section(results: Mapping[str, Any]) -> PaperSection:
+def ablation_section(results: Mapping[str, Any]) -> article.Section:
     """What the paper leaves open, one by one against the full method."""
     methods = results["learning"]["methods"]
     full = methods.get(FULL_METHOD)
@@ -114,7 +127,7 @@ def ablation_section(results: Mapping[str, Any]) -> PaperSection:
         factor = ratio(mine["value"], base["value"])
         apart = mine["high"] < base["low"] or mine["low"] > base["high"]
         findings.append(
-            PaperFinding(
+            article.Finding(
                 None,
                 f"'{method['label']}': best error {interval(mine)} mm against {interval(base)} mm "
                 f"of the full method, {number(factor)} times; the intervals "
@@ -122,13 +135,13 @@ def ablation_section(results: Mapping[str, Any]) -> PaperSection:
             )
         )
     title, error = "Mean error on the validation set", "validation_error_mm"
-    return PaperSection(
+    return article.Section(
         "What the paper leaves open",
         [
             "Each option alone against the full method (both, adaptive, indirect action). The "
             "validation drives are the same for all."
         ],
         findings,
-        [PaperTable("Options", [method_row(m) for m in chosen.values()])],
+        [article.Table("Options", [method_row(m) for m in chosen.values()])],
         [over_steps("ablations", title, "mm", chosen.values(), error, True)],
     )

@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     from steersman.plants.carla_frame import CarlaFrame as CarlaFrame
     from steersman.plants.motion import VehicleMotion as VehicleMotion
     from steersman.provenance import provenance as provenance
+    from steersman.report import article as article
     from steersman.rollout import RunConfig as RunConfig
     from steersman.sensing import observations as observations
     from steersman.speed import SpeedComponent
@@ -124,8 +125,8 @@ _FRONT_DOOR = {
 }
 # Names that are shorter here than in their module.
 _LONGER = {name: f"{name}Component" for name in ("Controller", "Path", "Plant", "Speed")}
-# Modules that are public as a whole: files that are written whole or not.
-_WHOLE = {"files": "files"}
+# Modules that are public as a whole: files that are written whole or not; pages of sections.
+_WHOLE = {"files": "files", "article": "report.article"}
 _MODULES = {name: module for module, names in _FRONT_DOOR.items() for name in names}
 
 

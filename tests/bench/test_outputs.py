@@ -19,7 +19,7 @@ from steersman.bench.summary import results
 from steersman.config import resolve
 from steersman.report.benchmark import sections, write_benchmark
 from steersman.report.cases import replays
-from steersman.report.charts import heat_map, interval_plot
+from steersman.report.charts import HeatMap, IntervalPlot, ShownEstimate
 from steersman.report.signals import PALETTE
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -111,13 +111,13 @@ def test_a_controller_has_one_colour_in_all_figures(
 
 def test_intervals_over_few_paths_come_with_a_warning(rows: list[BenchRow]) -> None:
     found = result(rows, WHO)
-    (warning,) = sections(found.summary, [])[0]["warnings"]
+    (warning,) = sections(found.summary, [])[0].warnings
     assert warning.startswith("all scenarios, clean, disturbed: the intervals rest on only 2 paths")
     spread = [row.model_copy(update={"path": f"{row.path}{k % 4}"}) for k, row in enumerate(rows)]
-    many = sections(result(spread, WHO).summary, [])[0]["warnings"]
+    many = sections(result(spread, WHO).summary, [])[0].warnings
     assert all("all scenarios" not in words for words in many)
     one = [row.model_copy(update={"path": "one"}) for row in rows]
-    (warning,) = sections(result(one, WHO).summary, [])[0]["warnings"]
+    (warning,) = sections(result(one, WHO).summary, [])[0].warnings
     assert "no intervals" in warning
 
 
@@ -142,10 +142,11 @@ def test_one_controller_has_a_page_too(rows: list[BenchRow], tmp_path: FilePath)
 
 def heat(**words: Any) -> str:
     base = {
-        "title": "a < b", "rows": ["one", "two"], "columns": ["x", "y"], "low": 1.0, "high": 100.0,
+        "file": "f", "title": "a < b", "rows": ["one", "two"], "columns": ["x", "y"],
+        "low": 1.0, "high": 100.0,
         "cells": [[1.0, 10.0], [100.0, None]], "marks": [["1", "10"], ["100", "-"]],
     }  # fmt: skip
-    return heat_map(base | words)
+    return HeatMap(**base | words).svg()
 
 
 def test_colours_follow_the_logarithm() -> None:
@@ -158,11 +159,11 @@ def test_colours_follow_the_logarithm() -> None:
 
 def test_intervals_lie_around_their_values() -> None:
     points = [
-        {"name": "a&b", "value": 10.0, "low": 5.0, "high": 20.0, "group": 0},
-        {"name": "c", "value": 100.0, "low": None, "high": None, "group": 1},
-        {"name": "none", "value": None, "low": None, "high": None, "group": 0},
+        ShownEstimate("a&b", 10.0, 5.0, 20.0),
+        ShownEstimate("c", 100.0, look=1),
+        ShownEstimate("none", None),
     ]
-    root = ElementTree.fromstring(interval_plot({"title": "t", "x": "mm", "points": points}))
+    root = ElementTree.fromstring(IntervalPlot("f", "t", "mm", points).svg())
     circles = [float(c.get("cx", "nan")) for c in root.iter(f"{SVG}circle")]
     assert len(circles) == 2
     assert circles[0] < circles[1]

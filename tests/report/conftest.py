@@ -14,7 +14,7 @@ from steersman.config import build
 from steersman.episode import COLUMNS, Episode
 from steersman.metrics.base import summarise
 from steersman.report import ReportRun, write_report
-from steersman.report.article import write_article
+from steersman.report.article import Section, write_article
 from steersman.report.scene import RoadGroup
 from steersman.report.signals import ShownDrive
 from steersman.rollout import RunConfig, run
@@ -108,9 +108,9 @@ def article(drives, tmp_path_factory):
         RoadGroup(f"{EVIL} {k}", [ShownDrive(r.name, r.episode) for r in drives[name]], 1.5, [4])
         for k, name in enumerate(("off", "one step"))
     ]
-    section = {"title": "First", "text": [EVIL], "warnings": [EVIL]}
+    section = Section("First", [EVIL], warnings=[EVIL])
     out = tmp_path_factory.mktemp("article") / "report.html"
-    return write_article([section, {"title": "Last", "text": []}], out, EVIL, replay=groups)
+    return write_article([section, Section("Last")], out, EVIL, replay=groups)
 
 
 @pytest.fixture

@@ -121,4 +121,4 @@ def test_progress_with_empty_cells_text_and_a_cut_last_line(tmp_path):
 )
 def test_forms_of_tables(tmp_path, data, title, columns):
     table = read_table(write(tmp_path / "table.json", json.dumps(data)))
-    assert (table.title, table.columns) == (title, columns)
+    assert (table.title, table.headers) == (title, columns)

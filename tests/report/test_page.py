@@ -37,7 +37,7 @@ def runs(drive):
         ReportRun("same", good, summarise(good), config=good.meta),
         ReportRun("training", training={"steps": np.arange(3.0), EVIL: np.arange(3.0)}),
         ReportRun(
-            "table", table=Table(EVIL, {"a": EVIL, "b": "b"}, [{"a": EVIL}, {"a": 1.5, "b": 2}])
+            "table", table=Table(EVIL, [{"a": EVIL}, {"a": 1.5, "b": 2}], {"a": EVIL, "b": "b"})
         ),
     ]
 
@@ -190,7 +190,7 @@ def test_each_configuration_is_shown_once(runs):
 def test_tables_alone_need_no_script():
     page = render(
         [
-            ReportRun("t", table=Table("T", {"a": "A"}, [{"a": None}])),
+            ReportRun("t", table=Table("T", [{"a": None}], {"a": "A"})),
             ReportRun("m", metrics={"x": 1.0}),
         ],
         "t",

@@ -11,13 +11,14 @@ import pytest
 
 from steersman.config import build, lookup
 from steersman.errors import DataError
+from steersman.report.identification import write_identification
 from steersman.rollout import RunConfig, run
 from steersman.studies.identify import lateral, stretch_replay
 from steersman.studies.identify.estimate import Misses, estimate
 from steersman.studies.identify.example import recording
 from steersman.studies.identify.identification import Figure, Identified, fitted_rows, identify
 from steersman.studies.identify.recording import Log, of_episode, pieces, read_log, write_log
-from steersman.studies.identify.result import sections, write
+from steersman.studies.identify.result import write
 from steersman.studies.identify.unknowns import SIGMAS, guess_at, steering, vehicle_at
 from steersman.vehicles import Bmw320i, CarlaModel3, Vehicle
 
@@ -155,9 +156,13 @@ def test_what_was_never_driven_is_kept_and_marked(of_other: Identified, tmp_path
     assert read.model_dump(exclude={"file"}) == of_other.vehicle.model_dump()
 
 
-def test_the_page_has_a_figure_for_each_signal(of_other: Identified) -> None:
-    figures = {f["file"] for s in sections(of_other) for f in s.get("figures", ())}
+def test_the_page_has_a_figure_for_each_signal(of_other: Identified, tmp_path: FilePath) -> None:
+    write_identification(of_other, tmp_path / "fit.html")
+    figures = {file.stem for file in (tmp_path / "fit_plots").iterdir()}
     assert {"yaw_rate", "a_y_left", "v_x", "throttle_map", "autocorrelation"} <= figures
+    page = (tmp_path / "fit.html").read_text(encoding="utf-8")
+    assert page.count("<svg") == len(figures)
+    assert "Told by the recording" in page
 
 
 def test_a_slow_actuator_is_told_from_a_delay() -> None:

@@ -68,7 +68,7 @@ def identify(
     from the vehicle that it starts from, and said.
     """
     import steersman as sm
-    from steersman.studies.identify.result import TITLE, plain, sections
+    from steersman.studies.identify.result import plain
 
     files = [None if f is None else settings.out_file(f, o) for f, o in _targets(out, page)]
     tell_compiling()
@@ -76,9 +76,9 @@ def identify(
         log, vehicle, holdout=holdout, lock=lock, ahead=ahead, out=files[0], notify=note
     )
     if files[1] is not None:
-        from steersman.report.article import write_article
+        from steersman.report.identification import write_identification
 
-        write_article(sections(found), files[1], TITLE, plots=f"{files[1].stem}_plots")
+        write_identification(found, files[1])
     if as_json:
         show_json(plain(found))
     else:

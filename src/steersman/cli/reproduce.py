@@ -59,12 +59,7 @@ def reproduce(
     except KeyboardInterrupt:
         note(f"interrupted; the same command goes on from {folder}")
         raise typer.Exit(INTERRUPTED) from None
-    from steersman.report.article import write_article
-
-    # Neither of study and report imports the other: the report takes the sections as plain data.
-    sections = [section.data() for section in study.sections(results)]
-    source = f"Commit {', '.join(results['made_by'])}."
-    page = write_article(sections, folder / "report.html", study.TITLE, source)
+    page = study.write_page(results, folder / "report.html")
     write(f"results: {folder / 'results.json'}\nreport: {page}\n")
 
 

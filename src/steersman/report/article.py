@@ -1,34 +1,51 @@
-"""A page of sections: what others measured beside what was measured, and what follows from it.
-
-A section is plain data: ``title``; ``text``, sentences; ``findings``, each with ``agrees``
-(true, false, or null for what can be neither) and ``text``; ``warnings``, sentences; ``tables``
-(``title``, ``columns``, ``rows``) and ``figures``, each with ``file``, as
-:func:`steersman.report.svg.line_plot`, :func:`steersman.report.charts.heat_map` (with ``cells``)
-or :func:`steersman.report.charts.interval_plot` (with ``points``) take them.
-"""
+"""A page of sections: what others measured beside what was measured, and what follows from it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path as FilePath
-from typing import Any
+from typing import NamedTuple, TypeAlias
 
 from steersman.files import make_folder, write_text
 from steersman.report import tables, web
-from steersman.report.charts import heat_map, interval_plot
+from steersman.report.charts import HeatMap, IntervalPlot
 from steersman.report.runs import Table
 from steersman.report.scene import RoadGroup
-from steersman.report.svg import line_plot
+from steersman.report.svg import Line, LinePlot
+
+__all__ = ["Figure", "Finding", "Line", "LinePlot", "Section", "Table", "write_article"]
 
 _WORDS = {True: "agrees", False: "differs", None: "note"}
-
-
 LIMIT = 15_000_000
 """Bytes that a page may have; the rows of its drives are thinned until it does."""
 
+Figure: TypeAlias = LinePlot | HeatMap | IntervalPlot
+
+
+class Finding(NamedTuple):
+    """A sentence, and whether a statement holds that was made elsewhere."""
+
+    agrees: bool | None
+    """None: neither yes nor no."""
+    text: str
+
+
+class Section(NamedTuple):
+    """A section of a page."""
+
+    title: str
+    text: Sequence[str] = ()
+    """Paragraphs."""
+    findings: Sequence[Finding] = ()
+    tables: Sequence[Table] = ()
+    """Those without rows are left out."""
+    figures: Sequence[Figure] = ()
+    warnings: Sequence[str] = ()
+    """Paragraphs that are set apart."""
+
 
 def write_article(
-    sections: Sequence[Mapping[str, Any]],
+    sections: Sequence[Section],
     out: FilePath,
     title: str,
     source: str = "",
@@ -37,7 +54,7 @@ def write_article(
 ) -> FilePath:
     """Write the page, self-contained, and its figures as files into the folder ``plots`` beside it.
 
-    Drives to replay stand behind the first section.
+    The drives to replay are shown behind the first section.
 
     Raises:
         SteersmanError: the extra ``report`` is not installed.
@@ -45,33 +62,24 @@ def write_article(
     """
     page = web.template("article.html.j2")
     folder = make_folder(out.parent / plots)
-    shown = []
-    for section in sections:
-        figures = []
-        for figure in section.get("figures", ()):
-            figures.append(_drawn(figure))
-            write_text(folder / f"{figure['file']}.svg", figures[-1])
-        grids = [
-            tables.grid(Table(t["title"], t["columns"], t["rows"]))
-            for t in section.get("tables", ())
-        ]
-        findings = [(_WORDS[f["agrees"]], f["text"]) for f in section.get("findings", ())]
-        shown.append(
-            {"warnings": (), **section, "figures": figures, "tables": grids, "findings": findings}
-        )
+    drawn = {figure.file: figure.svg() for section in sections for figure in section.figures}
+    for name, svg in drawn.items():
+        write_text(folder / f"{name}.svg", svg)
     content = {
         "title": title,
         "style": web.resource("page.css"),
-        "sections": shown,
+        "sections": [
+            section._asdict()
+            | {
+                "findings": [(_WORDS[found.agrees], found.text) for found in section.findings],
+                "tables": [tables.grid(table) for table in section.tables if table.rows],
+                "figures": [drawn[figure.file] for figure in section.figures],
+            }
+            for section in sections
+        ],
         "source": source,
         "has_drives": bool(replay),
     }
     text = web.within(LIMIT, lambda rows: page.render(**content, **web.parts(replay, None, rows)))
     write_text(out, text)
     return out
-
-
-def _drawn(figure: Mapping[str, Any]) -> str:
-    if "cells" in figure:
-        return heat_map(figure)
-    return interval_plot(figure) if "points" in figure else line_plot(figure)

@@ -16,9 +16,10 @@ from steersman.bench.results import (
     Summary,
     SweepStep,
 )
-from steersman.report.article import write_article
+from steersman.report.article import Line, LinePlot, Section, Table, write_article
 from steersman.report.cases import places, replays, worst
-from steersman.report.tables import text
+from steersman.report.charts import HeatMap, IntervalPlot, ShownEstimate
+from steersman.report.tables import interval_text, scaled, text
 
 TITLE = "Steering controllers compared"
 _GROUPS = {"all": "all scenarios", "clean": "clean", "disturbed": "disturbed"}
@@ -54,8 +55,8 @@ def write_benchmark(results: BenchResult, cases: Sequence[ShownCase], out: FileP
     )
 
 
-def sections(summary: Summary, cases: Sequence[ShownCase]) -> list[dict[str, Any]]:
-    """The page as plain data, as :mod:`steersman.report.article` takes it."""
+def sections(summary: Summary, cases: Sequence[ShownCase]) -> list[Section]:
+    """The sections of the page."""
     several = len(summary.controllers) >= _SEVERAL
     return [
         _ranking(summary),
@@ -67,36 +68,21 @@ def sections(summary: Summary, cases: Sequence[ShownCase]) -> list[dict[str, Any
     ]
 
 
-def _ranking(summary: Summary) -> dict[str, Any]:
+def _ranking(summary: Summary) -> Section:
     found, best = summary.controllers, summary.best_classical
-    figures = [
-        _intervals(
-            f"RMS lateral error, {words}",
-            "mm",
-            found,
-            {name: one.errors(group).rms_m.scaled(_MM) for name, one in found.items()},
-        )
-        | {"file": f"rms_{group}"}
-        for group, words in _GROUPS.items()
-    ]
+    figures = []
+    for group, words in _GROUPS.items():
+        errors = {name: one.errors(group).rms_m.scaled(_MM) for name, one in found.items()}
+        title = f"RMS lateral error, {words}"
+        figures.append(IntervalPlot(f"rms_{group}", title, "mm", _points(found, errors)))
     if best is not None:
         title = f"RMS error over that of {best}"
         ratios = {name: one.ratio["all"].rms for name, one in found.items() if one.ratio}
-        figures.append(_intervals(title, "ratio", found, ratios) | {"file": "ratio"})
-    rows = [_row(name, figures_of) for name, figures_of in found.items()]
-    columns = {
-        "name": "controller",
-        **{group: f"RMS, {words} [mm]" for group, words in _GROUPS.items()},
-        "p95": "95 % of |d| [mm]",
-        "failed": "failed",
-        "steer": "RMS steering change per step",
-        "reversals": "reversals per minute",
-        **({"ratio": f"RMS over {best}'s", "typical": "typical ratio"} if best else {}),
-        "step": "step time p50 / p99 [us]",
-    }
-    return {
-        "title": "Ranking",
-        "text": [
+        figures.append(IntervalPlot("ratio", title, "ratio", _points(found, ratios)))
+    rows = [_row(name, figures_of, best) for name, figures_of in found.items()]
+    return Section(
+        "Ranking",
+        [
             f"{summary.scenarios} scenarios on {summary.paths} paths, the same for every "
             "controller. Errors are pooled: the root of the mean square over all scenarios, each "
             "of the same weight. A run that ends early is charged the corridor's half width for "
@@ -111,10 +97,10 @@ def _ranking(summary: Summary) -> dict[str, Any]:
                 else ""
             ),
         ],
-        "warnings": _few_paths(found),
-        "tables": [{"title": "Controllers, best first", "columns": columns, "rows": rows}],
-        "figures": figures,
-    }
+        tables=[Table("Controllers, best first", rows)],
+        figures=figures,
+        warnings=_few_paths(found),
+    )
 
 
 def _few_paths(found: Mapping[str, ControllerSummary]) -> list[str]:
@@ -137,77 +123,64 @@ def _few_words(count: int, what: Sequence[str]) -> str:
     )
 
 
-def _row(name: str, found: ControllerSummary) -> dict[str, Any]:
-    ratio = None if found.ratio is None else found.ratio["all"]
-    times = (found.control_time_us_p50, found.control_time_us_p99)
-    return {
-        "name": name + (" (learned)" if found.learned else ""),
-        **{group: _interval(found.errors(group).rms_m.scaled(_MM)) for group in _GROUPS},
-        "p95": _scaled(found.all.p95_m),
+def _row(name: str, found: ControllerSummary, best: str | None) -> dict[str, Any]:
+    row = {
+        "controller": name + (" (learned)" if found.learned else ""),
+        **{
+            f"RMS, {words} [mm]": interval_text(found.errors(group).rms_m, _MM)
+            for group, words in _GROUPS.items()
+        },
+        "95 % of |d| [mm]": scaled(found.all.p95_m, _MM),
         "failed": f"{found.failures} of {found.runs}",
-        "steer": found.steer_change_rms,
-        "reversals": found.steer_reversals_per_min,
-        "ratio": _interval(None if ratio is None else ratio.rms),
-        "typical": _interval(None if ratio is None else ratio.typical),
-        "step": " / ".join(text(time, 3) for time in times),
+        "RMS steering change per step": found.steer_change_rms,
+        "reversals per minute": found.steer_reversals_per_min,
     }
+    if best:
+        ratio = None if found.ratio is None else found.ratio["all"]
+        row[f"RMS over {best}'s"] = interval_text(None if ratio is None else ratio.rms)
+        row["typical ratio"] = interval_text(None if ratio is None else ratio.typical)
+    times = (found.control_time_us_p50, found.control_time_us_p99)
+    return row | {"step time p50 / p99 [us]": " / ".join(text(time, 3) for time in times)}
 
 
-def _profiles(summary: Summary) -> dict[str, Any]:
-    found = summary.profiles
+def _profiles(summary: Summary) -> Section:
+    found, title = summary.profiles, "Performance profiles"
+    axes = ("factor of the best RMS error", "share of scenarios")
     lines = [
-        {"name": name, "look": k, "x": found.factors, "y": found.shares[name]}
-        for name, k in places(summary).items()
+        Line(name, found.factors, found.shares[name], look=k) for name, k in places(summary).items()
     ]
-    return {
-        "title": "Performance profiles",
-        "text": [
-            "The share of scenarios that a controller drives with at most so many times the error "
-            "of the best in that scenario. At 1: how often it is the best itself; to the right: "
-            "how many scenarios it completes at all within that factor."
-        ],
-        "figures": [
-            {
-                "file": "profiles", "title": "Performance profiles", "log_x": True,
-                "x": "factor of the best RMS error", "y": "share of scenarios", "lines": lines,
-            }
-        ],
-    }  # fmt: skip
-
-
-def _disturbances(summary: Summary) -> dict[str, Any]:
-    section = _map(summary, "disturbance", "Disturbances")
-    for name, axis in _SWEEPS.items():
-        steps = summary.sweeps.get(name, [])
-        if len(steps) >= _SEVERAL:
-            section["figures"].append(_sweep(summary, name, axis, steps))
-    section["text"].append(
-        "On slippery roads speeds are lower too: they need at most 60 % of the grip."
+    text = (
+        "The share of scenarios that a controller drives with at most so many times the error "
+        "of the best in that scenario. At 1: how often it is the best itself; to the right: "
+        "how many scenarios it completes at all within that factor."
     )
-    return section
+    return Section(title, [text], figures=[LinePlot("profiles", title, *axes, lines, log_x=True)])
 
 
-def _sweep(summary: Summary, name: str, axis: str, steps: Sequence[SweepStep]) -> dict[str, Any]:
-    table = summary.by["disturbance"]
-    lines = []
+def _disturbances(summary: Summary) -> Section:
+    section = _map(summary, "disturbance", "Disturbances")
+    sweeps = [
+        _sweep(summary, name, axis, steps)
+        for name, axis in _SWEEPS.items()
+        if len(steps := summary.sweeps.get(name, [])) >= _SEVERAL
+    ]
+    slippery = "On slippery roads speeds are lower too: they need at most 60 % of the grip."
+    return section._replace(text=[*section.text, slippery], figures=[*section.figures, *sweeps])
+
+
+def _sweep(summary: Summary, name: str, axis: str, steps: Sequence[SweepStep]) -> LinePlot:
+    table, values, lines = summary.by["disturbance"], [step.value for step in steps], []
     for controller, place in places(summary).items():
         found = [table[step.disturbance][controller].rms_m.scaled(_MM) for step in steps]
-        lines.append(
-            {
-                "name": controller, "look": place, "x": [step.value for step in steps],
-                "y": [one.value for one in found], "low": [one.low for one in found],
-                "high": [one.high for one in found],
-            }
-        )  # fmt: skip
+        y, low, high = ([getattr(one, k) for one in found] for k in ("value", "low", "high"))
+        lines.append(Line(controller, values, y, low, high, look=place))
     title = f"Error against {axis.partition(' [')[0]}"
-    return {"file": f"sweep_{name}", "title": title, "x": axis, "y": "RMS error [mm]",
-            "log": True, "lines": lines}  # fmt: skip
+    return LinePlot(f"sweep_{name}", title, axis, "RMS error [mm]", lines, log=True)
 
 
-def _map(summary: Summary, factor: str, title: str) -> dict[str, Any]:
-    table = summary.by[factor]
-    names = list(summary.controllers)
-    cells = [[_scaled(column[name].rms_m.value) for column in table.values()]
+def _map(summary: Summary, factor: str, title: str) -> Section:
+    table, names = summary.by[factor], list(summary.controllers)
+    cells = [[scaled(column[name].rms_m.value, _MM) for column in table.values()]
              for name in names]  # fmt: skip
     marks = [
         [_mark(column[name], cell) for column, cell in zip(table.values(), row, strict=True)]
@@ -215,80 +188,46 @@ def _map(summary: Summary, factor: str, title: str) -> dict[str, Any]:
     ]
     known = [cell for row in cells for cell in row if cell]
     low, high = (min(known), max(known)) if known else (1.0, 10.0)
-    figure = {
-        "file": f"map_{factor}", "title": f"RMS error [mm] by {factor}",
-        "rows": names, "columns": list(table), "cells": cells, "marks": marks,
-        "low": low, "high": max(high, 1.01 * low),
-    }  # fmt: skip
+    heading, high = f"RMS error [mm] by {factor}", max(high, 1.01 * low)
+    figure = HeatMap(f"map_{factor}", heading, names, list(table), cells, marks, low, high)
     words = "RMS error in mm, over all scenarios of a column; a star: not all runs were completed."
-    return {"title": title, "text": [words], "figures": [figure]}
+    return Section(title, [words], figures=[figure])
 
 
 def _mark(found: PooledErrors, cell: float | None) -> str:
     return text(cell, 3) + ("*" if found.failures else "")
 
 
-def _ride(summary: Summary) -> dict[str, Any]:
-    columns = {
-        "name": "controller",
-        "iso": "ISO 11270 kept [%]",
-        "r79": "UN R79 kept [%]",
-        "of": "of runs",
-        "weighted": "ISO 2631 acceleration [m/s²]",
-        "saturated": "steps clipped [%]",
-        "fallbacks": "fallbacks",
-        "whole": "computing time of a step, everything [us]",
-        "late50": "steps over 50 ms",
-        "late10": "steps over 10 ms",
-        "steps": "steps",
-    }
+def _ride(summary: Summary) -> Section:
     rows = [
         {
-            "name": name,
-            "iso": _scaled(found.iso_11270_share, _PERCENT),
-            "r79": _scaled(found.r79_share, _PERCENT),
-            "of": found.gentle_runs,
-            "weighted": found.weighted_acceleration_m_s2,
-            "saturated": _scaled(found.saturated_share, _PERCENT),
+            "controller": name,
+            "ISO 11270 kept [%]": scaled(found.iso_11270_share, _PERCENT),
+            "UN R79 kept [%]": scaled(found.r79_share, _PERCENT),
+            "of runs": found.gentle_runs,
+            "ISO 2631 acceleration [m/s²]": found.weighted_acceleration_m_s2,
+            "steps clipped [%]": scaled(found.saturated_share, _PERCENT),
             "fallbacks": found.fallbacks,
-            "whole": text(found.computing_us_per_step, 3),
-            "late50": found.deadline_misses_50ms,
-            "late10": found.deadline_misses_10ms,
+            "computing time of a step, everything [us]": text(found.computing_us_per_step, 3),
+            "steps over 50 ms": found.deadline_misses_50ms,
+            "steps over 10 ms": found.deadline_misses_10ms,
             "steps": found.control_steps,
         }
         for name, found in summary.controllers.items()
     ]
-    return {
-        "title": "Comfort and effort",
-        "text": [
-            "ISO 11270 and UN R79 allow 3 m/s² and 5 m/s³ of lateral acceleration and jerk. Their "
-            "shares are over the runs whose path needs no more than 3 m/s²: elsewhere no "
-            "controller could keep to it. Computing times hold whatever else the machine did; "
-            "everything is plant, sensing, controller, record and metrics, in processor time."
-        ],
-        "tables": [{"title": "Ride and computing", "columns": columns, "rows": rows}],
-    }
+    words = (
+        "ISO 11270 and UN R79 allow 3 m/s² and 5 m/s³ of lateral acceleration and jerk. Their "
+        "shares are over the runs whose path needs no more than 3 m/s²: elsewhere no "
+        "controller could keep to it. Computing times hold whatever else the machine did; "
+        "everything is plant, sensing, controller, record and metrics, in processor time."
+    )
+    return Section("Comfort and effort", [words], tables=[Table("Ride and computing", rows)])
 
 
-def _intervals(
-    title: str,
-    axis: str,
-    found: Mapping[str, ControllerSummary],
-    values: Mapping[str, IntervalEstimate],
-) -> dict[str, Any]:
-    points = [
-        {"name": name, "group": k, "diamond": one.learned, **values[name].model_dump()}
+def _points(
+    found: Mapping[str, ControllerSummary], values: Mapping[str, IntervalEstimate]
+) -> list[ShownEstimate]:
+    return [
+        ShownEstimate(name, **values[name].model_dump(), look=k, diamond=one.learned)
         for k, (name, one) in enumerate(found.items())
     ]
-    return {"title": title, "x": axis, "points": points}
-
-
-def _interval(found: IntervalEstimate | None) -> str:
-    if found is None or found.value is None:
-        return text(None)
-    value, low, high = (text(number, 3) for number in (found.value, found.low, found.high))
-    return f"{value} [{low}, {high}]"
-
-
-def _scaled(value: float | None, scale: float = _MM) -> float | None:
-    return None if value is None else scale * value

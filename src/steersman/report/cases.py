@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from steersman.bench.replay import ShownCase
 from steersman.bench.results import Summary
+from steersman.report.article import Line, LinePlot, Section, Table
 from steersman.report.html import CORRIDOR
 from steersman.report.scene import RoadGroup
 from steersman.report.seen import recorded
@@ -38,61 +38,51 @@ def _group(case: ShownCase, rank: Mapping[str, int]) -> RoadGroup:
     return RoadGroup(title, drives, float(width), [rank[name] for name in episodes])
 
 
-def worst(summary: Summary, cases: Sequence[ShownCase]) -> list[dict[str, Any]]:
+def worst(summary: Summary, cases: Sequence[ShownCase]) -> list[Section]:
     """The section of the worst cases; none without them."""
     shown = [case for case in cases if case.which == "worst"]
     if not shown:
         return []
-    columns = {
-        "controller": "controller",
-        "scenario": "scenario",
-        "end": "ended by",
-        "rms": "RMS, charged [mm]",
-        "best": "best there",
-        "best_rms": "its RMS [mm]",
-    }
     rows = [
         {
             "controller": case.controller,
             "scenario": case.scenario,
-            "end": case.end.replace("_", " "),
-            "rms": _MM * case.rms_m,
-            "best": case.best,
-            "best_rms": _MM * case.best_rms_m,
+            "ended by": case.end.replace("_", " "),
+            "RMS, charged [mm]": _MM * case.rms_m,
+            "best there": case.best,
+            "its RMS [mm]": _MM * case.best_rms_m,
         }
         for case in shown
     ]
     rank = places(summary)
+    text = (
+        "The scenario of each controller's largest error, driven once more: the road "
+        "around the place where the drive ended early, or where the error was largest."
+    )
+    figures = [figure for k, case in enumerate(shown) for figure in _figures(case, k, rank)]
     return [
-        {
-            "title": "Worst cases",
-            "text": [
-                "The scenario of each controller's largest error, driven once more: the road "
-                "around the place where the drive ended early, or where the error was largest."
-            ],
-            "tables": [{"title": "Worst scenario of each", "columns": columns, "rows": rows}],
-            "figures": [
-                figure for k, case in enumerate(shown) for figure in _figures(case, k, rank)
-            ],
-        }
+        Section(
+            "Worst cases", [text], tables=[Table("Worst scenario of each", rows)], figures=figures
+        )
     ]
 
 
-def _figures(case: ShownCase, k: int, rank: Mapping[str, int]) -> list[dict[str, Any]]:
+def _figures(case: ShownCase, k: int, rank: Mapping[str, int]) -> list[LinePlot]:
     """The driven line on the road, and how far from it."""
     who = {
         "driven": (case.controller, rank[case.controller]),
         "best": (f"best: {case.best}", rank[case.best]),
         "path": ("path", GREY_DOTS),
     }
-    found = {who[key]: line for key, line in case.lines().items()}
-    looks = [{"name": name, "look": style} for name, style in found]
-    lines = [{**one, "x": line.x, "y": line.y}
-             for one, line in zip(looks, found.values(), strict=True)]  # fmt: skip
-    offsets = [{**one, "x": line.along, "y": line.offset}
-               for one, line in zip(looks, found.values(), strict=True) if line.offset]  # fmt: skip
+    lines, offsets = [], []
+    for key, line in case.lines().items():
+        name, look = who[key]
+        lines.append(Line(name, line.x, line.y, look=look))
+        if line.offset:
+            offsets.append(Line(name, line.along, line.offset, look=look))
     title = f"{case.controller}: {case.scenario.rpartition('/')[0]}"
-    line = {"file": f"worst_{k}", "title": title, "x": "x [m]", "y": "y [m]", "equal": True}
-    offset = {"file": f"offset_{k}", "title": title, "x": "distance driven [m]",
-              "y": "offset, left positive [m]"}  # fmt: skip
-    return [{**line, "lines": lines}, {**offset, "lines": offsets}]
+    axes = ("distance driven [m]", "offset, left positive [m]")
+    return [
+        LinePlot(f"worst_{k}", title, "x [m]", "y [m]", lines, equal=True),
+        LinePlot(f"offset_{k}", title, *axes, offsets),
+    ]

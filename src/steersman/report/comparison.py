@@ -9,14 +9,14 @@ from typing import Any
 from steersman.bench.along import ALONG, STEP, AlongComparison
 from steersman.bench.pairs import FIGURES, PairedComparison, PathPairs
 from steersman.bench.replay import ShownCase
-from steersman.bench.results import IntervalEstimate
 from steersman.episode import Episode
 from steersman.report import benchmark
-from steersman.report.article import write_article
+from steersman.report.article import Line, LinePlot, Section, Table, write_article
 from steersman.report.cases import replays
+from steersman.report.charts import IntervalPlot, ShownEstimate
 from steersman.report.html import write_report
-from steersman.report.runs import ReportRun, Table, read_progress
-from steersman.report.tables import text
+from steersman.report.runs import ReportRun, read_progress
+from steersman.report.tables import interval_text, scaled, text
 from steersman.studies.compare.results import (
     AnyComparison,
     CompareResult,
@@ -55,24 +55,14 @@ def rows(result: AnyComparison, k: int, gap: str = " ") -> list[dict[str, str]]:
     return [
         {
             "figure": f"{figure.label} [{figure.unit}]",
-            "base": _number(one.base, figure.scale),
-            "own": _number(one.own, figure.scale),
-            "difference": _interval(one.difference, figure.scale, gap),
-            "ratio": _interval(one.ratio, 1.0, gap),
+            "base": text(scaled(one.base, figure.scale), 3),
+            "own": text(scaled(one.own, figure.scale), 3),
+            "difference": interval_text(one.difference, figure.scale, gap),
+            "ratio": interval_text(one.ratio, gap=gap),
         }
         for name, figure in figures.items()
         if found is not None and (one := found.figures.get(name)) is not None
     ]
-
-
-def _number(value: float | None, scale: float) -> str:
-    return text(None if value is None else scale * value, 3)
-
-
-def _interval(found: IntervalEstimate, scale: float, gap: str) -> str:
-    value, low, high = (_number(v, scale) for v in (found.value, found.low, found.high))
-    known = found.low is not None and found.high is not None
-    return f"{value}{gap}[{low}, {high}]" if known else value
 
 
 def sentences(found: AnyComparison, k: int) -> list[str]:
@@ -142,18 +132,17 @@ def _runs(found: DriveCompareResult, episodes: Mapping[str, Episode]) -> list[Re
         ReportRun(name, episode=episode, metrics=found.metrics[name], config=_driven(episode))
         for name, episode in episodes.items()
     ]
-    columns = {"letter": "", "name": "drive", "source": "from"}
-    who = [dict(zip(columns, line, strict=True)) for line in legend(found)]
+    who = [dict(zip(("", "drive", "from"), line, strict=True)) for line in legend(found)]
     tables = [
         ReportRun(
-            f"comparison {k}", table=Table(" ".join(sentences(found, k)), headers(found, k), lines)
+            f"comparison {k}", table=Table(" ".join(sentences(found, k)), lines, headers(found, k))
         )
         for k in range(len(found.comparisons))
         if (lines := rows(found, k))
     ]
-    notes = Table("To keep in mind", {"note": ""}, [{"note": line} for line in found.warnings])
+    notes = Table("To keep in mind", [{"": line} for line in found.warnings])
     legends = [
-        ReportRun("drives", table=Table("Drives", columns, who)),
+        ReportRun("drives", table=Table("Drives", who)),
         ReportRun("notes", table=notes),
     ]
     return [*drives, *legends, *tables]
@@ -165,30 +154,26 @@ def _driven(episode: Episode) -> dict[str, Any]:
     return dict(config if isinstance(config, Mapping) else episode.meta)
 
 
-def _against(found: ScenarioCompareResult) -> list[dict[str, Any]]:
+def _against(found: ScenarioCompareResult) -> list[Section]:
     """A section for each comparison, the first with the legend and the warnings."""
-    out: list[dict[str, Any]] = []
+    out: list[Section] = []
     for k, compared in enumerate(found.comparisons):
         columns = headers(found, k)
         a, b = columns["base"], columns["own"]
-        points = [
-            {"name": path, "group": 0, "low": None, "high": None, "value": _ratio(one)}
-            for path, one in compared.by_path.items()
-        ]
+        points = [ShownEstimate(path, _ratio(one)) for path, one in compared.by_path.items()]
         title = f"RMS error of {b} over that of {a}, by path"
+        heading = "Pair by pair, with 95 % intervals of a bootstrap over paths"
         out.append(
-            {
-                "title": f"{b} against {a}: {compared.name}",
-                "text": sentences(found, k),
-                "tables": [{"title": "Pair by pair, with 95 % intervals of a bootstrap over paths",
-                            "columns": columns, "rows": rows(found, k)}],
-                "figures": [{"file": f"ratio_{b}", "title": title, "x": "ratio",
-                             "points": points}],
-            }
-        )  # fmt: skip
+            Section(
+                f"{b} against {a}: {compared.name}",
+                sentences(found, k),
+                tables=[Table(heading, rows(found, k), columns)],
+                figures=[IntervalPlot(f"ratio_{b}", title, "ratio", points)],
+            )
+        )
     who = [f"{letter}: {name} ({source})." for letter, name, source in legend(found)]
-    out[0]["text"] = [*who, *out[0]["text"]]
-    out[0]["warnings"] = [f"{line[:1].upper()}{line[1:]}." for line in found.warnings]
+    warnings = [f"{line[:1].upper()}{line[1:]}." for line in found.warnings]
+    out[0] = out[0]._replace(text=[*who, *out[0].text], warnings=warnings)
     return out
 
 
@@ -196,19 +181,17 @@ def _ratio(one: PathPairs) -> float | None:
     return one.own / one.base if one.base else None
 
 
-def _trainings(found: ScenarioCompareResult) -> list[dict[str, Any]]:
+def _trainings(found: ScenarioCompareResult) -> list[Section]:
     """The trainings among the contestants; nothing if there are none."""
     trained = {one.name: one for one in found.contestants if one.training is not None}
     if not trained:
         return []
-    columns = {"name": "training", "steps": "steps", "simulated_seconds": "simulated [s]",
-               "error": "validation error [mm]", "failures": "failures"}  # fmt: skip
     lines = [
         {
-            "name": one.name,
+            "training": one.name,
             "steps": one.training.steps,
-            "simulated_seconds": one.training.simulated_seconds,
-            "error": _number(one.training.validation_mean_error, 1e3),
+            "simulated [s]": one.training.simulated_seconds,
+            "validation error [mm]": text(scaled(one.training.validation_mean_error, 1e3), 3),
             "failures": one.training.validation_failures,
         }
         for one in trained.values()
@@ -216,18 +199,13 @@ def _trainings(found: ScenarioCompareResult) -> list[dict[str, Any]]:
     ]
     records = {name: read_progress(FilePath(one.source) / "progress.csv")
                for name, one in trained.items()}  # fmt: skip
-    return [
-        {
-            "title": "Trainings",
-            "text": ["The exported policy of each, and the records of the trainings."],
-            "tables": [{"title": "Trainings", "columns": columns, "rows": lines}],
-            "figures": [
-                _curve(records, column, title)
-                for column, title in _CURVES.items()
-                if all(_drawable(record, column) for record in records.values())
-            ],
-        }
+    figures = [
+        _curve(records, column, title)
+        for column, title in _CURVES.items()
+        if all(_drawable(record, column) for record in records.values())
     ]
+    words = "The exported policy of each, and the records of the trainings."
+    return [Section("Trainings", [words], tables=[Table("Trainings", lines)], figures=figures)]
 
 
 def _drawable(record: Mapping[str, Any], column: str) -> bool:
@@ -235,10 +213,7 @@ def _drawable(record: Mapping[str, Any], column: str) -> bool:
     return {"steps", column} <= set(record) and len(record["steps"]) > 1
 
 
-def _curve(records: Mapping[str, Mapping[str, Any]], column: str, title: str) -> dict[str, Any]:
-    lines = [
-        {"name": name, "x": record["steps"].tolist(), "y": record[column].tolist()}
-        for name, record in records.items()
-    ]
-    return {"file": column, "title": title.partition(" [")[0], "x": "environment steps",
-            "y": title, "log": column.endswith("_mm"), "lines": lines}  # fmt: skip
+def _curve(records: Mapping[str, Mapping[str, Any]], column: str, title: str) -> LinePlot:
+    lines = [Line(name, record["steps"], record[column]) for name, record in records.items()]
+    axes, log = ("environment steps", title), column.endswith("_mm")
+    return LinePlot(column, title.partition(" [")[0], *axes, lines, log=log)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 from pathlib import Path as FilePath
-from typing import Any
 
-from steersman.report.article import write_article
+from steersman.report.article import Line, LinePlot, Section, Table, write_article
 from steersman.report.tables import text
-from steersman.studies.findings import FalsifyResult, SingleFailure
+from steersman.studies.findings import FalsifyResult, MildestFailure, SingleFailure
 
 _MM = 1e3
 _NAMES = {
@@ -17,6 +16,12 @@ _NAMES = {
     "delay": "steering delay [s]",
     "waypoint_noise": "waypoint noise [m]",
     "speed": "speed, factor",
+}
+_SINGLE = {
+    "name": "disturbance",
+    "holds": "holds at",
+    "fails": "fails at",
+    "norm": "share of its range",
 }
 _PHRASES = {
     "mass": "mass x {}",
@@ -42,15 +47,16 @@ def write_falsification(result: FalsifyResult, out: FilePath) -> bool:
     """
     if find_spec("jinja2") is None:
         return False
-    kind = result.config["controller"]["kind"]
-    sections: list[dict[str, Any]] = [
-        {
-            "title": "The mildest failure",
-            "text": [*sentences(result), _explained(result)],
-            "tables": [_mildest(result)] if result.mildest else [],
-        },
-        {"title": "One disturbance at a time", "text": [], "tables": [_singles(result)]},
-        {"title": "What was tried", "text": [], "figures": [_figure(result)]},
+    kind, mildest = result.config["controller"]["kind"], result.mildest
+    singles = Table("By bisection", single_rows(result), _SINGLE)
+    sections = [
+        Section(
+            "The mildest failure",
+            [*sentences(result), _explained(result)],
+            tables=[_mildest(result, mildest)] if mildest else [],
+        ),
+        Section("One disturbance at a time", tables=[singles]),
+        Section("What was tried", figures=[_figure(result)]),
     ]
     if not result.singles:
         del sections[1]
@@ -129,43 +135,25 @@ def _explained(result: FalsifyResult) -> str:
     )
 
 
-def _mildest(result: FalsifyResult) -> dict[str, Any]:
-    mildest = result.mildest
-    assert mildest is not None
+def _mildest(result: FalsifyResult, mildest: MildestFailure) -> Table:
     rows = [
-        {"name": _NAMES[name], "value": value, "share": mildest.point[name]}
+        {"quantity": _NAMES[name], "value": value, "share of its range": mildest.point[name]}
         for name, value in mildest_values(result).items()
     ]
-    columns = {"name": "quantity", "value": "value", "share": "share of its range"}
-    return {"title": "Its disturbance", "columns": columns, "rows": rows}
+    return Table("Its disturbance", rows)
 
 
-def _singles(result: FalsifyResult) -> dict[str, Any]:
-    columns = {
-        "name": "disturbance",
-        "holds": "holds at",
-        "fails": "fails at",
-        "norm": "share of its range",
-    }
-    return {"title": "By bisection", "columns": columns, "rows": single_rows(result)}
-
-
-def _figure(result: FalsifyResult) -> dict[str, Any]:
-    drives = result.drives
-    lines = [
-        {
-            "name": name,
-            "dots": 3.0,
-            "x": [row.norm for row in drives if row.failed is failed],
-            "y": [_MM * row.max_error_m for row in drives if row.failed is failed],
-        }
-        for name, failed in (("stayed on the road", False), ("failed", True))
-    ]
-    return {
-        "file": "tried",
-        "title": "Largest error of every drive",
-        "x": "norm of the disturbance [-]",
-        "y": "largest |lateral error| [mm]",
-        "log": True,
-        "lines": lines,
-    }
+def _figure(result: FalsifyResult) -> LinePlot:
+    lines = []
+    for name, failed in (("stayed on the road", False), ("failed", True)):
+        rows = [row for row in result.drives if row.failed is failed]
+        errors = [_MM * row.max_error_m for row in rows]
+        lines.append(Line(name, [row.norm for row in rows], errors, dots=3.0))
+    return LinePlot(
+        "tried",
+        "Largest error of every drive",
+        "norm of the disturbance [-]",
+        "largest |lateral error| [mm]",
+        lines,
+        log=True,
+    )

@@ -29,11 +29,24 @@ _PLAIN_PARTS = frozenset({"episode", "episodes", "progress", "metrics"})
 
 @dataclass(frozen=True)
 class Table:
-    """A table made elsewhere: rows as mappings, and for each column the text of its header."""
+    """A table made elsewhere; a row may lack some of the columns.
+
+    Attributes:
+        title: what stands above it.
+        rows: mappings from a column's key to a value.
+        columns: the header of each column by its key; None: every key of the rows is a header.
+    """
 
     title: str
-    columns: Mapping[str, str]
     rows: Sequence[Mapping[str, Any]]
+    columns: Mapping[str, str] | None = None
+
+    @property
+    def headers(self) -> Mapping[str, str]:
+        """The header of each column by its key; without ``columns`` in order of appearance."""
+        if self.columns is None:
+            return {key: key for row in self.rows for key in row}
+        return self.columns
 
 
 @dataclass(frozen=True)
@@ -201,13 +214,13 @@ def read_table(file: FilePath) -> Table:
     rows = whole.get("rows")
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise DataError(f"{file}: not a table; expected 'rows', a list of objects")
-    columns = whole.get("columns") or list(dict.fromkeys(key for row in rows for key in row))
+    columns = whole.get("columns") or None
     if isinstance(columns, list) and all(isinstance(key, str) for key in columns):
         columns = {key: key for key in columns}
-    if not isinstance(columns, dict):
+    if not isinstance(columns, dict | None):
         raise DataError(f"{file}: 'columns' must map keys to header texts, or list keys")
-    headers = {key: str(text) for key, text in columns.items()}
-    return Table(str(whole.get("title", file.stem)), headers, rows)
+    headers = columns and {key: str(text) for key, text in columns.items()}
+    return Table(str(whole.get("title", file.stem)), rows, headers)
 
 
 def read_progress(file: FilePath) -> dict[str, FloatArray]:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+from steersman.bench.results import IntervalEstimate
 from steersman.metrics.base import metrics
 from steersman.report.runs import ReportRun, Table
 
@@ -67,6 +68,21 @@ def text(value: Any, digits: int = 4) -> str:
     if isinstance(value, (list, tuple)):
         return ", ".join(text(item, digits) for item in value)
     return str(value)
+
+
+def scaled(value: float | None, factor: float) -> float | None:
+    """A value in another unit; None stays None."""
+    return None if value is None else factor * value
+
+
+def interval_text(found: IntervalEstimate | None, scale: float = 1.0, gap: str = " ") -> str:
+    """An estimate with its interval in brackets, if there is one; ``gap`` is before it."""
+    if found is None or found.value is None:
+        return NOTHING
+    value, low, high = (
+        text(scaled(number, scale), 3) for number in (found.value, found.low, found.high)
+    )
+    return value if found.low is None or found.high is None else f"{value}{gap}[{low}, {high}]"
 
 
 def cell(value: Any) -> Cell:
@@ -195,9 +211,9 @@ class Grid(NamedTuple):
 
 def grid(table: Table) -> Grid:
     """The cells of a table made elsewhere; headers stand over their columns' cells."""
-    rows = [[cell(row.get(key)) for key in table.columns] for row in table.rows]
+    rows = [[cell(row.get(key)) for key in table.headers] for row in table.rows]
     headers = [
         Cell(header, number=bool(rows) and all(row[k].number for row in rows))
-        for k, header in enumerate(table.columns.values())
+        for k, header in enumerate(table.headers.values())
     ]
     return Grid(table.title, headers, rows)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path as FilePath
-from typing import Any
 
 from steersman.files import write_text
-from steersman.report.article import write_article
-from steersman.report.svg import line_plot
-from steersman.report.tables import text
+from steersman.report.article import Line, LinePlot, Section, Table, write_article
+from steersman.report.tables import scaled, text
 from steersman.studies.trials import TRADED, TuningTrial, TuningTrials
 
 _MM, _PER_MILLE, _MINUTE = 1e3, 1e3, 60.0
@@ -33,36 +31,34 @@ def write_tuning(trade: TuningTrials, folder: FilePath) -> bool:
     """
     figure = pareto_figure(trade)
     if find_spec("jinja2") is None:
-        write_text(folder / "pareto.svg", line_plot(figure))
+        write_text(folder / "pareto.svg", figure.svg())
         return False
-    section = {
-        "title": "Error against steering activity",
-        "text": [chosen_words(trade), _explained(trade)],
-        "tables": [_table(trade)],
-        "figures": [figure],
-    }
+    text = [chosen_words(trade), _explained(trade)]
+    section = Section(
+        "Error against steering activity", text, tables=[_table(trade)], figures=[figure]
+    )
     title = f"Tuning of {trade.controller}"
     write_article([section], folder / "report.html", title, plots=".")
     return True
 
 
-def pareto_figure(trade: TuningTrials) -> dict[str, Any]:
-    """The trials as :func:`steersman.report.svg.line_plot` takes them; far ones are left out."""
+def pareto_figure(trade: TuningTrials) -> LinePlot:
+    """The trials; those that are much worse than the chosen one are left out."""
     rows = [row for row in trade.trials if row.rms_error_m is not None]
     kept = _near(rows)
-    return {
-        "file": "pareto",
-        "title": f"Trials of {trade.controller}",
-        "x": "steering activity: RMS change of the command in a step [1/1000]",
-        "y": "RMS lateral error [mm]",
-        "log": True,
-        "log_x": True,
-        "lines": [
-            _dots("trials", 2.5, kept, lambda row: not row.on_front),
-            _dots("Pareto front", 4.0, kept, lambda row: row.on_front),
-            _dots("chosen", 6.0, kept, lambda row: row.chosen),
+    return LinePlot(
+        "pareto",
+        f"Trials of {trade.controller}",
+        "steering activity: RMS change of the command in a step [1/1000]",
+        "RMS lateral error [mm]",
+        [
+            _dots("trials", 2.5, [row for row in kept if not row.on_front]),
+            _dots("Pareto front", 4.0, [row for row in kept if row.on_front]),
+            _dots("chosen", 6.0, [row for row in kept if row.chosen]),
         ],
-    }
+        log=True,
+        log_x=True,
+    )
 
 
 def _near(rows: Sequence[TuningTrial]) -> list[TuningTrial]:
@@ -81,19 +77,9 @@ def _near_chosen(row: TuningTrial, chosen: TuningTrial, name: str) -> bool:
     return not most or bool(getattr(row, name) <= _FAR * most)
 
 
-def _dots(
-    name: str,
-    size: float,
-    rows: Sequence[TuningTrial],
-    wanted: Callable[[TuningTrial], bool],
-) -> dict[str, Any]:
-    mine = [row for row in rows if wanted(row)]
-    return {
-        "name": name,
-        "dots": size,
-        "x": [_PER_MILLE * (row.steer_change_rms or 0.0) for row in mine],
-        "y": [_MM * (row.rms_error_m or 0.0) for row in mine],
-    }
+def _dots(name: str, size: float, rows: Sequence[TuningTrial]) -> Line:
+    changes = [_PER_MILLE * (row.steer_change_rms or 0.0) for row in rows]
+    return Line(name, changes, [_MM * (row.rms_error_m or 0.0) for row in rows], dots=size)
 
 
 def chosen_words(trade: TuningTrials) -> str:
@@ -131,28 +117,20 @@ def _explained(trade: TuningTrials) -> str:
     )
 
 
-def _table(trade: TuningTrials) -> dict[str, Any]:
+def _table(trade: TuningTrials) -> Table:
     shown = [row for row in trade.trials if row.on_front or row.chosen]
-    columns = {
-        "number": "trial",
-        "mark": "",
-        "cost": "cost [mm]",
-        "error": "RMS error [mm]",
-        "change": "steering [1/1000]",
-        "failures": "failures",
-    }
     rows = [
         {
-            "number": row.number,
-            "mark": "chosen" if row.chosen else "",
-            "cost": _MM * row.cost_m,
-            "error": None if row.rms_error_m is None else _MM * row.rms_error_m,
-            "change": None if row.steer_change_rms is None else _PER_MILLE * row.steer_change_rms,
+            "trial": row.number,
+            "": "chosen" if row.chosen else "",
+            "cost [mm]": scaled(row.cost_m, _MM),
+            "RMS error [mm]": scaled(row.rms_error_m, _MM),
+            "steering [1/1000]": scaled(row.steer_change_rms, _PER_MILLE),
             "failures": row.failures,
         }
         for row in sorted(shown, key=lambda row: row.cost_m)
     ]
-    return {"title": "The front and the chosen trial", "columns": columns, "rows": rows}
+    return Table("The front and the chosen trial", rows)
 
 
 def _mm(value: float | None) -> str:
