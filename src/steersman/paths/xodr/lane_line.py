@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from steersman.errors import DataError
-from steersman.paths.xodr.model import Cubic, ReferencePiece, RoadRecord, Section
+from steersman.paths.xodr.model import Cubic, LaneSection, ReferencePiece, RoadRecord
 from steersman.paths.xodr.reference import points
 from steersman.types import FloatArray
 
@@ -39,7 +39,7 @@ class Curve(NamedTuple):
         return Curve(self.x[::-1], self.y[::-1], self.psi[::-1] + np.pi, self.s[::-1])
 
 
-def lane_line(road: RoadRecord, section: Section, number: int) -> list[Curve]:
+def lane_line(road: RoadRecord, section: LaneSection, number: int) -> list[Curve]:
     """The centre of a lane in one section: a curve for each stretch without a break of records.
 
     Raises:
@@ -60,7 +60,7 @@ def lane_line(road: RoadRecord, section: Section, number: int) -> list[Curve]:
     return out
 
 
-def _marks(road: RoadRecord, section: Section, number: int) -> list[float]:
+def _marks(road: RoadRecord, section: LaneSection, number: int) -> list[float]:
     """Where a record begins that bears on the lane, within the section, its ends included."""
     places = {section.start, section.end}
     places.update(geometry.s for geometry in road.geometries)
@@ -97,7 +97,7 @@ def _record(rows: tuple[Cubic, ...], s: float) -> Cubic | None:
 
 
 def _offset(
-    road: RoadRecord, section: Section, number: int, start: float, middle: float
+    road: RoadRecord, section: LaneSection, number: int, start: float, middle: float
 ) -> tuple[float, float, float, float]:
     """Coefficients of the centre's offset, left positive, over the distance from ``start``.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from steersman.paths.xodr.model import LEFT, RIGHT, Lane, RoadNetwork, Section, Side
+from steersman.paths.xodr.model import LEFT, RIGHT, Lane, LaneSection, RoadNetwork, Side
 
 DRIVABLE = frozenset(
     ("driving", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "slipLane")
@@ -29,7 +29,7 @@ class LaneGraph:
         """All of ``network``."""
         self.network = network
 
-    def section(self, place: Place) -> Section:
+    def section(self, place: Place) -> LaneSection:
         """The section of a place."""
         return self.network.roads[place.road].sections[place.side][place.section]
 

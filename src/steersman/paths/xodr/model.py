@@ -63,7 +63,7 @@ class Lane(NamedTuple):
     line: int
 
 
-class Section(NamedTuple):
+class LaneSection(NamedTuple):
     """A stretch of a road with the same lanes on one of its sides."""
 
     start: float
@@ -94,7 +94,7 @@ class RoadRecord(NamedTuple):
     geometries: tuple[ReferencePiece, ...]
     offset: tuple[Cubic, ...]
     """Lane offset."""
-    sections: dict[Side, tuple[Section, ...]]
+    sections: dict[Side, tuple[LaneSection, ...]]
     before: Contact | None
     after: Contact | None
     line: int

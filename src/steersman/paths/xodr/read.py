@@ -13,10 +13,10 @@ from steersman.paths.xodr.model import (
     Contact,
     Cubic,
     Lane,
+    LaneSection,
     ReferencePiece,
     RoadNetwork,
     RoadRecord,
-    Section,
     Side,
 )
 from steersman.paths.xodr.xml import Node, parse
@@ -149,9 +149,9 @@ def _cubics(nodes: Iterable[Node], where: str) -> tuple[Cubic, ...]:
     return tuple(sorted(rows, key=lambda row: row.s))
 
 
-def _sections(lanes: Node, length: float) -> dict[Side, tuple[Section, ...]]:
+def _sections(lanes: Node, length: float) -> dict[Side, tuple[LaneSection, ...]]:
     """Lane sections by side; a section may be valid for one side alone."""
-    out: dict[Side, tuple[Section, ...]] = {}
+    out: dict[Side, tuple[LaneSection, ...]] = {}
     for side, name in ((LEFT, "left"), (RIGHT, "right")):
         found: list[tuple[float, dict[int, Lane]]] = []
         for node in lanes.children("laneSection"):
@@ -165,7 +165,7 @@ def _sections(lanes: Node, length: float) -> dict[Side, tuple[Section, ...]]:
         ends = [*(start for start, _ in found[1:]), length]
         # An empty section stays: the links of its neighbours' lanes go through it.
         out[side] = tuple(
-            Section(min(start, length), min(end, length), numbers)
+            LaneSection(min(start, length), min(end, length), numbers)
             for (start, numbers), end in zip(found, ends, strict=True)
         )
     return out
