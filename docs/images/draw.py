@@ -20,7 +20,7 @@ import controller_figures  # noqa: E402 - they lie beside this file, which is no
 import learning_figures  # noqa: E402
 import vehicle_figures  # noqa: E402
 
-from steersman.report.svg import Line, LinePlot  # noqa: E402
+from steersman.report.svg import LinePlot, PlotLine  # noqa: E402
 
 FIGURES: dict[str, Callable[[], dict[str, Any]]] = {
     **vehicle_figures.FIGURES,
@@ -32,7 +32,7 @@ FIGURES: dict[str, Callable[[], dict[str, Any]]] = {
 def drawn(name: str) -> str:
     """A figure as SVG."""
     figure = FIGURES[name]()
-    lines = [Line(**line) for line in figure.pop("lines")]
+    lines = [PlotLine(**line) for line in figure.pop("lines")]
     return LinePlot(name, lines=lines, **figure).svg()
 
 

@@ -25,7 +25,7 @@ def ended(row: Mapping[str, Any]) -> str:
 def circle_section(found: Mapping[str, Any]) -> article.Section:
     """The paper's table."""
     rows: list[dict[str, Any]] = []
-    findings: list[article.Finding] = []
+    findings: list[article.PageFinding] = []
     for test in found["tests"]:
         for driver, s in test["drivers"].items():
             if s["seeds"]:
@@ -72,7 +72,9 @@ def _circle_row(test: str, driver: str, s: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _circle_findings(test: Mapping[str, Any], agent: Mapping[str, Any]) -> list[article.Finding]:
+def _circle_findings(
+    test: Mapping[str, Any], agent: Mapping[str, Any]
+) -> list[article.PageFinding]:
     paper, mine, name = test["paper"], agent["median"], test["test"]
     lost = agent["seeds"] - agent["completed"]
     if 2 * lost >= agent["seeds"]:
@@ -80,10 +82,10 @@ def _circle_findings(test: Mapping[str, Any], agent: Mapping[str, Any]) -> list[
             f"{name}: {lost} of {agent['seeds']} seeds did not drive to the end (worst: "
             f"{ended(agent['worst'])}); the paper's agent did, with {paper['ale_mm']:g} mm."
         )
-        return [article.Finding(False, text)]
+        return [article.PageFinding(False, text)]
     factor = ratio(mine["ale_mm"], paper["ale_mm"])
     out = [
-        article.Finding(
+        article.PageFinding(
             None if factor is None else factor <= 1.0,
             f"{name}: ALE {number(mine['ale_mm'], 'mm')} against the paper's "
             f"{paper['ale_mm']:g} mm, {number(factor)} times (agrees: not larger); "
@@ -95,7 +97,7 @@ def _circle_findings(test: Mapping[str, Any], agent: Mapping[str, Any]) -> list[
     if least:
         away = abs(mine["steady_aoe_deg"] - least)
         out.append(
-            article.Finding(
+            article.PageFinding(
                 abs(mine["aoe_deg"] - paper["aoe_deg"]) <= _CLOSE * paper["aoe_deg"],
                 f"{name}: AOE {number(mine['aoe_deg'])} deg against {paper['aoe_deg']:g} (agrees: "
                 f"within {percent(_CLOSE)}); side-slip alone makes {number(least)} deg at "
@@ -130,14 +132,14 @@ def robustness_section(found: Mapping[str, Any]) -> article.Section:
             (_AGENT, [a["median"].get("ale_mm") for a in agents]),
             (_MPC_PID, [m["ale_mm"] if m["completed"] else None for m in found[kind]["mpc_pid"]]),
         ):
-            lines.append(article.Line(f"{name}, {words}", found["ranges"], values))
+            lines.append(article.PlotLine(f"{name}, {words}", found["ranges"], values))
     series = found.get("series", [])
     figures = []
     for key, title, unit in (
         ("lateral_mm", "Lateral error", "mm"),
         ("heading_deg", "Heading error", "deg"),
     ):
-        over = [article.Line(f"{s['range']:g} m", s["time"], s[key]) for s in series]
+        over = [article.PlotLine(f"{s['range']:g} m", s["time"], s[key]) for s in series]
         whole = f"{title} at throttle {found['throttle']:g} (median seed)"
         figures.append(article.LinePlot(key, whole, "s", unit, over))
     figures.append(article.LinePlot("range", "Mean lateral error against range", "m", "mm", lines))
@@ -147,7 +149,7 @@ def robustness_section(found: Mapping[str, Any]) -> article.Section:
         if a["seeds"] and a["completed"] == a["seeds"]
     ]
     findings = [
-        article.Finding(
+        article.PageFinding(
             bool(held) and held[-1] == found["ranges"][-1],
             "With waypoints shifted anew at every step, all seeds stayed on the road with "
             + (f"{', '.join(f'{r:g}' for r in held)} m" if held else "no range")
@@ -157,7 +159,7 @@ def robustness_section(found: Mapping[str, Any]) -> article.Section:
     ]
     far, last = found["every_step"]["agent"][-1], found["every_step"]["mpc_pid"][-1]
     findings.append(
-        article.Finding(
+        article.PageFinding(
             None,
             f"With {found['ranges'][-1]:g} m the agent's mean |d| is "
             f"{number(far['median'].get('ale_mm'), 'mm')} in the median and "
@@ -186,8 +188,8 @@ def monza_section(found: Mapping[str, Any]) -> article.Section:
     if "line" in found:
         line = found["line"]
         both = [("path", "path_x", "path_y"), (f"driven, seed {line['seed']}", "x", "y")]
-        drawn = [article.Line(name, line[x], line[y]) for name, x, y in both]
-        along = [article.Line("lateral error", line["s"], line["lateral_error"])]
+        drawn = [article.PlotLine(name, line[x], line[y]) for name, x, y in both]
+        along = [article.PlotLine("lateral error", line["s"], line["lateral_error"])]
         figures = [
             article.LinePlot("monza", "Monza", "x [m]", "y [m]", drawn, equal=True),
             article.LinePlot("monza_error", "Lateral error along the lap", "m", "m", along),
@@ -207,7 +209,7 @@ def monza_section(found: Mapping[str, Any]) -> article.Section:
             f"({ended(agent['worst'])}); "
             f"MPC-PID: {number(found['mpc_pid']['ale_mm'], 'mm')}, {ended(found['mpc_pid'])}."
         )
-        findings = [article.Finding(agent["completed"] == agent["seeds"], text)]
+        findings = [article.PageFinding(agent["completed"] == agent["seeds"], text)]
     return article.Section(
         f"Monza at throttle {found['throttle']:g} (the paper's racing track)",
         ["At this throttle the car drives about 30 km/h, for which MPC-PID is tuned."],

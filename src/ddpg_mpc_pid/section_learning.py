@@ -21,18 +21,18 @@ _LOST = 1000.0
 _ASKED = 0.1
 
 
-def _line(method: Mapping[str, Any], column: str) -> article.Line:
+def _line(method: Mapping[str, Any], column: str) -> article.PlotLine:
     """A column over training: median and quartiles over seeds."""
     curve = method["curves"][column]
     band = (curve["median"], curve["low"], curve["high"])
-    return article.Line(method["label"], curve["steps"], *band)
+    return article.PlotLine(method["label"], curve["steps"], *band)
 
 
-def _against_time(method: Mapping[str, Any]) -> article.Line:
+def _against_time(method: Mapping[str, Any]) -> article.PlotLine:
     error, clock = method["curves"]["validation_error_mm"], method["curves"]["seconds"]["median"]
     count = min(len(error["median"]), len(clock))
     band = (error[name][:count] for name in ("median", "low", "high"))
-    return article.Line(method["label"], clock[:count], *band)
+    return article.PlotLine(method["label"], clock[:count], *band)
 
 
 def over_steps(
@@ -125,7 +125,7 @@ def _saving_table(learning: Mapping[str, Any]) -> article.Table:
     return article.Table("What the demonstration saves", rows)
 
 
-def _saving_findings(learning: Mapping[str, Any]) -> list[article.Finding]:
+def _saving_findings(learning: Mapping[str, Any]) -> list[article.PageFinding]:
     """The claim: training is accelerated. It holds where the interval lies above zero."""
     out = []
     for s in learning["savings"]:
@@ -136,7 +136,7 @@ def _saving_findings(learning: Mapping[str, Any]) -> list[article.Finding]:
         saving = s["steps"]["saving"]
         if saving is None:
             text = f"{goal}: no seed of '{label}' or of DDPG alone got there in this many steps."
-            out.append(article.Finding(None, text))
+            out.append(article.PageFinding(None, text))
             continue
         known = verdict(saving)
         end = {
@@ -149,7 +149,7 @@ def _saving_findings(learning: Mapping[str, Any]) -> list[article.Finding]:
             for cost, words in (("seconds", "the time"), ("off_track_resets", "the resets"))
         )
         out.append(
-            article.Finding(
+            article.PageFinding(
                 known,
                 f"{goal} '{label}' saved {interval(saving, 100.0)} % of the steps, {others}; "
                 f"{s['reached']} of {s['seeds'][1]} seeds got there, alone {s['alone_reached']} "
@@ -159,7 +159,7 @@ def _saving_findings(learning: Mapping[str, Any]) -> list[article.Finding]:
     return out
 
 
-def _spread_findings(learning: Mapping[str, Any]) -> list[article.Finding]:
+def _spread_findings(learning: Mapping[str, Any]) -> list[article.PageFinding]:
     """The claim: training is stabilised, read as a smaller spread over seeds."""
     out = []
     for s in learning["spread"]:
@@ -172,17 +172,17 @@ def _spread_findings(learning: Mapping[str, Any]) -> list[article.Finding]:
                 f"{number(s['alone_median_mm'], 'mm')}); smaller by {interval(s['smaller_by'])} mm "
                 "(agrees: the interval lies above zero; note: it holds zero)."
             )
-            out.append(article.Finding(verdict(s["smaller_by"]), text))
+            out.append(article.PageFinding(verdict(s["smaller_by"]), text))
     return out
 
 
-def _collapsed(methods: Mapping[str, Any]) -> list[article.Finding]:
+def _collapsed(methods: Mapping[str, Any]) -> list[article.PageFinding]:
     """What the paper does not report: seeds that never learn to drive."""
     seeds = [f"{lost(m)} with '{m['label']}'" for m in methods.values() if lost(m)]
     if not seeds:
         return []
     return [
-        article.Finding(
+        article.PageFinding(
             None,
             f"Seeds that never drove (best error over {_LOST / 1e3:g} m): {', '.join(seeds)}. "
             "Their policy soon sits at one limit of the action, where its gradient vanishes; "
@@ -191,7 +191,7 @@ def _collapsed(methods: Mapping[str, Any]) -> list[article.Finding]:
     ]
 
 
-def _smooth(methods: Mapping[str, Any]) -> list[article.Finding]:
+def _smooth(methods: Mapping[str, Any]) -> list[article.PageFinding]:
     """The claim: with both parts the actor loss falls smoothly."""
     if not {_ALONE, _CLAIMED} <= methods.keys():
         return []
@@ -202,7 +202,7 @@ def _smooth(methods: Mapping[str, Any]) -> list[article.Finding]:
     alone, both = shares
     known = None if alone is None or both is None or alone == both else both < alone
     return [
-        article.Finding(
+        article.PageFinding(
             known,
             f"The median actor loss rose from one validation to the next in {percent(both)} of "
             f"the cases with both, in {percent(alone)} alone (the paper: smoother with both). A "

@@ -39,13 +39,13 @@ def away_section(found: Mapping[str, Any]) -> article.Section:
     lost = elsewhere - counts["nominal"]
     others = "; ".join(f"{LABELS[n]}: {counts[n]}" for n in LABELS if n != "nominal")
     findings = [
-        article.Finding(
+        article.PageFinding(
             lost > 0,
             f"Away from home MPC-PID with true parameters stayed on the road in "
             f"{counts['nominal']} of {elsewhere} drives (the paper: it fails to; agrees: it left "
             f"at least once). {others}. The agents: {agent_held} of {agent_all}.",
         ),
-        article.Finding(
+        article.PageFinding(
             None,
             "Why: the linear model holds for one speed. If 'a model for each speed' stays where "
             "'true parameters' leaves, the failure is that of the fixed speed, not of MPC "
@@ -86,7 +86,7 @@ def timing_section(found: Mapping[str, Any]) -> article.Section:
         shares = [float(row["saved [1]"]) for row in savings]
         all_or_none = {len(shares): True, 0: False}
         findings = [
-            article.Finding(
+            article.PageFinding(
                 all_or_none.get(sum(share >= _SAVED for share in shares)),
                 f"Depending on which two implementations are compared, the policy saves between "
                 f"{percent(min(shares))} and {percent(max(shares))} of MPC's time a lap (the "

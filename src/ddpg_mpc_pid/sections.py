@@ -87,7 +87,7 @@ def coefficient_section(results: Mapping[str, Any]) -> article.Section:
         first, last = float(np.mean(track[:tenth])), float(np.mean(track[-tenth:]))
         trend = "rises" if last > first + 0.01 else "falls" if last < first - 0.01 else "stays"
         findings.append(
-            article.Finding(
+            article.PageFinding(
                 agrees,
                 f"'{method['label']}': c_track {trend} from {number(first)} to {number(last)}, "
                 f"between {number(min(track))} and {number(max(track))} (the paper: first the "
@@ -97,7 +97,7 @@ def coefficient_section(results: Mapping[str, Any]) -> article.Section:
     if FULL_METHOD in methods and methods[FULL_METHOD]["curves"]["c_track"]["median"]:
         last = methods[FULL_METHOD]["curves"]["c_track"]["median"][-1]
         findings.append(
-            article.Finding(
+            article.PageFinding(
                 None,
                 "Why: S(r_diff) is 1/2 when agent and demonstrator agree and never less; "
                 "S(r_track) tends to 1 as soon as the car tracks at speed (r_track is in m/s) and "
@@ -127,7 +127,7 @@ def ablation_section(results: Mapping[str, Any]) -> article.Section:
         factor = ratio(mine["value"], base["value"])
         apart = mine["high"] < base["low"] or mine["low"] > base["high"]
         findings.append(
-            article.Finding(
+            article.PageFinding(
                 None,
                 f"'{method['label']}': best error {interval(mine)} mm against {interval(base)} mm "
                 f"of the full method, {number(factor)} times; the intervals "

@@ -11,20 +11,20 @@ from xml.etree import ElementTree
 
 import pytest
 
-from steersman.report.article import Finding, Section, write_article
+from steersman.report.article import PageFinding, Section, write_article
 from steersman.report.runs import Table
 from steersman.report.signals import PALETTE
-from steersman.report.svg import HEIGHT, WIDTH, Line, LinePlot, axis_ticks
+from steersman.report.svg import HEIGHT, WIDTH, LinePlot, PlotLine, axis_ticks
 
 SVG = "{http://www.w3.org/2000/svg}"
 
 
-def figure(*lines: Line, **words: Any) -> LinePlot:
+def figure(*lines: PlotLine, **words: Any) -> LinePlot:
     return LinePlot("one", "a < b", "x [m]", "y & z", lines, **words)
 
 
-def line(y: list[Any], **words: Any) -> Line:
-    return Line(**{"name": "n<1>", "x": list(range(len(y))), "y": y} | words)
+def line(y: list[Any], **words: Any) -> PlotLine:
+    return PlotLine(**{"name": "n<1>", "x": list(range(len(y))), "y": y} | words)
 
 
 def curves(text: str) -> list[list[tuple[float, float]]]:
@@ -95,7 +95,7 @@ def test_the_page_stands_alone_and_escapes(tmp_path: FilePath) -> None:
     section = Section(
         "<b>One",
         ["a < b"],
-        findings=[Finding(True, "x"), Finding(None, "y")],
+        findings=[PageFinding(True, "x"), PageFinding(None, "y")],
         tables=[Table("t", [{"a": 1.5}, {"a": None, "B": 2}], {"a": "A"}), Table("empty", [])],
         figures=[figure(line([1.0, 2.0]))],
     )

@@ -11,9 +11,9 @@ from steersman.report import tables, web
 from steersman.report.charts import HeatMap, IntervalPlot
 from steersman.report.runs import Table
 from steersman.report.scene import RoadGroup
-from steersman.report.svg import Line, LinePlot
+from steersman.report.svg import LinePlot, PlotLine
 
-__all__ = ["Figure", "Finding", "Line", "LinePlot", "Section", "Table", "write_article"]
+__all__ = ["Figure", "LinePlot", "PageFinding", "PlotLine", "Section", "Table", "write_article"]
 
 _WORDS = {True: "agrees", False: "differs", None: "note"}
 LIMIT = 15_000_000
@@ -22,7 +22,7 @@ LIMIT = 15_000_000
 Figure: TypeAlias = LinePlot | HeatMap | IntervalPlot
 
 
-class Finding(NamedTuple):
+class PageFinding(NamedTuple):
     """A sentence, and whether a statement holds that was made elsewhere."""
 
     agrees: bool | None
@@ -36,7 +36,7 @@ class Section(NamedTuple):
     title: str
     text: Sequence[str] = ()
     """Paragraphs."""
-    findings: Sequence[Finding] = ()
+    findings: Sequence[PageFinding] = ()
     tables: Sequence[Table] = ()
     """Those without rows are left out."""
     figures: Sequence[Figure] = ()

@@ -16,7 +16,7 @@ from steersman.bench.results import (
     Summary,
     SweepStep,
 )
-from steersman.report.article import Line, LinePlot, Section, Table, write_article
+from steersman.report.article import LinePlot, PlotLine, Section, Table, write_article
 from steersman.report.cases import places, replays, worst
 from steersman.report.charts import HeatMap, IntervalPlot, ShownEstimate
 from steersman.report.tables import interval_text, scaled, text
@@ -146,9 +146,8 @@ def _row(name: str, found: ControllerSummary, best: str | None) -> dict[str, Any
 def _profiles(summary: Summary) -> Section:
     found, title = summary.profiles, "Performance profiles"
     axes = ("factor of the best RMS error", "share of scenarios")
-    lines = [
-        Line(name, found.factors, found.shares[name], look=k) for name, k in places(summary).items()
-    ]
+    looks = places(summary).items()
+    lines = [PlotLine(name, found.factors, found.shares[name], look=k) for name, k in looks]
     text = (
         "The share of scenarios that a controller drives with at most so many times the error "
         "of the best in that scenario. At 1: how often it is the best itself; to the right: "
@@ -173,7 +172,7 @@ def _sweep(summary: Summary, name: str, axis: str, steps: Sequence[SweepStep]) -
     for controller, place in places(summary).items():
         found = [table[step.disturbance][controller].rms_m.scaled(_MM) for step in steps]
         y, low, high = ([getattr(one, k) for one in found] for k in ("value", "low", "high"))
-        lines.append(Line(controller, values, y, low, high, look=place))
+        lines.append(PlotLine(controller, values, y, low, high, look=place))
     title = f"Error against {axis.partition(' [')[0]}"
     return LinePlot(f"sweep_{name}", title, axis, "RMS error [mm]", lines, log=True)
 

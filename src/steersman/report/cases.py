@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from steersman.bench.replay import ShownCase
 from steersman.bench.results import Summary
-from steersman.report.article import Line, LinePlot, Section, Table
+from steersman.report.article import LinePlot, PlotLine, Section, Table
 from steersman.report.html import CORRIDOR
 from steersman.report.scene import RoadGroup
 from steersman.report.seen import recorded
@@ -77,9 +77,9 @@ def _figures(case: ShownCase, k: int, rank: Mapping[str, int]) -> list[LinePlot]
     lines, offsets = [], []
     for key, line in case.lines().items():
         name, look = who[key]
-        lines.append(Line(name, line.x, line.y, look=look))
+        lines.append(PlotLine(name, line.x, line.y, look=look))
         if line.offset:
-            offsets.append(Line(name, line.along, line.offset, look=look))
+            offsets.append(PlotLine(name, line.along, line.offset, look=look))
     title = f"{case.controller}: {case.scenario.rpartition('/')[0]}"
     axes = ("distance driven [m]", "offset, left positive [m]")
     return [

@@ -8,7 +8,7 @@ from html import escape
 from typing import NamedTuple
 
 from steersman.report.signals import look
-from steersman.report.svg import SOFT, Axis, closed, opened
+from steersman.report.svg import SOFT, PlotAxis, closed, opened
 from steersman.report.tables import text
 
 _LABEL, _CELL, _ROW, _TOP = 150, 46, 22, 110
@@ -96,7 +96,7 @@ class IntervalPlot(NamedTuple):
         values = [v for p in points for v in (p.value, p.low, p.high) if v]
         top, low = 34, 34 + _ROW * len(points)
         parts = [opened(self.title, _WIDTH, low + 46)]
-        scale = Axis(values or [1.0], _PLOT_LEFT, _WIDTH - _PLOT_RIGHT, log=True, margin=0.05)
+        scale = PlotAxis(values or [1.0], _PLOT_LEFT, _WIDTH - _PLOT_RIGHT, log=True, margin=0.05)
         for tick in scale.ticks():
             at = scale.at(tick)
             parts.append(
@@ -109,7 +109,7 @@ class IntervalPlot(NamedTuple):
         return closed([*parts, _text(middle, low + 32, self.x, "middle")])
 
 
-def _row(point: ShownEstimate, value: float, middle: float, scale: Axis) -> str:
+def _row(point: ShownEstimate, value: float, middle: float, scale: PlotAxis) -> str:
     color, at = look(point.look)["color"], scale.at(value)
     ends = [scale.at(end or value) for end in (point.low, point.high)]
     marker = f'<circle cx="{at:.1f}" cy="{middle}" r="4.5" fill="{color}"/>'

@@ -11,7 +11,7 @@ from steersman.bench.pairs import FIGURES, PairedComparison, PathPairs
 from steersman.bench.replay import ShownCase
 from steersman.episode import Episode
 from steersman.report import benchmark
-from steersman.report.article import Line, LinePlot, Section, Table, write_article
+from steersman.report.article import LinePlot, PlotLine, Section, Table, write_article
 from steersman.report.cases import replays
 from steersman.report.charts import IntervalPlot, ShownEstimate
 from steersman.report.html import write_report
@@ -214,6 +214,6 @@ def _drawable(record: Mapping[str, Any], column: str) -> bool:
 
 
 def _curve(records: Mapping[str, Mapping[str, Any]], column: str, title: str) -> LinePlot:
-    lines = [Line(name, record["steps"], record[column]) for name, record in records.items()]
+    lines = [PlotLine(name, record["steps"], record[column]) for name, record in records.items()]
     axes, log = ("environment steps", title), column.endswith("_mm")
     return LinePlot(column, title.partition(" [")[0], *axes, lines, log=log)

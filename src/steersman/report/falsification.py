@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.util import find_spec
 from pathlib import Path as FilePath
 
-from steersman.report.article import Line, LinePlot, Section, Table, write_article
+from steersman.report.article import LinePlot, PlotLine, Section, Table, write_article
 from steersman.report.tables import text
 from steersman.studies.findings import FalsifyResult, MildestFailure, SingleFailure
 
@@ -148,7 +148,7 @@ def _figure(result: FalsifyResult) -> LinePlot:
     for name, failed in (("stayed on the road", False), ("failed", True)):
         rows = [row for row in result.drives if row.failed is failed]
         errors = [_MM * row.max_error_m for row in rows]
-        lines.append(Line(name, [row.norm for row in rows], errors, dots=3.0))
+        lines.append(PlotLine(name, [row.norm for row in rows], errors, dots=3.0))
     return LinePlot(
         "tried",
         "Largest error of every drive",

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from steersman.report.article import Line, LinePlot, Section, Table, write_article
+from steersman.report.article import LinePlot, PlotLine, Section, Table, write_article
 from steersman.studies.identify import lateral, longitudinal
 from steersman.studies.identify.identification import FITTED, GIVEN, UNITS, Figure, Identified
 from steersman.studies.identify.result import described
@@ -95,12 +95,12 @@ def _pair(
     some = some[:: max(len(some) // _MOST_POINTS, 1)]
     thin = slice(None, None, max(len(time) // _MOST_POINTS, 1))
     lines = [
-        Line("measured", time[some], seen[some], dots=1.0),
-        Line(f"before ({found.before.kind})", time[some], before[some]),
-        Line("identified", time[some], after[some]),
+        PlotLine("measured", time[some], seen[some], dots=1.0),
+        PlotLine(f"before ({found.before.kind})", time[some], before[some]),
+        PlotLine("identified", time[some], after[some]),
     ]
     left = [
-        Line(words, time[rows][thin], (after - seen)[rows][thin], dots=1.0)
+        PlotLine(words, time[rows][thin], (after - seen)[rows][thin], dots=1.0)
         for words, rows in (("fitted", used), ("held out", ~used))
     ]
     axes = ("time [s]", f"{name} [{UNITS[name]}]")
@@ -112,11 +112,11 @@ def _pair(
 
 def _map(before: Vehicle, after: Vehicle) -> LinePlot:
     lines = [
-        Line(f"throttle {level:g}", after.map_speed, row)
+        PlotLine(f"throttle {level:g}", after.map_speed, row)
         for level, row in zip(after.map_throttle, after.map_acceleration, strict=True)
     ]
     lines += [
-        Line(f"{level:g}, before", before.map_speed, row, dots=2.5)
+        PlotLine(f"{level:g}, before", before.map_speed, row, dots=2.5)
         for level, row in zip(before.map_throttle, before.map_acceleration, strict=True)
     ]
     title, axes = "Net acceleration on a straight", ("speed [m/s]", "acceleration [m/s^2]")
@@ -131,6 +131,6 @@ def _autocorrelation(found: Identified, left: FloatArray) -> LinePlot:
         column = np.nan_to_num(signal - np.nanmedian(signal))
         whole = float(column @ column) or 1.0
         values = [float(column[k:] @ column[: len(column) - k]) / whole for k in lags]
-        lines.append(Line(name, (lags * step).tolist(), values))
+        lines.append(PlotLine(name, (lags * step).tolist(), values))
     title = "Autocorrelation of what is left"
     return LinePlot("autocorrelation", title, "lag [s]", "correlation [-]", lines)

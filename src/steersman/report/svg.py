@@ -26,7 +26,7 @@ _ROW = 16
 _FLAT = 1e-12
 
 
-class Axis:
+class PlotAxis:
     """From values to places on the drawing [pixels]."""
 
     def __init__(
@@ -99,7 +99,7 @@ def closed(parts: Iterable[str]) -> str:
     return "\n".join([*parts, "</svg>"]) + "\n"
 
 
-class Line(NamedTuple):
+class PlotLine(NamedTuple):
     """A line of a plot; values that are None or not finite are left out."""
 
     name: str
@@ -123,7 +123,7 @@ class LinePlot(NamedTuple):
     x: str
     """Title of the axis."""
     y: str
-    lines: Sequence[Line]
+    lines: Sequence[PlotLine]
     log: bool = False
     """Logarithmic y."""
     log_x: bool = False
@@ -136,8 +136,8 @@ class LinePlot(NamedTuple):
         rows = math.ceil(len(lines) / 2) if len(lines) > 1 else 0
         xs = [v for line in lines for v in _finite(line.x)]
         ys = [v for one in lines for values in (one.y, one.low, one.high) for v in _finite(values)]
-        x = Axis(xs, _LEFT, WIDTH - _RIGHT, log=self.log_x)
-        y = Axis(ys, HEIGHT - _BOTTOM, _TOP, log=self.log)
+        x = PlotAxis(xs, _LEFT, WIDTH - _RIGHT, log=self.log_x)
+        y = PlotAxis(ys, HEIGHT - _BOTTOM, _TOP, log=self.log)
         if self.equal:
             _equalise(x, y)
         parts = [opened(self.title, WIDTH, HEIGHT + _ROW * rows, _LEFT), *_frame(x, y, self)]
@@ -153,7 +153,7 @@ def _finite(values: Values) -> list[float]:
     return [float(v) for v in values if v is not None and math.isfinite(v)]
 
 
-def _equalise(x: Axis, y: Axis) -> None:
+def _equalise(x: PlotAxis, y: PlotAxis) -> None:
     """Widen the range of one axis so that a metre is as long on both."""
     scale = max((x.b - x.a) / abs(x.high - x.low), (y.b - y.a) / abs(y.high - y.low))
     for axis in (x, y):
@@ -161,7 +161,7 @@ def _equalise(x: Axis, y: Axis) -> None:
         axis.a, axis.b = middle - half, middle + half
 
 
-def _frame(x: Axis, y: Axis, figure: LinePlot) -> list[str]:
+def _frame(x: PlotAxis, y: PlotAxis, figure: LinePlot) -> list[str]:
     low, out = HEIGHT - _BOTTOM, []
     for tick in x.ticks():
         at = f"{x.at(tick):.1f}"
@@ -184,12 +184,12 @@ def _frame(x: Axis, y: Axis, figure: LinePlot) -> list[str]:
     ]
 
 
-def _points(xs: Values, ys: Values, x: Axis, y: Axis) -> list[str]:
+def _points(xs: Values, ys: Values, x: PlotAxis, y: PlotAxis) -> list[str]:
     pairs = zip(xs, ys, strict=True)
     return [f"{x.at(a):.1f} {y.at(b):.1f}" for a, b in pairs if _finite((a, b)) == [a, b]]
 
 
-def _drawn(line: Line, style: dict[str, str], x: Axis, y: Axis) -> list[str]:
+def _drawn(line: PlotLine, style: dict[str, str], x: PlotAxis, y: PlotAxis) -> list[str]:
     color, points = style["color"], _points(line.x, line.y, x, y)
     if line.dots:
         return [_dot(at, line.dots, color) for at in points]
@@ -214,7 +214,7 @@ def _dot(at: str, radius: float, color: str) -> str:
     return f'<circle cx="{x}" cy="{y}" r="{radius:g}" fill="{color}"/>'
 
 
-def _entry(line: Line, style: dict[str, str], k: int) -> str:
+def _entry(line: PlotLine, style: dict[str, str], k: int) -> str:
     """A line of the legend, below the drawing in two columns."""
     left, top = _LEFT + (k % 2) * (WIDTH - _LEFT) // 2, HEIGHT + _ROW * (k // 2)
     color = style["color"]

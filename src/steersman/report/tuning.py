@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path as FilePath
 
 from steersman.files import write_text
-from steersman.report.article import Line, LinePlot, Section, Table, write_article
+from steersman.report.article import LinePlot, PlotLine, Section, Table, write_article
 from steersman.report.tables import scaled, text
 from steersman.studies.trials import TRADED, TuningTrial, TuningTrials
 
@@ -77,9 +77,9 @@ def _near_chosen(row: TuningTrial, chosen: TuningTrial, name: str) -> bool:
     return not most or bool(getattr(row, name) <= _FAR * most)
 
 
-def _dots(name: str, size: float, rows: Sequence[TuningTrial]) -> Line:
+def _dots(name: str, size: float, rows: Sequence[TuningTrial]) -> PlotLine:
     changes = [_PER_MILLE * (row.steer_change_rms or 0.0) for row in rows]
-    return Line(name, changes, [_MM * (row.rms_error_m or 0.0) for row in rows], dots=size)
+    return PlotLine(name, changes, [_MM * (row.rms_error_m or 0.0) for row in rows], dots=size)
 
 
 def chosen_words(trade: TuningTrials) -> str:
