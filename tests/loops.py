@@ -1,4 +1,4 @@
-"""Policies with random weights, and the scenes of the contracts, for several test modules."""
+"""Random policies, a speed controller alone, the scenes of the contracts: for several tests."""
 
 from __future__ import annotations
 
@@ -21,15 +21,34 @@ from steersman.contracts.scenes import (
 from steersman.contracts.scenes import (
     PosedRoad as Posed,
 )
+from steersman.kernels.speed import pedals
 from steersman.learning.config import TrainConfig
 from steersman.learning.export import export_policy
 from steersman.learning.networks import Net, view_net
-from steersman.types import FloatArray
+from steersman.profiles import stack_profiles
+from steersman.protocols import Path
+from steersman.speed import SpeedComponent
+from steersman.types import FloatArray, VehicleState
 
 __all__ = [
-    "CAR", "CORNERS", "DT", "Posed", "answers", "beside", "drive", "observe", "odd_net",
-    "random_net", "random_policy", "same", "scenes",
+    "CAR", "CORNERS", "DT", "PedalWork", "Posed", "answers", "beside", "drive", "observe",
+    "odd_net", "random_net", "random_policy", "same", "scenes",
 ]  # fmt: skip
+
+
+class PedalWork:
+    """The longitudinal controller of one vehicle on a path, apart from any world."""
+
+    def __init__(self, source: SpeedComponent, path: Path, dt: float, start: VehicleState) -> None:
+        """The integral starts at the pedals of the steady turn."""
+        self.table = stack_profiles([source.profile()], [path])
+        self.path, self.dt, self.integral = path, dt, start.throttle - start.brake
+
+    def __call__(self, car: VehicleState, s: float) -> tuple[float, float]:
+        """Throttle and brake for the vehicle at arc length ``s`` [m]."""
+        place = self.table, 0, self.path.table, 0, car.time, s, float(np.hypot(car.v_x, car.v_y))
+        throttle, brake, self.integral = pedals(*place, self.integral, self.dt)
+        return throttle, brake
 
 
 def random_net(features: int, hidden: int = 8, seed: int = 0) -> Net:

@@ -7,6 +7,7 @@ from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
+from tests.loops import PedalWork
 
 from steersman.config import build, lookup
 from steersman.errors import DataError
@@ -134,11 +135,11 @@ def test_speed_is_held_on_the_circle(speed: float, offset: float) -> None:
     source, plant = ConstantSpeed(speed=speed), SimulatorConfig().make(CAR)
     assert source.start_speed(CIRCLE, 0.0) == speed
     state = plant.reset(Pose(0.0, 0.0, 0.0), speed - offset, 0.02)
-    memory, held = source.init(CIRCLE, plant.dt, state), np.zeros(kernel.N_STATE)
+    pedals, held = PedalWork(source, CIRCLE, plant.dt, state), np.zeros(kernel.N_STATE)
     steady_turn(CAR.table, 0, held, speed, 0.02)
     errors = []
     for _ in range(400):
-        throttle, brake, memory = source.step(memory, state, 0.0)
+        throttle, brake = pedals(state, 0.0)
         state = plant.step(Command(float(held[kernel.STEER]), throttle, brake))
         errors.append(abs(math.hypot(state.v_x, state.v_y) - speed))
     if offset == 0.0:
@@ -150,11 +151,11 @@ def test_nedc_is_followed_on_a_straight() -> None:
     source, plant = Nedc(), SimulatorConfig().make(CAR)
     straight = build(lookup("path", "straight"), {})
     state = plant.reset(Pose(0.0, 0.0, 0.0), 0.0, 0.0)
-    memory = source.init(straight, plant.dt, state)
+    pedals = PedalWork(source, straight, plant.dt, state)
     times, speeds = first_cycle(source)
     worst = 0.0
     for _ in range(round(195.0 / plant.dt)):
-        throttle, brake, memory = source.step(memory, state, 0.0)
+        throttle, brake = pedals(state, 0.0)
         state = plant.step(Command(0.0, throttle, brake))
         worst = max(worst, abs(state.v_x - float(np.interp(state.time, times, speeds))))
     # UN R83 allows 2 km/h.

@@ -297,14 +297,11 @@ def _for_one_car(
 
 def _changes(command: str, tree: Mapping[str, Any], plant: Any) -> list[str]:
     """Assignments that make the configuration one of a single car."""
-    if command == "train":
-        from steersman.learning.config import for_one_car
+    if command in {"train", "imitate"}:
+        from steersman.learning.config import TrainConfig, for_one_car
+        from steersman.learning.imitation.config import ImitationConfig
 
-        return for_one_car(tree, plant)
-    if command == "imitate":
-        from steersman.learning.imitation.config import for_one_car as imitation_for_one_car
-
-        return imitation_for_one_car(tree, plant)
+        return for_one_car(TrainConfig if command == "train" else ImitationConfig, tree, plant)
     if command == "falsify":
         from steersman.studies.falsify import for_one_car as search_for_one_car
 

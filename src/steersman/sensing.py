@@ -38,13 +38,23 @@ class Tracking(NamedTuple):
     """Closest point [m]."""
 
 
+# The columns of a kernel's state row in the order of a VehicleState behind its time.
+STATE_COLUMNS = [
+    *(car.X, car.Y, car.PSI, car.VX, car.VY, car.YAW_RATE, car.AX, car.AY),
+    *(car.STEER, car.WHEEL, car.THROTTLE, car.BRAKE),
+]
+
+
 def state_row(state: VehicleState) -> FloatArray:
-    """The columns of a kernel's state row that sensing needs."""
+    """A state as a kernel's row (N_STATE,); the loads, which it does not hold, are zero."""
     row = np.zeros(car.N_STATE)
-    row[car.X], row[car.Y], row[car.PSI] = state.x, state.y, state.psi
-    row[car.VX], row[car.VY], row[car.YAW_RATE] = state.v_x, state.v_y, state.yaw_rate
-    row[car.STEER] = state.steer
+    row[STATE_COLUMNS] = state[1:]
     return row
+
+
+def to_state(row: FloatArray, time: float) -> VehicleState:
+    """A kernel's state row as a named tuple, at a time [s]."""
+    return VehicleState(time, *row[STATE_COLUMNS].tolist())
 
 
 def track(state: VehicleState, path: Path, near: float) -> Tracking:

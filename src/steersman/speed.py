@@ -6,26 +6,15 @@ import math
 from abc import abstractmethod
 from importlib.resources import files
 from pathlib import Path as FilePath
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
 from steersman.config import Component, param, register, required
 from steersman.kernels import speed as kernel
-from steersman.kernels.speed import SpeedTable
 from steersman.profiles import Profile, read_profile, stack_profiles
 from steersman.protocols import Path
-from steersman.types import FloatArray, VehicleState
-
-
-class SpeedState(NamedTuple):
-    """What the longitudinal controller carries from step to step."""
-
-    table: SpeedTable
-    path: Path
-    integral: float
-    dt: float
-
+from steersman.types import FloatArray
 
 # How often the driving cycle is repeated.
 _CYCLES = 20
@@ -45,21 +34,6 @@ class SpeedComponent(Component):
     def draw(self, rng: np.random.Generator, seconds: float) -> Profile:
         """The demand of one training episode; the same every time unless it is random."""
         return self.profile()
-
-    def init(self, path: Path, dt: float, start: VehicleState) -> SpeedState:
-        """State before the first step; the integral starts at the pedals of the steady turn."""
-        table = stack_profiles([self.profile()], [path])
-        return SpeedState(table, path, start.throttle - start.brake, dt)
-
-    def step(
-        self, state: SpeedState, vehicle: VehicleState, s: float
-    ) -> tuple[float, float, SpeedState]:
-        """Throttle and brake, each in [0, 1], for the vehicle at arc length ``s``."""
-        v = float(np.hypot(vehicle.v_x, vehicle.v_y))
-        throttle, brake, integral = kernel.pedals(
-            state.table, 0, state.path.table, 0, vehicle.time, s, v, state.integral, state.dt
-        )
-        return throttle, brake, state._replace(integral=integral)
 
 
 @register("speed", "constant_throttle")

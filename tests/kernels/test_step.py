@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.loops import PedalWork
 
 from steersman.config import build, lookup
 from steersman.kernels import encode, observe
@@ -77,13 +78,13 @@ def single_run(task: Problem, i: int, s: float) -> list[tuple[FloatArray, ...]]:
     state = plant.reset(Pose(at.x, at.y, at.psi), source.start_speed(path, s), at.kappa)
     place = track(state, path, s)
     sensor_state = task.sensor.init(rng)
-    speed_state = source.init(path, plant.dt, state)
+    pedals = PedalWork(source, path, plant.dt, state)
     seen = []
     for k in range(STEPS):
         shown = task.sensor.observe(sensor_state, state, place, path, rng)
         row = np.array([*shown[1:8], *shown.preview.ravel()])
         seen.append((plant._state.copy(), np.array(place), row))
-        throttle, brake, speed_state = source.step(speed_state, state, place.s)
+        throttle, brake = pedals(state, place.s)
         before = place.s + float(np.hypot(state.v_x, state.v_y)) * plant.dt
         state = plant.step(Command(steering(i, k, row), throttle, brake))
         place = track(state, path, before)

@@ -7,8 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from steersman.contracts import Contract
-from steersman.contracts.scenes import DT, PosedRoad, beside, drive, same
+from steersman.contracts.scenes import DT, PosedRoad, drive, same
 from steersman.controllers.pid import Pid
+from steersman.kernels.speed import pedals
+from steersman.profiles import stack_profiles
 from steersman.speed import SpeedComponent
 
 
@@ -18,10 +20,10 @@ def pedals_are_in_their_range(speed: SpeedComponent) -> Iterator[str]:
     start = speed.start_speed(path, 0.0)
     if not 0.0 <= start < np.inf:
         yield f"starts at {start} m/s"
-    state = speed.init(path, DT, beside(path, 0.0, velocity=(start, 0.0)))
+    table, integral = stack_profiles([speed.profile()], [path]), 0.0
     for i, v in enumerate((0.0, 5.0, start, 40.0, 80.0) * 4):
-        car = beside(path, 2.0 * i, velocity=(v, 0.0), time=i * DT)
-        throttle, brake, state = speed.step(state, car, 2.0 * i)
+        now = table, 0, path.table, 0, i * DT, 2.0 * i, v
+        throttle, brake, integral = pedals(*now, integral, DT)
         if not (0.0 <= throttle <= 1.0 and 0.0 <= brake <= 1.0):
             yield f"throttle {throttle}, brake {brake} at {v:g} m/s"
         if throttle > 0.0 and brake > 0.0:

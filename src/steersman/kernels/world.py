@@ -24,6 +24,7 @@ from steersman.types import FloatArray
 
 # Reasons to end a drive; GOAL_REACHED is the end of an open road or the laps that were asked for.
 RUNNING, LEFT_CORRIDOR, ROLLED, GOAL_REACHED, TIME_UP = range(5)
+FAILED = LEFT_CORRIDOR, ROLLED
 # Commands that the delay line can hold.
 DELAY_LINE = 16
 # What arrives of an observation: the measurement; the last numbers again, at the present time or

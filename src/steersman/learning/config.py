@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import field_validator, model_validator
 
@@ -17,6 +17,19 @@ from steersman.learning.task import FunctionTerm, Judged
 from steersman.paths.base import PathComponent
 from steersman.paths.random_road import RandomRoad
 from steersman.plants.base import has_one_car
+
+if TYPE_CHECKING:
+    from steersman.learning.imitation.config import ImitationConfig
+
+# Drives of a validation where they come one after the other.
+_FEW = 4
+TRIM: Any = param(
+    0.0,
+    "1/s",
+    "Rate of the integral loop around the exported policy; training is without it.",
+    ge=0,
+    le=10,
+)
 
 
 class ValidationConfig(Settings):
@@ -60,13 +73,7 @@ class TrainConfig(Settings):
         ge=0,
         lt=1,
     )
-    trim: float = param(
-        0.0,
-        "1/s",
-        "Rate of the integral loop around the exported policy; training is without it.",
-        ge=0,
-        le=10,
-    )
+    trim: float = TRIM
     keep: bool = param(
         False, "-", "Keep every step as a Minari dataset in DIR/data (extra minari)."
     )
@@ -78,14 +85,18 @@ class TrainConfig(Settings):
         return self
 
     @model_validator(mode="after")
-    def _one_car(self) -> TrainConfig:
-        plant, vehicles = self.problem.plant, self.agent.vehicles
-        if not plant.embedded and vehicles != 1:
-            raise ConfigError(
-                f"{vehicles} is not allowed; plant={plant.kind} drives one vehicle: 1 [-]",
-                ("agent", "vehicles"),
-            )
+    def _one_vehicle(self) -> TrainConfig:
+        self.problem.check_vehicles(self.agent.vehicles, ("agent", "vehicles"))
         return self
+
+    def one_car(self) -> dict[str, tuple[int, int]]:
+        """Options that depend on the number of cars: the present value, and that for one car.
+
+        Updates stay as many for each step of a car, but one at least.
+        """
+        cars, updates = self.agent.vehicles, getattr(self.agent, "updates", 0)
+        fewer = max(round(updates / cars), 1) if updates else 0
+        return {"agent.vehicles": (cars, 1), "agent.updates": (updates, fewer)}
 
     def rewarded(self, function: Callable[[Judged], float]) -> TrainConfig:
         """The same training with a Python function as a further term of the reward."""
@@ -116,17 +127,14 @@ def load_preset(name: str) -> dict[str, Any]:
     return read_yaml(file)
 
 
-# Drives of a validation where they come one after the other.
-_FEW = 4
-
-
-def for_one_car(tree: Mapping[str, Any], plant: Any) -> list[str]:
-    """Assignments that make a training of many cars one of the one car of a plant.
-
-    Updates stay as many for each step of a car, but one at least; the car is what it is.
+def for_one_car(
+    kind: type[TrainConfig] | type[ImitationConfig], tree: Mapping[str, Any], plant: Any
+) -> list[str]:
+    """Assignments that make a training or an imitation of many cars one of the one car of a plant.
 
     Args:
-        tree: the training as plain data, which may be incomplete.
+        kind: class of the configuration.
+        tree: the configuration as plain data, which may be incomplete.
         plant: its plant, by name or by fields.
 
     Returns:
@@ -134,28 +142,11 @@ def for_one_car(tree: Mapping[str, Any], plant: Any) -> list[str]:
     """
     if not has_one_car(plant):
         return []
-    many = build(TrainConfig, override(tree, ["problem.plant=simulator"]))
-    agent = many.agent
-    wanted = {
-        "agent.vehicles": (agent.vehicles, 1),
-        **one_car(many.problem, many.validation),
+    many = build(kind, override(tree, ["problem.plant=simulator"]))
+    validation, spread = many.validation, many.problem.spread
+    changes = {
+        **many.one_car(),
+        "validation.vehicles": (validation.vehicles, min(validation.vehicles, _FEW)),
+        **{f"problem.spread.{name}": (getattr(spread, name), 0) for name in CARS_DIFFER},
     }
-    updates = getattr(agent, "updates", 0)
-    if updates > 0:
-        wanted["agent.updates"] = (updates, max(round(updates / agent.vehicles), 1))
-    return differing(wanted)
-
-
-def one_car(problem: Problem, validation: ValidationConfig) -> dict[str, tuple[float, float]]:
-    """What every way of learning has to change for one car: its present value, and the new one."""
-    wanted: dict[str, tuple[float, float]] = {
-        "validation.vehicles": (validation.vehicles, min(validation.vehicles, _FEW))
-    }
-    for name in CARS_DIFFER:
-        wanted[f"problem.spread.{name}"] = (getattr(problem.spread, name), 0)
-    return wanted
-
-
-def differing(wanted: Mapping[str, tuple[float, float]]) -> list[str]:
-    """Assignments of the new values, where they are not the present ones."""
-    return [f"{key}={new}" for key, (old, new) in wanted.items() if old != new]
+    return [f"{key}={new}" for key, (old, new) in changes.items() if old != new]

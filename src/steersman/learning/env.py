@@ -19,7 +19,6 @@ from steersman.learning.fleet import FleetDriver
 from steersman.learning.problem import Problem
 
 Features = NDArray[np.float32]
-_FAILED = (kernel.LEFT_CORRIDOR, kernel.ROLLED)
 
 
 class PathFollowingEnv(gymnasium.Env[Features, Features]):
@@ -65,7 +64,7 @@ class PathFollowingEnv(gymnasium.Env[Features, Features]):
         self.driver.step(np.asarray(action, dtype=np.float64).reshape(1))
         fleet = self._fleet
         reason = int(fleet.ended[0])
-        failed = reason in _FAILED
+        failed = reason in kernel.FAILED
         truncated = reason != kernel.RUNNING and not failed
         features = fleet.inputs[0].astype(np.float32)
         return features, float(fleet.reward[0, 0]), failed, truncated, self._info()

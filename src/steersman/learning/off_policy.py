@@ -30,17 +30,6 @@ if TYPE_CHECKING:
     from steersman.learning.vec_env import PathFollowingVecEnv
 
 BUFFER_ARRAYS = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
-# What SB3 and this module count; the rest of an agent's state are arrays and generators.
-_COUNTERS = (
-    "num_timesteps",
-    "_n_updates",
-    "_episode_num",
-    "_current_progress_remaining",
-    "demonstrated_steps",
-    "saturated_steps",
-    "sampled_steps",
-    "last_losses",
-)
 
 
 class MirroredReplayBuffer(ReplayBuffer):
@@ -80,6 +69,7 @@ class OffPolicySteering(SteeringAgent, OffPolicyAlgorithm):
     store_agent = False
     mirror: Any = None
     demonstrable = True
+    counters = (*SteeringAgent.counters, "_episode_num", "demonstrated_steps")
     _turn = (0, 1)
     critic: Any
     _values: Any = None
@@ -171,13 +161,11 @@ class OffPolicySteering(SteeringAgent, OffPolicyAlgorithm):
         assert buffer is not None
         size = buffer.buffer_size if buffer.full else buffer.pos
         return {
-            "weights": self.weights(),
+            **super().snapshot(),
             "buffer": {"position": buffer.pos, "full": buffer.full, "size": size}
             | self._stored(size),
             "noise": None if noise is None else noise.state,
             "generators": {name: bits.state for name, bits in self._generators().items()},
-            "counters": {name: getattr(self, name) for name in _COUNTERS},
-            "observation": self._last_obs,
         }
 
     def restore(self, saved: Tree) -> None:
@@ -190,16 +178,13 @@ class OffPolicySteering(SteeringAgent, OffPolicyAlgorithm):
         assert buffer is not None
         if not 0 <= kept["size"] <= buffer.buffer_size:
             raise DataError(f"the replay buffer holds {buffer.buffer_size} rows")
-        fill(self.weights(), saved["weights"])
+        super().restore(saved)
         fill(self._stored(kept["size"]), kept)
         buffer.pos, buffer.full = kept["position"], kept["full"]
         if self.action_noise is not None:
             cast(OrnsteinUhlenbeck, self.action_noise).state = saved["noise"]
         for name, bits in self._generators().items():
             bits.state = saved["generators"][name]
-        for name in _COUNTERS:
-            setattr(self, name, saved["counters"][name])
-        self._last_obs = saved["observation"]
 
 
 @cache
@@ -211,22 +196,16 @@ def steering(algorithm: type[OffPolicyAlgorithm]) -> type[OffPolicySteering]:
 
 
 def make_off_policy(
-    algorithm: type[OffPolicyAlgorithm],
-    settings: OffPolicyComponent,
-    config: TrainConfig,
-    env: PathFollowingVecEnv,
-    **own: Any,
+    settings: OffPolicyComponent, config: TrainConfig, env: PathFollowingVecEnv
 ) -> OffPolicySteering:
     """The agent of a training configuration.
 
     Args:
-        algorithm: a class of Stable-Baselines3.
-        settings: its options; ``config.agent``.
+        settings: the algorithm and its options; ``config.agent``.
         config: the training.
         env: the vehicles that it drives.
-        **own: arguments that only this algorithm has.
     """
-    demo, total = config.problem.demonstration, config.steps
+    demo, total, own = config.problem.demonstration, config.steps, settings.options()
     seeds = np.random.SeedSequence(config.seed).generate_state(3)
     agent: OffPolicySteering
 
@@ -242,7 +221,7 @@ def make_off_policy(
             dt,
             int(seeds[0]),
         )
-    agent = steering(algorithm)(
+    agent = steering(settings.algorithm())(
         "MlpPolicy",
         env,
         learning_rate=settings.learning_rate.value(0, total),

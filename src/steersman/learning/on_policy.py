@@ -14,21 +14,13 @@ from stable_baselines3 import PPO
 from torch import nn
 
 from steersman.learning.sb3 import AT_LIMIT, SteeringAgent, start_at_zero
-from steersman.learning.snapshot import Tree, fill
+from steersman.learning.snapshot import Tree
 
 if TYPE_CHECKING:
     from steersman.learning.algorithms.ppo import Ppo
     from steersman.learning.config import TrainConfig
     from steersman.learning.vec_env import PathFollowingVecEnv
 
-_COUNTERS = (
-    "num_timesteps",
-    "_n_updates",
-    "_current_progress_remaining",
-    "saturated_steps",
-    "sampled_steps",
-    "last_losses",
-)
 _ACTIVATIONS = {"tanh": nn.Tanh, "relu": nn.ReLU}
 # Options that PPO of Stable-Baselines3 has under the same names.
 _SAME = (
@@ -68,19 +60,12 @@ class OnPolicySteering(SteeringAgent, PPO):
 
     def snapshot(self) -> dict[str, Any]:
         """All that changes, the environment apart; taken when everything collected was learned."""
-        return {
-            "weights": self.weights(),
-            "counters": {name: getattr(self, name) for name in _COUNTERS},
-            "observation": self._last_obs,
-            "starts": self._last_episode_starts,
-        }
+        return {**super().snapshot(), "starts": self._last_episode_starts}
 
     def restore(self, saved: Tree) -> None:
         """Go on from a snapshot."""
-        fill(self.weights(), saved["weights"])
-        for name in _COUNTERS:
-            setattr(self, name, saved["counters"][name])
-        self._last_obs, self._last_episode_starts = saved["observation"], saved["starts"]
+        super().restore(saved)
+        self._last_episode_starts = saved["starts"]
 
 
 def make_on_policy(

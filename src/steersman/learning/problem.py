@@ -153,6 +153,17 @@ class Problem(Settings):
                 )
         return self
 
+    def check_vehicles(self, count: int, where: tuple[str, ...]) -> None:
+        """Refuse several vehicles for a plant that drives one.
+
+        Raises:
+            ConfigError: at ``where``, the option that gives ``count``.
+        """
+        if not self.plant.embedded and count != 1:
+            raise ConfigError(
+                f"{count} is not allowed; plant={self.plant.kind} drives one vehicle: 1 [-]", where
+            )
+
     @model_validator(mode="after")
     def _delay(self) -> Problem:
         longest = self.plant.steering_delay + self.spread.delay

@@ -6,10 +6,9 @@ class of Stable-Baselines3 and its options.
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from operator import attrgetter
-from typing import Any
+from typing import Any, ClassVar
 
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -17,7 +16,7 @@ from torch import nn
 
 from steersman.learning import networks
 from steersman.learning.networks import Net
-from steersman.learning.snapshot import Tree
+from steersman.learning.snapshot import Tree, fill
 
 # A policy's action beyond this counts as saturated.
 AT_LIMIT = 0.99
@@ -36,6 +35,7 @@ class SteeringAgent(BaseAlgorithm):
         demonstrated_steps: actions of the demonstrator that were executed.
         saturated_steps: actions of the policy at a limit, before exploration noise.
         last_losses: actor's loss, critic's loss and mean value at the last training; NaN before.
+        counters: names of the attributes that count; they are part of every snapshot.
     """
 
     rate: Callable[[float], float] | None = None
@@ -45,6 +45,10 @@ class SteeringAgent(BaseAlgorithm):
     saturated_steps = 0
     sampled_steps = 0
     last_losses: tuple[float, float, float] = (_NAN, _NAN, _NAN)
+    counters: ClassVar[tuple[str, ...]] = (
+        *("num_timesteps", "_n_updates", "_current_progress_remaining"),
+        *("sampled_steps", "saturated_steps", "last_losses"),
+    )
     _n_updates: int
     _actor: Net | None = None
 
@@ -90,13 +94,24 @@ class SteeringAgent(BaseAlgorithm):
                 out |= {f"{name}.{part}": value.numpy() for part, value in state.items()}
         return out
 
-    @abstractmethod
     def snapshot(self) -> dict[str, Any]:
         """All that changes from step to step, the environment apart; taken between two steps."""
+        return {
+            "weights": self.weights(),
+            "counters": {name: getattr(self, name) for name in self.counters},
+            "observation": self._last_obs,
+        }
 
-    @abstractmethod
     def restore(self, saved: Tree) -> None:
-        """Go on from a snapshot."""
+        """Go on from a snapshot.
+
+        Raises:
+            DataError: it is of another network.
+        """
+        fill(self.weights(), saved["weights"])
+        for name in self.counters:
+            setattr(self, name, saved["counters"][name])
+        self._last_obs = saved["observation"]
 
 
 def lay_flat(modules: Iterable[Any]) -> Net:
@@ -126,15 +141,9 @@ def start_at_zero(policy: Any) -> None:
     learning, arXiv:1812.06298, 2018). Zero weights of the last layer alone leave it a gradient, as
     the hidden units differ.
     """
-    with torch.no_grad():
-        for layer in _outputs(policy):
-            for parameter in layer.parameters():
-                parameter.zero_()
-
-
-def _outputs(policy: Any) -> Iterator[nn.Module]:
-    """Layers whose output is the mean action before it is squashed."""
     actors = [getattr(policy, name) for name in ("actor", "actor_target") if hasattr(policy, name)]
     for actor in actors or [policy]:
         last = mean_layers(actor)[-1]
-        yield [layer for layer in last.modules() if isinstance(layer, nn.Linear)][-1]
+        output = [layer for layer in last.modules() if isinstance(layer, nn.Linear)][-1]
+        for parameter in output.parameters():
+            parameter.data.zero_()

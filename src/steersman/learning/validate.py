@@ -117,7 +117,7 @@ class Validator:
             before = driver.last_commands().copy()
             driver.step(np.clip(act(fleet.inputs), -1.0, 1.0))
             ended = fleet.ended != kernel.RUNNING
-            lost = np.isin(fleet.ended, (kernel.LEFT_CORRIDOR, kernel.ROLLED))
+            lost = np.isin(fleet.ended, kernel.FAILED)
             errors[k, alive] = np.minimum(np.abs(fleet.tracking[alive, observe.D]), corridor)
             # A command that is NaN counts as the largest change there is, lock to lock.
             step = np.nan_to_num(driver.last_commands() - before, nan=2.0)

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from steersman.learning.datasets.recorder import Recorder
 
 _COUNTERS = ("off_track", "sum_error", "steps", "largest_reward")
-TERMINAL = (kernel.LEFT_CORRIDOR, kernel.ROLLED)
 
 
 class PathFollowingVecEnv(VecEnv):
@@ -106,7 +105,7 @@ class PathFollowingVecEnv(VecEnv):
 
     def _finish(self, i: int, last: Any) -> dict[str, Any]:
         reason = int(self.driver.fleet.ended[i])
-        failed = reason in TERMINAL
+        failed = reason in kernel.FAILED
         self.off_track += failed
         info = {
             "terminal_observation": last,

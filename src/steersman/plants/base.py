@@ -5,11 +5,14 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import Any, ClassVar
 
+import numpy as np
+
 from steersman.config import Component, param, resolve
 from steersman.disturbances import Disturber
 from steersman.errors import ConfigError
 from steersman.kernels import world as kernel
-from steersman.protocols import Plant
+from steersman.protocols import Path, Plant
+from steersman.types import FloatArray
 from steersman.vehicles import Vehicle
 
 # Periods that differ by less are the same, but for rounding [s].
@@ -104,3 +107,28 @@ class PlantComponent(Component):
             limit = longest * self.h
             raise ConfigError(f"plant.steering_delay: {delay} s is too long; at most {limit:g} s")
         return count
+
+
+class ComputedPlant:
+    """The plants that are computed here, a vehicle each, on level ground.
+
+    See :class:`steersman.protocols.Plant`, of which it is the part that they have in common.
+    """
+
+    def __init__(self, config: PlantComponent, vehicle: Vehicle) -> None:
+        """Prepare the plant; ``reset`` before the first step."""
+        self.vehicle, self.source = vehicle, config.source()
+        self.delay = config.delay_of(vehicle)
+        self.dt = config.dt
+        self._h, self._substeps = config.h, config.substeps()
+        self._steps = 0
+
+    def enter(self, path: Path) -> None:
+        """Any path will do: the ground is level everywhere."""
+
+    def accelerations(self) -> FloatArray:
+        """None: accelerations between control steps are not kept here."""
+        return np.zeros((0, 2))
+
+    def close(self) -> None:
+        """Nothing to release."""

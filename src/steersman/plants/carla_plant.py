@@ -32,6 +32,7 @@ from steersman.plants.carla_session import Session
 from steersman.plants.carla_world import check_road, world_of
 from steersman.plants.simulator import place
 from steersman.protocols import Path
+from steersman.sensing import to_state
 from steersman.types import Command, FloatArray, Pose, VehicleState
 from steersman.vehicles import Vehicle
 
@@ -42,11 +43,6 @@ if TYPE_CHECKING:
 _DROP = 0.5
 # A car that leans farther lies on its side or roof [deg].
 _ON_ITS_SIDE = 60.0
-# The columns of a state row in the order of a VehicleState behind its time.
-_STATE = [
-    *(car.X, car.Y, car.PSI, car.VX, car.VY, car.YAW_RATE, car.AX, car.AY),
-    *(car.STEER, car.WHEEL, car.THROTTLE, car.BRAKE),
-]
 
 
 class CarlaPlant:
@@ -123,7 +119,7 @@ class CarlaPlant:
             self._spawn(pose)
         row = np.zeros(car.N_STATE)
         place(self.vehicle.table, 0, row, np.zeros(DELAY_LINE), pose, speed, curvature)
-        self.resume(VehicleState(0.0, *row[_STATE].tolist()))
+        self.resume(to_state(row, 0.0))
         return self._read(self._last)
 
     def resume(self, state: VehicleState) -> None:

@@ -22,6 +22,7 @@ from steersman.kernels.world import Fleet, World
 from steersman.plants.base import PlantComponent
 from steersman.plants.simulator import place
 from steersman.protocols import Path, Plant
+from steersman.sensing import STATE_COLUMNS, to_state
 from steersman.types import Command, FloatArray, Pose, VehicleState
 from steersman.vehicles import Vehicle
 
@@ -188,13 +189,11 @@ class Seat:
         self._shared.driver = self
         self._plant.enter(self._roads[int(fleet.path[0])])
         self._plant.delay = int(fleet.delay[0])
-        row = dict(zip(COLUMNS, fleet.state[0, list(COLUMNS.values())].tolist(), strict=True))
-        self._plant.resume(VehicleState(time=0.0, **row))
+        self._plant.resume(to_state(fleet.state[0], 0.0))
 
     def _write(self, fleet: Fleet, state: VehicleState) -> None:
         row = fleet.state[0]
-        for name, column in COLUMNS.items():
-            row[column] = getattr(state, name)
+        row[STATE_COLUMNS] = state[1:]
         if not np.isfinite(row).all():
             raise PlantError(f"the plant's state is not finite: {state}")
         row[car.LOAD_AX], row[car.LOAD_AY] = 0.0, _ROLLED * self._plant.rolled_over()
@@ -210,20 +209,3 @@ class Seat:
     def close(self) -> None:
         """Release the plant, for all who share it."""
         self._plant.close()
-
-
-# Where a state row has what a plant gives.
-COLUMNS = {
-    "x": car.X,
-    "y": car.Y,
-    "psi": car.PSI,
-    "v_x": car.VX,
-    "v_y": car.VY,
-    "yaw_rate": car.YAW_RATE,
-    "a_x": car.AX,
-    "a_y": car.AY,
-    "steer": car.STEER,
-    "wheel_angle": car.WHEEL,
-    "throttle": car.THROTTLE,
-    "brake": car.BRAKE,
-}

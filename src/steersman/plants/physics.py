@@ -16,14 +16,12 @@ from steersman.kernels import vehicle as car
 from steersman.kernels.actuator import slew, slew_lagged
 from steersman.kernels.steady_turn import steady_turn
 from steersman.kernels.world import DELAY_LINE
-from steersman.plants.base import PlantComponent
-from steersman.protocols import Path
+from steersman.plants.base import ComputedPlant, PlantComponent
 from steersman.types import Command, FloatArray, Pose, VehicleState
 from steersman.vehicles import Vehicle
 
 # Below this speed a steady turn is not searched for [m/s].
 _CREEP = 1.0
-_NONE_KEPT = np.zeros((0, 2))
 
 
 class PhysicsComponent(PlantComponent):
@@ -69,27 +67,17 @@ class PhysicsComponent(PlantComponent):
         return self.delay_substeps(vehicle.steer_delay)
 
 
-class PhysicsPlant:
+class PhysicsPlant(ComputedPlant):
     """The equations of a component at work; see :class:`steersman.protocols.Plant`."""
 
     def __init__(self, config: PhysicsComponent, vehicle: Vehicle) -> None:
         """Prepare the plant; ``reset`` before the first step."""
-        self.vehicle, self.source = vehicle, config.source()
-        self.delay = config.delay_of(vehicle)
-        self._config, self._substeps = config, config.substeps()
+        super().__init__(config, vehicle)
+        self._config = config
         self._q = np.zeros(6 + config.more)
         self._inputs = np.zeros(3)
         self._acceleration = np.zeros(2)
         self._delayed = np.zeros(DELAY_LINE * self._substeps)
-        self._steps = 0
-
-    @property
-    def dt(self) -> float:
-        """Control period [s]."""
-        return self._config.dt
-
-    def enter(self, path: Path) -> None:
-        """Any path will do: the ground is level everywhere."""
 
     def reset(self, pose: Pose, speed: float, curvature: float) -> VehicleState:
         """Put the vehicle on ``pose`` in its steady turn, with its velocity along it."""
@@ -115,7 +103,7 @@ class PhysicsPlant:
 
     def step(self, command: Command) -> VehicleState:
         """Hold ``command`` for one control period; steering acts after the delay."""
-        h = self._config.h
+        h = self._h
         for _ in range(self._substeps):
             self._delayed[1:] = self._delayed[:-1]
             self._delayed[0] = command.steer
@@ -172,16 +160,9 @@ class PhysicsPlant:
         found = unknown if np.abs(unknown).max() <= 1.0 else start
         return tuple(found.tolist())
 
-    def accelerations(self) -> FloatArray:
-        """None: accelerations between control steps are not kept."""
-        return _NONE_KEPT
-
     def rolled_over(self) -> bool:
         """Whether the vehicle has rolled over."""
         return self._config.rolled_over(self.vehicle, self._q)
-
-    def close(self) -> None:
-        """Nothing to release."""
 
     def _read(self) -> VehicleState:
         x, y, psi, v_x, v_y, rate = self._q[:6].tolist()

@@ -11,9 +11,9 @@ from steersman.disturbances import Disturber
 from steersman.kernels import vehicle as car
 from steersman.kernels import world as kernel
 from steersman.kernels.steady_turn import steady_turn
-from steersman.plants.base import PlantComponent
+from steersman.plants.base import ComputedPlant, PlantComponent
 from steersman.plants.wind import Wind
-from steersman.protocols import Path
+from steersman.sensing import state_row, to_state
 from steersman.types import Command, FloatArray, Pose, VehicleState
 from steersman.vehicles import LONGEST_STEP, Vehicle
 
@@ -59,29 +59,15 @@ class SimulatorConfig(PlantComponent):
         return Simulator(self, vehicle)
 
 
-class Simulator:
+class Simulator(ComputedPlant):
     """A plant with one vehicle; see :class:`steersman.protocols.Plant`."""
 
     def __init__(self, config: SimulatorConfig, vehicle: Vehicle) -> None:
         """Prepare the simulator; ``reset`` before the first step."""
-        self.vehicle = vehicle
-        self.source = config.source()
-        self._substeps = config.substeps()
-        self.delay = config.delay_of(vehicle)
-        self._h = config.integration_step
-        self._dt = config.dt
+        super().__init__(config, vehicle)
         self._state = np.zeros(car.N_STATE)
         self._delayed = np.zeros(kernel.DELAY_LINE)
         self._work = np.zeros((3, car.N_MOTION))
-        self._steps = 0
-
-    @property
-    def dt(self) -> float:
-        """Control period [s]."""
-        return self._dt
-
-    def enter(self, path: Path) -> None:
-        """Any path will do: the ground is level everywhere."""
 
     def reset(self, pose: Pose, speed: float, curvature: float) -> VehicleState:
         """Put the vehicle on ``pose`` in the steady turn; its velocity points along ``pose.psi``.
@@ -97,11 +83,9 @@ class Simulator:
 
     def resume(self, state: VehicleState) -> None:
         """Put the vehicle back; loads follow the accelerations, and no command is under way."""
-        s = state
-        self._state[: car.LOAD_AX] = (s.x, s.y, s.psi, s.v_x, s.v_y, s.yaw_rate)
-        self._state[car.LOAD_AX : car.STEER] = (s.a_x, s.a_y)
-        self._state[car.STEER :] = (s.steer, s.throttle, s.brake, s.a_x, s.a_y, s.wheel_angle)
-        self._delayed[:] = s.steer
+        self._state[:] = state_row(state)
+        self._state[[car.LOAD_AX, car.LOAD_AY]] = state.a_x, state.a_y
+        self._delayed[:] = state.steer
 
     def step(self, command: Command) -> VehicleState:
         """Hold ``command`` for one control period."""
@@ -120,25 +104,12 @@ class Simulator:
         self._steps += 1
         return self._read()
 
-    def accelerations(self) -> FloatArray:
-        """None: a world keeps them itself."""
-        return _NOT_KEPT
-
     def rolled_over(self) -> bool:
         """Whether both inner wheels have lifted."""
         return car.rolls_over(self.vehicle.table.rows[0], self._state[car.LOAD_AY])
 
-    def close(self) -> None:
-        """Nothing to release."""
-
     def _read(self) -> VehicleState:
-        x, y, psi, v_x, v_y, rate, _, _, steer, throttle, brake, a_x, a_y, wheel = (
-            self._state.tolist()
-        )
-        time = self._steps * self._dt
-        return VehicleState(
-            time, x, y, psi, v_x, v_y, rate, a_x, a_y, steer, wheel, throttle, brake
-        )
+        return to_state(self._state, self._steps * self.dt)
 
 
 def place(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import model_validator
 
@@ -13,6 +13,8 @@ from steersman.errors import ConfigError
 from steersman.learning.schedules import Constant, HoldThenDecay, Schedule
 
 if TYPE_CHECKING:
+    from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+
     from steersman.learning.config import TrainConfig
     from steersman.learning.demonstration import Demonstration
     from steersman.learning.sb3 import SteeringAgent
@@ -80,6 +82,20 @@ class OffPolicyComponent(AgentComponent):
         False, "-", "Learn from mirror images, left for right, in half of each batch."
     )
     learning_starts: int = param(2000, "steps", "Random actions before learning.", ge=0)
+
+    @abstractmethod
+    def algorithm(self) -> type[OffPolicyAlgorithm]:
+        """The class of Stable-Baselines3; imported here, since that takes seconds."""
+
+    def options(self) -> dict[str, Any]:
+        """Arguments of the class that only this algorithm has."""
+        return {}
+
+    def make(self, config: TrainConfig, env: PathFollowingVecEnv) -> SteeringAgent:
+        """The agent of a training configuration, which holds this component."""
+        from steersman.learning.off_policy import make_off_policy
+
+        return make_off_policy(self, config, env)
 
     @property
     def exploration(self) -> tuple[Schedule, float, float] | None:

@@ -12,9 +12,7 @@ from steersman.learning.algorithms.base import OffPolicyComponent
 from steersman.learning.schedules import HoldThenDecay, Schedule
 
 if TYPE_CHECKING:
-    from steersman.learning.config import TrainConfig
-    from steersman.learning.sb3 import SteeringAgent
-    from steersman.learning.vec_env import PathFollowingVecEnv
+    from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
 
 @register("agent", "sac")
@@ -44,15 +42,17 @@ class Sac(OffPolicyComponent):
                 )
         return self
 
-    def make(self, config: TrainConfig, env: PathFollowingVecEnv) -> SteeringAgent:
-        """The agent of a training configuration, which holds this component."""
+    def algorithm(self) -> type[OffPolicyAlgorithm]:
+        """Stable-Baselines3's."""
         from stable_baselines3 import SAC
 
-        from steersman.learning.off_policy import make_off_policy
+        return SAC
 
+    def options(self) -> dict[str, Any]:
+        """Coefficient of the entropy, and what a learned one aims at."""
         own: dict[str, Any] = {"ent_coef": self.ent_coef}
         if self.ent_coef == "auto":
             own["ent_coef"] = f"auto_{self.ent_coef_start}"
         if self.target_entropy is not None:
             own["target_entropy"] = self.target_entropy
-        return make_off_policy(SAC, self, config, env, **own)
+        return own

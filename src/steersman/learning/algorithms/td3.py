@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from steersman.config import param, register
 from steersman.learning.algorithms.base import DeterministicComponent
 
 if TYPE_CHECKING:
-    from steersman.learning.config import TrainConfig
-    from steersman.learning.sb3 import SteeringAgent
-    from steersman.learning.vec_env import PathFollowingVecEnv
+    from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
 
 @register("agent", "td3")
@@ -25,21 +23,16 @@ class Td3(DeterministicComponent):
         0.5, "-", "Largest noise on the targets' actions in [-1, 1].", ge=0
     )
 
-    def make(self, config: TrainConfig, env: PathFollowingVecEnv) -> SteeringAgent:
-        """The agent of a training configuration, which holds this component."""
+    def algorithm(self) -> type[OffPolicyAlgorithm]:
+        """Stable-Baselines3's."""
         from stable_baselines3 import TD3
 
-        from steersman.learning.off_policy import make_off_policy
+        return TD3
 
-        return make_off_policy(
-            TD3,
-            self,
-            config,
-            env,
-            policy_delay=self.policy_delay,
-            target_policy_noise=self.target_policy_noise,
-            target_noise_clip=self.target_noise_clip,
-        )
+    def options(self) -> dict[str, Any]:
+        """Delay of the actor, and noise on the targets."""
+        names = ("policy_delay", "target_policy_noise", "target_noise_clip")
+        return {name: getattr(self, name) for name in names}
 
     @property
     def first_actor_update(self) -> int:

@@ -29,7 +29,6 @@ NAME = "training"
 _PARTS = "parts"
 SIGMA, THETA = 0.1, 0.15
 """Noise on what is executed (Ornstein-Uhlenbeck, of the action's range) and its return to zero."""
-_FAILED = (kernel.LEFT_CORRIDOR, kernel.ROLLED)
 # What a trajectory holds of each step.
 _COLUMNS = tuple(name for name in Trajectory._fields if name != "terminated")
 
@@ -69,7 +68,7 @@ class Recorder:
         fleet = self._driver.fleet
         self._steps[-1] |= {"steer": fleet.executed.copy(), "rewards": fleet.reward[:, 0].copy()}
         for i in np.flatnonzero(fleet.ended != kernel.RUNNING).tolist():
-            self._finish(i, terminated=int(fleet.ended[i]) in _FAILED)
+            self._finish(i, terminated=int(fleet.ended[i]) in kernel.FAILED)
 
     def finished(self) -> list[Trajectory]:
         """The episodes that have ended since the last call."""

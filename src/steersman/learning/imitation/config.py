@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 from pydantic import field_validator, model_validator
 
-from steersman.config import Of, Settings, build, override, param
+from steersman.config import Of, Settings, param
 from steersman.errors import ConfigError
-from steersman.learning.config import TrainConfig, ValidationConfig, differing, one_car
+from steersman.learning.config import TRIM, TrainConfig, ValidationConfig
 from steersman.learning.problem import Problem
 from steersman.learning.schedules import Constant, HoldThenDecay, Schedule
-from steersman.plants.base import has_one_car
 
 
 class FitConfig(Settings):
@@ -77,13 +75,7 @@ class ImitationConfig(Settings):
         ValidationConfig(), "-", "Validation, after every round (interval is not used)."
     )
     seed: int = param(0, "-", "Seed of everything random.", ge=0)
-    trim: float = param(
-        0.0,
-        "1/s",
-        "Rate of the integral loop around the exported policy; imitation is without it.",
-        ge=0,
-        le=10,
-    )
+    trim: float = TRIM
     threads: int = param(1, "-", "Threads of the linear algebra; more may change last bits.", ge=1)
 
     @field_validator("data", mode="before")
@@ -103,12 +95,7 @@ class ImitationConfig(Settings):
 
     @model_validator(mode="after")
     def _rounds(self) -> ImitationConfig:
-        if not self.problem.plant.embedded and self.vehicles != 1:
-            kind = self.problem.plant.kind
-            raise ConfigError(
-                f"{self.vehicles} is not allowed; plant={kind} drives one vehicle: 1 [-]",
-                ("vehicles",),
-            )
+        self.problem.check_vehicles(self.vehicles, ("vehicles",))
         if not self.problem.demonstration.enabled and not self.data:
             raise ValueError("problem.demonstration.enabled is false; set it to true, or name data")
         if self.steps < self.rounds * self.vehicles:
@@ -123,26 +110,14 @@ class ImitationConfig(Settings):
             )
         return self
 
+    def one_car(self) -> dict[str, tuple[int, int]]:
+        """Options that depend on the number of cars: the present value, and that for one car."""
+        return {"vehicles": (self.vehicles, 1)}
+
     @property
     def round_steps(self) -> int:
         """Control steps of each vehicle in a round."""
         return math.ceil(self.steps / (self.rounds * self.vehicles))
-
-
-def for_one_car(tree: Mapping[str, Any], plant: Any) -> list[str]:
-    """Assignments that make an imitation of many cars one of the one car of a plant.
-
-    Args:
-        tree: the imitation as plain data, which may be incomplete.
-        plant: its plant, by name or by fields.
-
-    Returns:
-        What differs from ``tree``; nothing for the embedded simulator.
-    """
-    if not has_one_car(plant):
-        return []
-    many = build(ImitationConfig, override(tree, ["problem.plant=simulator"]))
-    return differing({"vehicles": (many.vehicles, 1), **one_car(many.problem, many.validation)})
 
 
 LearningConfig: TypeAlias = TrainConfig | ImitationConfig

@@ -21,7 +21,6 @@ from steersman.plants.mover import Shared
 from steersman.types import FloatArray
 
 Act = Callable[[Any], Any]
-_LOST = (kernel.LEFT_CORRIDOR, kernel.ROLLED)
 
 
 class Dataset(NamedTuple):
@@ -105,7 +104,7 @@ def collect(
         driver.step(np.clip(chosen + noise()[:, 0], -1.0, 1.0))
         error += float(np.abs(fleet.tracking[:, observe.D]).sum())
         for i in np.flatnonzero(fleet.ended != kernel.RUNNING).tolist():
-            off_track += int(fleet.ended[i]) in _LOST
+            off_track += int(fleet.ended[i]) in kernel.FAILED
             driver.reset(i)
             noise.reset(i)
         tick((k + 1) / steps)
