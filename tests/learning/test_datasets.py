@@ -21,10 +21,11 @@ from steersman.episode import Episode
 from steersman.errors import ConfigError, DataError
 from steersman.kernels import world as kernel
 from steersman.learning.datasets import replay, source, store
-from steersman.learning.datasets.recorder import Recorder, demonstrate
+from steersman.learning.datasets.recorder import Recorder
 from steersman.learning.datasets.trajectory import Trajectory, Who, actions_for, features, steps
 from steersman.learning.env import PathFollowingEnv
 from steersman.learning.fleet import FleetDriver
+from steersman.learning.imitation.sources import demonstrate
 from steersman.learning.problem import Problem
 from steersman.logs.write import write_episode
 from steersman.rollout import RunConfig, run

@@ -73,7 +73,7 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
 
 def drives(pupil: Any = None, beta: float = 1.0, sigma: float = 0.0, **changes: Any) -> Drives:
     problem = config(problem=changes).problem
-    return collect(FleetDriver(problem, 4), Driving(pupil, beta, sigma, 0.15), 60, seed(5), quiet)
+    return collect(FleetDriver(problem, 4), Driving(pupil, beta, sigma, 0.15), 60, [5, 6, 7], quiet)
 
 
 def columns(data: Dataset, *names: str) -> list[Any]:

@@ -252,10 +252,7 @@ class _Training:
             "reward_mean": reward,
             "training_error_mm": 1e3 * (env.sum_error - marks["error"]) / steps,
             "off_track_resets": env.off_track,
-            "validation_error_mm": 1e3 * score.mean_error,
-            "validation_rms_mm": 1e3 * score.rms_error,
-            "validation_failures": score.failures,
-            "steer_activity": score.steer_activity,
+            **score.columns(),
             "actor_loss": actor_loss,
             "critic_loss": critic_loss,
             "q_mean": q_mean,
@@ -287,7 +284,7 @@ class _Training:
             "updates": self.agent._n_updates,
             "simulated_seconds": self.agent.num_timesteps * self.env.driver.dt,
             "plant": self.env.driver.source,
-            "validation": {k: round(float(v), 6) for k, v in score._asdict().items()},
+            "validation": score.rounded(),
         }
         net, operators = self.agent.actor_net(), self.config.agent.operators
         export_policy(net, self.config, self.out, note, operators)

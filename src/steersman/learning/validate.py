@@ -36,6 +36,19 @@ class Score(NamedTuple):
     the drives' mean errors, so that a millimetre counts where drives are easy and a decimetre
     where they are hard, times one plus the failures; or the RMS error."""
 
+    def columns(self) -> dict[str, float]:
+        """What ``progress.csv`` has of it."""
+        return {
+            "validation_error_mm": 1e3 * self.mean_error,
+            "validation_rms_mm": 1e3 * self.rms_error,
+            "validation_failures": self.failures,
+            "steer_activity": self.steer_activity,
+        }
+
+    def rounded(self) -> dict[str, float]:
+        """What a policy's card has of it."""
+        return {name: round(float(value), 6) for name, value in self._asdict().items()}
+
 
 class _Part(NamedTuple):
     """What some drives left: errors [m] and what counts of them, (steps, drives); sums."""

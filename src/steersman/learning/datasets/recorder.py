@@ -1,23 +1,20 @@
-"""Drives recorded while they happen: a fleet's steps, those of a training, and demonstrations."""
+"""Drives recorded while they happen: the steps of a fleet, and of a training."""
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from steersman.errors import ConfigError
 from steersman.files import replacing
 from steersman.kernels import observe
 from steersman.kernels import world as kernel
 from steersman.kernels.vehicle import VX, VY
 from steersman.learning.datasets import store
-from steersman.learning.datasets.trajectory import Trajectory, Who
+from steersman.learning.datasets.trajectory import Trajectory
 from steersman.learning.fleet import FleetDriver
-from steersman.learning.noise import OrnsteinUhlenbeck
 from steersman.learning.problem import Problem
 from steersman.learning.snapshot import Tree
 from steersman.types import FloatArray
@@ -27,8 +24,6 @@ if TYPE_CHECKING:
 
 NAME = "training"
 _PARTS = "parts"
-SIGMA, THETA = 0.1, 0.15
-"""Noise on what is executed (Ornstein-Uhlenbeck, of the action's range) and its return to zero."""
 # What a trajectory holds of each step.
 _COLUMNS = tuple(name for name in Trajectory._fields if name != "terminated")
 
@@ -189,47 +184,3 @@ def _unpacked(columns: dict[str, Any]) -> list[Trajectory]:
         out.append(Trajectory(**part, terminated=bool(ends[k])))
         first += count
     return out
-
-
-def demonstrate(
-    problem: Problem,
-    steps: int,
-    seed: int,
-    *,
-    vehicles: int = 16,
-    sigma: float = SIGMA,
-    tick: Callable[[float], None] | None = None,
-) -> list[Trajectory]:
-    """Episodes of at least ``steps`` steps together, driven by the problem's demonstrator.
-
-    Noise on what is executed shows how the demonstrator comes back (Laskey et al., DART, CoRL
-    2017); the demonstrated actions are without it. The same arguments give the same episodes.
-
-    Raises:
-        ConfigError: the problem has no demonstrator.
-    """
-    if not problem.demonstration.enabled:
-        raise ConfigError("is false; set it to true", ("problem", "demonstration", "enabled"))
-    n = vehicles if problem.plant.embedded else 1
-    driver = FleetDriver(problem, n)
-    seeds = np.random.SeedSequence(seed).generate_state(2)
-    noise = OrnsteinUhlenbeck(n, THETA, lambda: sigma, 1.0, int(seeds[0]))
-    recorder, unknown = Recorder(driver), np.full(n, np.nan)
-    driver.seed(int(seeds[1]))
-    try:
-        for i in range(n):
-            driver.reset(i)
-        count = -(-steps // n)
-        for k in range(count):
-            actions = np.clip(driver.demonstrated_actions() + noise()[:, 0], -1.0, 1.0)
-            recorder.choose(actions, unknown, np.full(n, Who.DEMONSTRATOR))
-            driver.step(actions)
-            recorder.stepped()
-            for i in np.flatnonzero(driver.fleet.ended != kernel.RUNNING).tolist():
-                driver.reset(i)
-                noise.reset(i)
-            if tick is not None:
-                tick((k + 1) / count)
-    finally:
-        driver.close()
-    return recorder.take()

@@ -192,10 +192,7 @@ class _Imitation:
             "demo_share": drives.demonstrated,
             "action_difference": drives.difference,
             "loss": loss,
-            "validation_error_mm": 1e3 * score.mean_error,
-            "validation_rms_mm": 1e3 * score.rms_error,
-            "validation_failures": score.failures,
-            "steer_activity": score.steer_activity,
+            **score.columns(),
             "learning_rate": self.regression.rate(),
         }
         return ImitationRow(**{name: float(value) for name, value in row.items()})
@@ -210,10 +207,10 @@ class _Imitation:
             "updates": self.regression.updates,
             "simulated_seconds": len(self.data.actions) * config.problem.plant.dt,
             "plant": self.validator.source,
-            "validation": _rounded(score),
+            "validation": score.rounded(),
         }
         if self.demonstrator is not None:
-            note["demonstrator_validation"] = _rounded(self.demonstrator)
+            note["demonstrator_validation"] = self.demonstrator.rounded()
         export_policy(self.regression.net, config, self.out, note)
 
     def _save_weights(self, steps: int) -> None:
@@ -240,7 +237,3 @@ class _Imitation:
         judged = saved["demonstrator"]
         self.demonstrator = None if judged is None else Score(*judged)
         self.begun = time.process_time() - saved["seconds"]
-
-
-def _rounded(score: Score) -> dict[str, float]:
-    return {k: round(float(v), 6) for k, v in score._asdict().items()}

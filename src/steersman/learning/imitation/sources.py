@@ -1,15 +1,18 @@
-"""Samples for an imitation: from driving, or from data that were recorded."""
+"""Samples for an imitation, and demonstrations: from driving, or from data that were recorded."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import closing
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from steersman.config import dump
+from steersman.errors import ConfigError
 from steersman.kernels import observe
 from steersman.kernels import world as kernel
+from steersman.learning.datasets.recorder import Recorder
 from steersman.learning.datasets.source import load
 from steersman.learning.datasets.trajectory import Trajectory, Who, actions_for, features, steps
 from steersman.learning.fleet import FleetDriver
@@ -21,6 +24,9 @@ from steersman.plants.mover import Shared
 from steersman.types import FloatArray
 
 Act = Callable[[Any], Any]
+SIGMA = 0.1
+"""Noise on the actions of demonstrations."""
+_THETA = 0.15
 
 
 class Dataset(NamedTuple):
@@ -73,16 +79,24 @@ def collect(
     driver: FleetDriver,
     driving: Driving,
     steps: int,
-    seed: np.random.SeedSequence,
+    seeds: Sequence[int],
     tick: Callable[[float], None],
+    recorder: Recorder | None = None,
 ) -> Drives:
     """Drive ``steps`` control steps with every vehicle, from new episodes on.
 
     The label of a state is the demonstrator's action there, whichever is executed.
-    ``tick`` is called with the share done. The same arguments collect the same samples.
+    The same arguments collect the same samples.
+
+    Args:
+        driver: the vehicles.
+        driving: how actions are chosen.
+        steps: control steps of each vehicle.
+        seeds: of the choice between network and demonstrator, of the noise, of the vehicles.
+        tick: called with the share done.
+        recorder: records every step as well.
     """
     fleet, n = driver.fleet, driver.n
-    seeds = seed.generate_state(3)
     rng = np.random.default_rng(int(seeds[0]))
     noise = OrnsteinUhlenbeck(n, driving.theta, lambda: driving.sigma, 1.0, int(seeds[1]))
     driver.seed(int(seeds[2]))
@@ -94,14 +108,17 @@ def collect(
     for k in range(steps):
         labels = driver.demonstrated_actions()
         features[k], actions[k] = fleet.inputs, labels
-        demonstrates = rng.random(n) < driving.beta
-        chosen = labels
+        own, demonstrates = np.full(n, np.nan), np.ones(n, dtype=bool)
         if driving.network is not None:
-            own = driving.network(fleet.inputs)
+            own, demonstrates = driving.network(fleet.inputs), rng.random(n) < driving.beta
             squares += float(((own - labels) ** 2).sum())
-            chosen = np.where(demonstrates, labels, own)
-        demonstrated += int(demonstrates.sum()) if driving.network is not None else n
-        driver.step(np.clip(chosen + noise()[:, 0], -1.0, 1.0))
+        demonstrated += int(demonstrates.sum())
+        executed = np.clip(np.where(demonstrates, labels, own) + noise()[:, 0], -1.0, 1.0)
+        if recorder is not None:
+            recorder.choose(executed, own, demonstrates)  # the demonstrator's number is one
+        driver.step(executed)
+        if recorder is not None:
+            recorder.stepped()
         error += float(np.abs(fleet.tracking[:, observe.D]).sum())
         for i in np.flatnonzero(fleet.ended != kernel.RUNNING).tolist():
             off_track += int(fleet.ended[i]) in kernel.FAILED
@@ -116,6 +133,42 @@ def collect(
         float("nan") if driving.network is None else (squares / count) ** 0.5,
         demonstrated / count,
     )
+
+
+def demonstrate(
+    problem: Problem,
+    steps: int,
+    seed: int,
+    *,
+    vehicles: int = 16,
+    sigma: float = SIGMA,
+    tick: Callable[[float], None] | None = None,
+) -> list[Trajectory]:
+    """Episodes of at least ``steps`` steps together, driven by the problem's demonstrator.
+
+    Noise on what is executed shows how the demonstrator comes back (Laskey et al., DART, CoRL
+    2017); the demonstrated actions are without it. The same arguments give the same episodes.
+
+    Args:
+        problem: roads, cars and demonstrator.
+        steps: environment steps of all vehicles together.
+        seed: of starts, speeds, cars, sensor errors and noise.
+        vehicles: vehicles that drive at the same time in the embedded simulator.
+        sigma: noise (Ornstein-Uhlenbeck), of the action's range.
+        tick: called with the share done.
+
+    Raises:
+        ConfigError: the problem has no demonstrator.
+    """
+    if not problem.demonstration.enabled:
+        raise ConfigError("is false; set it to true", ("problem", "demonstration", "enabled"))
+    n = vehicles if problem.plant.embedded else 1
+    seeds = [0, *np.random.SeedSequence(seed).generate_state(2).tolist()]
+    shown = Driving(network=None, beta=1.0, sigma=sigma, theta=_THETA)
+    with closing(FleetDriver(problem, n)) as driver:
+        recorder = Recorder(driver)
+        collect(driver, shown, -(-steps // n), seeds, tick or (lambda _: None), recorder)
+        return recorder.take()
 
 
 class SampleSource(Protocol):
@@ -175,7 +228,8 @@ class Driven:
         sigma = config.noise.value(done, total)
         beta = 1.0 if config.method == "bc" else config.beta.value(done, total)
         driving = Driving(act if k else None, beta, sigma, config.noise_theta)
-        return collect(self._driver, driving, config.round_steps, seed, tick)
+        seeds = seed.generate_state(3).tolist()
+        return collect(self._driver, driving, config.round_steps, seeds, tick)
 
     def note(self) -> dict[str, Any]:
         """The demonstrator."""
