@@ -18,12 +18,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from hand_driven import NOISE, RECORDED, noisy, recording
 
 from steersman.config import build
 from steersman.files import write_text
 from steersman.provenance import provenance
 from steersman.rollout import RunConfig, run
-from steersman.studies.identify.example import NOISE, RECORDED, noisy, recording
 from steersman.studies.identify.identification import identify
 from steersman.studies.identify.recording import Log, of_episode
 from steersman.vehicles import Bmw320i, CarlaMkz2020, CarlaModel3, Vehicle
@@ -50,8 +50,8 @@ _SHOWN = frozenset(
 )
 
 
-def believed(car: Vehicle) -> Vehicle:
-    """What one might believe of the car: wrong in what is to be found."""
+def starting(car: Vehicle) -> Vehicle:
+    """A starting vehicle that is wrong in every figure that is to be found."""
     wrong = {name: factor * getattr(car, name) for name, factor in _WRONG.items()}
     rows = [[0.8 * a - 0.1 for a in row] for row in car.map_acceleration]
     nothing = {"steer_delay": 0.0, "steer_lag": 0.0, "steer_bias": 0.0}
@@ -71,7 +71,7 @@ def true_value(car: Vehicle, name: str) -> float:
 
 def one(car: Vehicle, clean: Log, seed: int) -> list[tuple[str, float, float, bool]]:
     """Of each told figure: its error, the half width of its interval, and whether that holds."""
-    found = identify(noisy(clean, seed), believed(car), 0.0)
+    found = identify(noisy(clean, seed), starting(car), 0.0)
     out = []
     for f in found.figures:
         if f.low is not None and f.high is not None:

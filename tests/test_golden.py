@@ -2,33 +2,20 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
-import sys
 from pathlib import Path as FilePath
-from types import ModuleType
 from typing import Any
 
 import pytest
 import yaml
 
+from .scripts import script
+
 HERE = FilePath(__file__).resolve().parent
 FILE = HERE.parent / "benchmarks" / "golden.py"
 KEPT = json.loads((HERE / "golden" / "small.json").read_text(encoding="utf-8"))["runs"]
 TOLERANCES = yaml.safe_load(FILE.with_suffix(".yaml").read_text(encoding="utf-8"))["tolerances"]
-
-
-def _module() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("golden", FILE)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-golden = _module()
+golden = script("benchmarks/golden.py")
 
 
 @pytest.mark.parametrize("name", KEPT)

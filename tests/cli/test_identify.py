@@ -9,9 +9,12 @@ from pathlib import Path as FilePath
 import pytest
 from typer.testing import Result
 
-from steersman.studies.identify.example import recording
 from steersman.studies.identify.recording import write_log
 from steersman.vehicles import CarlaModel3
+
+from ..scripts import script
+
+recording = script("benchmarks/hand_driven.py").recording
 
 Steersman = Callable[..., Result]
 

@@ -14,13 +14,16 @@ from steersman.errors import DataError
 from steersman.report.identification import write_identification
 from steersman.rollout import RunConfig, run
 from steersman.studies.identify import lateral, stretch_replay
-from steersman.studies.identify.estimate import Misses, estimate
-from steersman.studies.identify.example import recording
+from steersman.studies.identify.estimate import Misses, Search, estimate
 from steersman.studies.identify.identification import Figure, Identified, fitted_rows, identify
 from steersman.studies.identify.recording import Log, of_episode, pieces, read_log, write_log
 from steersman.studies.identify.result import write
-from steersman.studies.identify.unknowns import SIGMAS, guess_at, steering, vehicle_at
+from steersman.studies.identify.unknowns import SIGMAS, Unknown, guess_at, steering, vehicle_at
 from steersman.vehicles import Bmw320i, CarlaModel3, Vehicle
+
+from ..scripts import script
+
+recording = script("benchmarks/hand_driven.py").recording
 
 MODEL3 = CarlaModel3()
 OTHER = MODEL3.replace(
@@ -151,7 +154,7 @@ def test_what_was_never_driven_is_kept_and_marked(of_other: Identified, tmp_path
         assert figure.status in {"kept", "none seen", "at least"}
     write(of_other, tmp_path / "car.yaml")
     text = (tmp_path / "car.yaml").read_text(encoding="utf-8")
-    assert "kept: not told by this recording" in text
+    assert "kept: not determined by this recording" in text
     read = build(lookup("vehicle", "file"), {"file": str(tmp_path / "car.yaml")})
     assert read.model_dump(exclude={"file"}) == of_other.vehicle.model_dump()
 
@@ -162,7 +165,7 @@ def test_the_page_has_a_figure_for_each_signal(of_other: Identified, tmp_path: F
     assert {"yaw_rate", "a_y_left", "v_x", "throttle_map", "autocorrelation"} <= figures
     page = (tmp_path / "fit.html").read_text(encoding="utf-8")
     assert page.count("<svg") == len(figures)
-    assert "Told by the recording" in page
+    assert "Determined by the recording" in page
 
 
 def test_a_slow_actuator_is_told_from_a_delay() -> None:
@@ -196,6 +199,10 @@ def test_a_constant_throttle_tells_its_own_row_only() -> None:
 # ------------------------------------------------------------------------------ estimation
 
 
+def plain(count: int, need: float) -> list[Unknown]:
+    return [Unknown("z", (i,), "-", 0.0, False, 1.0, need, -10.0, 10.0) for i in range(count)]
+
+
 def linear(seed: int, *, coloured: bool = False, outliers: bool = False) -> tuple[Misses, Any]:
     rng = np.random.default_rng(seed)
     slopes = rng.standard_normal((400, 3))
@@ -213,8 +220,7 @@ def linear(seed: int, *, coloured: bool = False, outliers: bool = False) -> tupl
     def of(z: Any) -> Any:
         return (0.3 * slopes @ (z - true) - noise)[:, None]
 
-    edge = np.full(3, 10.0)
-    return Misses(of, -edge, edge, np.array([1e-6])), true
+    return Misses(of, plain(3, need=3.0), np.array([1e-6])), true
 
 
 @pytest.mark.parametrize("kind", ["white", "coloured", "outliers"])
@@ -223,8 +229,8 @@ def test_intervals_hold_the_truth_as_often_as_they_say(kind: str) -> None:
     for seed in range(150):
         misses, true = linear(seed, coloured=kind == "coloured", outliers=kind == "outliers")
         zero = np.zeros(3)
-        found = estimate(misses, zero, zero, np.full(3, 3.0), np.full(3, True))
-        assert found.told.tolist() == [True, True, False]
+        found = estimate(misses, zero, Search.of(misses))
+        assert found.determined.tolist() == [True, True, False]
         assert found.z[2] == 0.0
         half = SIGMAS * np.sqrt(np.diag(found.covariance))[:2]
         inside.append(np.abs(found.z - true)[:2] <= half)
@@ -240,12 +246,10 @@ def test_the_uncertainty_of_what_is_held_is_in_the_intervals() -> None:
     def of(z: Any) -> Any:  # only the sum shows
         return (both * (z[0] + z[1]) - 0.1 * noise)[:, None]
 
-    edge, zero = np.full(2, 10.0), np.zeros(2)
-    misses = Misses(of, -edge, edge, np.array([1e-6]))
-    found = estimate(misses, zero, zero, np.ones(2), np.full(2, True))
-    assert found.told.tolist() == [True, False]
+    misses = Misses(of, plain(2, need=1.0), np.array([1e-6]))
+    found = estimate(misses, np.zeros(2), Search.of(misses))
+    assert found.determined.tolist() == [True, False]
     assert found.given == [1, -1]
-    assert found.alone[0] < 0.1
     assert np.sqrt(found.covariance[0, 0]) == pytest.approx(1.0, rel=0.1)
 
 
@@ -264,10 +268,9 @@ def test_lateral_intervals_cover(tmp_path: FilePath) -> None:
         log = clean._replace(signals=noisy)
         unknowns = steering(OTHER, lateral.channels(log))
         misses = lateral.misses_of(OTHER, log, stretches, unknowns, use)
-        zero, all_of = np.zeros(len(unknowns)), np.full(len(unknowns), True)
-        need = np.array([u.need_z for u in unknowns])
-        found = estimate(misses, zero, zero, need, all_of)
-        sizes = np.abs(found.z[found.told]) / np.sqrt(np.diag(found.covariance))[found.told]
+        found = estimate(misses, np.zeros(len(unknowns)), Search.of(misses))
+        seen = found.determined
+        sizes = np.abs(found.z[seen]) / np.sqrt(np.diag(found.covariance))[seen]
         off += sizes.tolist()
     assert len(off) > 50
     assert 0.87 < np.mean(np.array(off) < SIGMAS) <= 1.0

@@ -32,10 +32,10 @@ def write_identification(found: Identified, out: FilePath) -> None:
 
 
 def _figures(found: Identified) -> Section:
-    tables: dict[str, list[dict[str, Any]]] = {"Told by the recording": [], "Kept": []}
+    tables: dict[str, list[dict[str, Any]]] = {"Determined by the recording": [], "Kept": []}
     for figure in found.figures:
         told = figure.status in {FITTED, GIVEN}
-        tables["Told by the recording" if told else "Kept"].append(_row(figure))
+        tables["Determined by the recording" if told else "Kept"].append(_row(figure))
     text = [
         f"{found.log.name}: {found.seconds:.0f} s were fitted. The starting vehicle is "
         f"{found.before.kind}.",

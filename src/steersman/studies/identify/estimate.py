@@ -1,4 +1,4 @@
-"""Robust least squares that says which unknowns the data tell, and how well.
+"""Robust least squares that finds which unknowns the data determine, and how well.
 
 Sources: output error, Jategaonkar, *Flight Vehicle System Identification*, 2nd ed., ch. 4, and
 Ljung, *System Identification*, 2nd ed., ch. 7 and 9; Huber's loss and its covariance, Huber and
@@ -7,33 +7,31 @@ Klein, *Accuracy of aerodynamic model parameters*, J. Guidance 20(1), 1997; the 
 what is held fixed ("consider" covariance), Tapley, Schutz and Born, *Statistical Orbit
 Determination*, ch. 6.
 
-Unknowns are z, standardised so that 0 is what was believed before and 1 its standard deviation.
+Unknowns are z, standardised: 0 is the prior value, 1 is one prior standard deviation above it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from steersman.studies.identify.unknowns import SIGMAS
+from steersman.studies.identify.unknowns import SIGMAS, Unknown
 from steersman.types import FloatArray
 
 # Beyond so many deviations a residual pulls no harder (95 % efficient with normal noise).
 HUBER = 1.345
-# Weight of what was believed before: keeps what the data do not tell from running away.
+# Weight of the prior: keeps unknowns that the data do not determine from running away.
 _RIDGE = 0.05
 _STEP = 1e-3
-# Residuals are taken for correlated over no more than this share of the rows.
-_LAGS = 0.02
-_MOST_LAGS = 60
-# Another round when the told ones changed; and rounds of weights within each.
-_ROUNDS = 4
-_WEIGHTINGS = 3
+# Residuals are taken for correlated over no more than this share of the rows, and so many rows.
+_LAGS, _MOST_LAGS = 0.02, 60
+# Rounds of dropping unknowns, and of adapting weights within each.
+_ROUNDS, _WEIGHTINGS = 4, 3
 # Evaluations of one least-squares search.
 _QUICK, _MOST = 5, 30
-# What the held ones add to an interval is worth a word beyond this share of its allowed width.
+# What held unknowns add to an interval is noted beyond this share of its allowed width.
 _MATTERS = 0.2
 # A search that begins on a bound hardly leaves it.
 _INSIDE = 0.02
@@ -42,28 +40,27 @@ _NORMAL = 0.7
 
 
 class Misses:
-    """What a vehicle at z misses the measurements by, and how that changes with z."""
+    """Simulated minus measured signals of a vehicle at z, and how they change with z."""
 
     def __init__(
         self,
         of: Callable[[FloatArray], FloatArray],
-        low: FloatArray,
-        high: FloatArray,
+        unknowns: Sequence[Unknown],
         least: FloatArray,
-        coarse: FloatArray | None = None,
     ) -> None:
         """Bind z to what is compared.
 
         Args:
             of: z -> (rows, channels) simulated minus measured, NaN where nothing compares.
-            low: least z (p,).
-            high: largest z (p,).
+            unknowns: what the elements of z (p,) are.
             least: (channels,) standard deviations below which no residual is taken for noise.
-            coarse: (p,) differences that intervals are taken from; 0: small ones.
         """
-        self._coarse = np.zeros(len(low)) if coarse is None else coarse
-        self._of = of
-        self.low, self.high, self._least = low, high, least
+        self._of, self._least = of, least
+        self.low, self.high = np.array([u.bounds() for u in unknowns]).T
+        self.need = np.array([u.need_z for u in unknowns])
+        """(p,) half width of the 95 % interval beyond which an unknown is not determined."""
+        self.names = [u.name for u in unknowns]
+        self._coarse = np.array([u.coarse for u in unknowns])
 
     def __call__(self, z: FloatArray) -> FloatArray:
         """(rows, channels)."""
@@ -76,7 +73,7 @@ class Misses:
     def derivative(self, z: FloatArray, which: Any = None, *, wide: bool = False) -> FloatArray:
         """(rows, channels, len(which)) by small differences away from the nearer bound.
 
-        If ``wide``, to both sides, and over as much as ``coarse`` says: what intervals need.
+        If ``wide``, to both sides, and over as much as the unknowns' ``coarse``, for intervals.
         """
         here, columns = self(z), []
         for i in np.arange(len(z)) if which is None else which:
@@ -92,80 +89,81 @@ class Misses:
         return np.stack(columns, axis=-1)
 
 
+class Search(NamedTuple):
+    """Which unknowns are searched, and where and how uncertain the held ones are."""
+
+    wanted: Any
+    """(p,) bool: those that are searched."""
+    rest: FloatArray
+    """(p,) z of those that are held, or not determined."""
+    unsure: FloatArray
+    """(p,) standard deviation of those that are held."""
+
+    @classmethod
+    def of(cls, misses: Misses, rest: FloatArray | None = None) -> Search:
+        """All unknowns; what is not determined returns to ``rest`` or the prior."""
+        p = len(misses.need)
+        return cls(np.full(p, True), np.zeros(p) if rest is None else rest, np.ones(p))
+
+    def without(self, which: Any) -> Search:
+        """The same, but with the unknowns at ``which`` held."""
+        wanted = np.array(self.wanted)
+        wanted[which] = False
+        return Search(wanted, self.rest, self.unsure.copy())
+
+
 class Estimate(NamedTuple):
-    """Result; those that are not told stand where they rest."""
+    """Result; unknowns that are not determined stand where they are held."""
 
     z: FloatArray
-    told: Any
+    determined: Any
     """(p,) bool."""
     covariance: FloatArray
-    """(p, p) of those told, the uncertainty of the held ones included; 0 elsewhere."""
-    alone: FloatArray
-    """(p,) standard deviations if the held ones were known."""
+    """(p, p) of those determined, the uncertainty of the held ones included; 0 elsewhere."""
     given: list[int]
-    """For each unknown the held one to which it owes most of its uncertainty, or -1."""
+    """For each unknown the held one that causes most of its uncertainty, or -1."""
     possible: FloatArray
-    """(p,) standard deviation with which each would be told if all were looked for."""
+    """(p,) standard deviation that each would have if all wanted ones were searched."""
     scales: FloatArray
     """(channels,) of the residuals."""
 
 
-def estimate(
-    misses: Misses,
-    start: FloatArray,
-    rest: FloatArray,
-    need: FloatArray,
-    wanted: Any,
-    unsure: FloatArray | None = None,
-) -> Estimate:
-    """Search those ``wanted`` (p,) bool from ``start``, dropping what the data do not tell.
-
-    What is dropped returns to ``rest``. ``need`` (p,) is the half width of the 95 % interval
-    beyond which an unknown counts as not told, ``unsure`` (p,) the standard deviation of those
-    that are held (1 each).
-    """
-    unsure = np.ones(len(start)) if unsure is None else unsure
-    active = np.array(wanted)
-    z = np.where(active, start, rest)
+def estimate(misses: Misses, start: FloatArray, how: Search) -> Estimate:
+    """Search from ``start``, dropping the unknowns that the data do not determine."""
+    active = np.array(how.wanted)
+    z = np.where(active, start, how.rest)
     for _ in range(_ROUNDS):
         z, scales = search(misses, z, active)
-        of = _information(misses.derivative(z, wide=True), misses(z), scales)
-        kept = _choose(of, need, active)
+        of = _information(misses, z, scales)
+        kept = _choose(of, misses.need, active)
         if (kept == active).all():
             break
         active = kept
-        z = np.where(active, z, rest)
-    return _judged(of, z, active, scales, need, wanted, unsure)
+        z = np.where(active, z, how.rest)
+    return _judged(of, active, misses.need, how)
 
 
-def judge(
-    misses: Misses,
-    z: FloatArray,
-    told: Any,
-    need: FloatArray,
-    wanted: Any,
-    unsure: FloatArray,
-    rest: FloatArray,
-) -> Estimate:
-    """The estimate that stands at ``z``; of those ``told``, who are not told there return."""
-    scales = misses.scales(z)
-    of = _information(misses.derivative(z, wide=True), misses(z), scales)
-    still = _choose(of, need, told)
-    return _judged(of, np.where(still, z, rest), still, scales, need, wanted, unsure)
+def judge(misses: Misses, z: FloatArray, determined: Any, how: Search) -> Estimate:
+    """The estimate at ``z``; of the unknowns ``determined`` so far, those that are not are held."""
+    of = _information(misses, z, misses.scales(z))
+    return _judged(of, _choose(of, misses.need, determined), misses.need, how)
 
 
-def _judged(
-    of: _Information,
-    z: FloatArray,
-    told: Any,
-    scales: FloatArray,
-    need: FloatArray,
-    wanted: Any,
-    unsure: FloatArray,
-) -> Estimate:
-    covariance, alone, given = _with_held(of, told, need, unsure)
-    possible = _deviations(of, np.array(wanted))
-    return Estimate(z, told, covariance, alone, given, possible, scales)
+def _judged(of: _Information, active: Any, need: FloatArray, how: Search) -> Estimate:
+    """The estimate with ``active`` determined; its covariance includes that of the held ones."""
+    p = len(of.z)
+    covariance, given = np.zeros((p, p)), [-1] * p
+    free, held = np.flatnonzero(active), np.flatnonzero(~active)
+    if free.size:
+        own = _sandwich(of, free)
+        shifts = -_inverse(of, free) @ of.bread[np.ix_(free, held)] * how.unsure[held]
+        covariance[np.ix_(free, free)] = own + shifts @ shifts.T
+        for row, i in enumerate(free):
+            part, least = float(shifts[row] @ shifts[row]), (_MATTERS * need[i] / SIGMAS) ** 2
+            if held.size and part > max(float(own[row, row]), least):
+                given[i] = int(held[np.argmax(np.abs(shifts[row]))])
+    z, possible = np.where(active, of.z, how.rest), _deviations(of, how.wanted)
+    return Estimate(z, active, covariance, given, possible, of.scales)
 
 
 def cost(left: FloatArray, scales: FloatArray) -> float:
@@ -188,7 +186,7 @@ def scale_of(misses: FloatArray) -> FloatArray:
 def search(
     misses: Misses, z: FloatArray, active: Any, *, quick: bool = False
 ) -> tuple[FloatArray, FloatArray]:
-    """Huber's estimate of the active unknowns; the scales of the channels go with it.
+    """Huber's estimate of the active unknowns, and the scales of the channels.
 
     If ``quick``, a few steps with the scales of the start.
     """
@@ -230,26 +228,29 @@ def search(
 
 
 class _Information(NamedTuple):
-    """Of all unknowns: bread and meat of the sandwich, (p, p) each."""
+    """Bread and meat of the sandwich estimate of the covariance at ``z``, (p, p) each."""
 
+    z: FloatArray
+    scales: FloatArray
     bread: FloatArray
     white: FloatArray
     """The meat if residuals were uncorrelated."""
     meat: FloatArray
 
 
-def _information(jacobian: FloatArray, left: FloatArray, scales: FloatArray) -> _Information:
+def _information(misses: Misses, z: FloatArray, scales: FloatArray) -> _Information:
     """Sums over rows and channels; the meat with the residuals' autocovariance.
 
     The window and the autocovariance are both positive semi-definite, and so is the meat.
     """
+    jacobian, left = misses.derivative(z, wide=True), misses(z)
     known = np.isfinite(left)
-    z = np.where(known, left, 0.0) / scales
+    size = np.where(known, left, 0.0) / scales
     slopes = np.nan_to_num(jacobian) / scales[:, None] * known[..., None]
-    pull, linear = np.clip(z, -HUBER, HUBER), known & (np.abs(z) < HUBER)
-    p = jacobian.shape[2]
+    pull, linear = np.clip(size, -HUBER, HUBER), known & (np.abs(size) < HUBER)
+    p = len(z)
     bread, white, extra = np.zeros((p, p)), np.zeros((p, p)), np.zeros((p, p))
-    for c in range(z.shape[1]):
+    for c in range(size.shape[1]):
         count = int(known[:, c].sum())
         if not count:
             continue
@@ -262,7 +263,7 @@ def _information(jacobian: FloatArray, left: FloatArray, scales: FloatArray) -> 
             weight = (1.0 - lag / lags) * float(r[lag:] @ r[:-lag]) / count
             product = j[lag:].T @ j[:-lag]
             extra += weight * (product + product.T)
-    return _Information(bread, white, white + extra)
+    return _Information(z, scales, bread, white, white + extra)
 
 
 def _inverse(of: _Information, free: Any) -> FloatArray:
@@ -272,16 +273,14 @@ def _inverse(of: _Information, free: Any) -> FloatArray:
 
 def _sandwich(of: _Information, free: Any) -> FloatArray:
     """Covariance of the free unknowns, never narrower than with uncorrelated residuals."""
-    inverse, ridge = _inverse(of, free), _RIDGE**2 * np.eye(len(free))
-    white, full = (
-        inverse @ (meat[np.ix_(free, free)] + ridge) @ inverse for meat in (of.white, of.meat)
-    )
+    inverse, ridge, at = _inverse(of, free), _RIDGE**2 * np.eye(len(free)), np.ix_(free, free)
+    white, full = (inverse @ (meat[at] + ridge) @ inverse for meat in (of.white, of.meat))
     factor = np.sqrt(np.maximum(np.diag(white) / np.diag(full), 1.0))
     return np.asarray(full * np.outer(factor, factor))
 
 
 def _deviations(of: _Information, active: Any) -> FloatArray:
-    """(p,) standard deviations if all active ones are looked for, infinity elsewhere."""
+    """(p,) standard deviations if all active ones are searched, infinity elsewhere."""
     out = np.full(len(of.bread), np.inf)
     free = np.flatnonzero(active)
     if free.size:
@@ -290,7 +289,7 @@ def _deviations(of: _Information, active: Any) -> FloatArray:
 
 
 def _choose(of: _Information, need: FloatArray, wanted: Any) -> Any:
-    """Drop the worst told unknown until all that are left are told; of equals the later one."""
+    """Drop the least certain unknown until the rest is determined; of equals the later one."""
     active = np.array(wanted)
     while active.any():
         wide = np.where(active, SIGMAS * _deviations(of, active) / need, 0.0)
@@ -299,23 +298,3 @@ def _choose(of: _Information, need: FloatArray, wanted: Any) -> Any:
             break
         active[worst] = False
     return active
-
-
-def _with_held(
-    of: _Information, active: Any, need: FloatArray, unsure: FloatArray
-) -> tuple[FloatArray, FloatArray, list[int]]:
-    """Covariance with the uncertainty of the held ones, without it, and whom it is owed to."""
-    p = len(of.bread)
-    covariance, alone, given = np.zeros((p, p)), np.zeros(p), [-1] * p
-    free, held = np.flatnonzero(active), np.flatnonzero(~active)
-    if not free.size:
-        return covariance, alone, given
-    own = _sandwich(of, free)
-    alone[free] = np.sqrt(np.diag(own))
-    shifts = -_inverse(of, free) @ of.bread[np.ix_(free, held)] * unsure[held]
-    covariance[np.ix_(free, free)] = own + shifts @ shifts.T
-    for row, i in enumerate(free):
-        borrowed = float(shifts[row] @ shifts[row])
-        if held.size and borrowed > max(float(own[row, row]), (_MATTERS * need[i] / SIGMAS) ** 2):
-            given[i] = int(held[np.argmax(np.abs(shifts[row]))])
-    return covariance, alone, given

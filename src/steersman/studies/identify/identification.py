@@ -1,4 +1,4 @@
-"""From a recording to a vehicle: fit, hold out, and say what is known how well."""
+"""From a recording to a vehicle: fit it, judge it on held-out blocks, give intervals."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from steersman.vehicles import Vehicle
 
 # Length of the stretches that are fitted or held out [s]: a multiple of the free segments'.
 BLOCK = 10.0
-# A factor that is so many prior deviations off deserves a doubt.
+# A factor so many prior deviations off the starting vehicle's is doubtful.
 _FAR = 3.0
 FITTED, GIVEN, KEPT, AT_LEAST, NONE = "fitted", "given", "kept", "at least", "none seen"
 
 
 class Figure(NamedTuple):
-    """A figure, and what the recording says of it."""
+    """A figure of the vehicle or offset of a sensor, as the recording gives it."""
 
     name: str
     unit: str
     before: float
     value: float
     low: float | None
-    """Ends of the 95 % interval; None if the recording does not tell the figure."""
+    """Ends of the 95 % interval; None if the recording does not determine the figure."""
     high: float | None
     status: str
-    """``fitted``; ``given`` (hangs on a figure that is kept); ``kept`` from the starting vehicle;
+    """``fitted``; ``given`` (depends on a figure that is kept); ``kept`` from the starting vehicle;
     ``at least``; ``none seen`` (zero explains as much)."""
     note: str
 
@@ -51,7 +51,7 @@ class Error(NamedTuple):
 
 
 class Identified(NamedTuple):
-    """What a recording says of a vehicle."""
+    """A vehicle as a recording gives it."""
 
     log: Log
     stretches: list[Stretch]
@@ -77,15 +77,18 @@ UNITS = {
 
 
 def identify(
-    log: Log, vehicle: Vehicle, holdout: float = 0.25, tell: Callable[[str], None] = lambda _: None
+    log: Log,
+    vehicle: Vehicle,
+    holdout: float = 0.25,
+    notify: Callable[[str], None] = lambda _: None,
 ) -> Identified:
     """Fit a vehicle to a recording.
 
     Args:
         log: what was commanded and measured.
-        vehicle: what is believed of the car before; what the recording does not tell stays so.
+        vehicle: the starting vehicle; figures that the recording does not determine are kept.
         holdout: share of the recording that only judges the fit, in blocks of 10 s; 0: none.
-        tell: told what is being done.
+        notify: called with a line at the beginning of each stage.
 
     Raises:
         DataError: the recording is too short, or its columns contradict each other.
@@ -93,13 +96,13 @@ def identify(
     stretches = stretch_replay.stretches(log, vehicle)
     check(log, stretches, vehicle)
     use = fitted_rows(log, holdout)
-    tell("lateral: steering, tyres, inertia")
+    notify("lateral: steering, tyres, inertia")
     side = lateral.fit(vehicle, log, stretches, use)
     found, fits = side.vehicle, [side]
     if log.get("throttle") is not None:
-        tell("longitudinal: throttle map, brakes")
+        notify("longitudinal: throttle map, brakes")
         ahead, better = longitudinal.fit(found, log, stretches, use)
-        tell("lateral again, with the speed that both agree on")
+        notify("lateral again, with the speed that both agree on")
         # The figures of the map are fixed now; those of the steering start where they were.
         base = ahead.vehicle.replace(**{u.field: getattr(vehicle, u.field) for u in _fields(side)})
         side = lateral.fit(base, log, better, use, side)
@@ -140,12 +143,12 @@ def _figures(fit: Fitted) -> list[Figure]:
         name, z = unknown.name, float(found.z[i])
         value = unknown.value(z)
         half = SIGMAS * float(np.sqrt(found.covariance[i, i]))
-        if found.told[i]:
+        if found.determined[i]:
             given = found.given[i]
-            note = f"hangs on {fit.unknowns[given].name}, which is kept" if given >= 0 else ""
+            note = f"depends on {fit.unknowns[given].name}, which is kept" if given >= 0 else ""
             status = GIVEN if given >= 0 else FITTED
             if unknown.ratio and abs(z) > _FAR:
-                note = f"far from what was believed, doubt it{'; ' + note if note else ''}"
+                note = f"doubtful: far from the starting vehicle's{'; ' + note if note else ''}"
             low, high = (unknown.value(z + side * half) for side in (-1.0, 1.0))
             out.append(Figure(name, unknown.unit, unknown.start, value, low, high, status, note))
         else:
@@ -156,18 +159,18 @@ def _figures(fit: Fitted) -> list[Figure]:
 
 def _why_kept(fit: Fitted, unknown: Unknown, deviation: float) -> tuple[str, str]:
     if unknown.name in fit.at_least:
-        return AT_LEAST, "the recording never went faster; no more is known"
+        return AT_LEAST, "the recorded steering never went faster"
     if unknown.name == "steer_lag" and np.isfinite(deviation):
         most = unknown.value(2.0 * SIGMAS * deviation)
         if most < 0.5 * unknown.high:
             return NONE, f"less than {most:.2g} s"
     if not np.isfinite(deviation):
-        return KEPT, "not told by this recording"
+        return KEPT, "not determined by this recording"
     width = SIGMAS * deviation * unknown.prior
     if width > 4.0 * unknown.need:
-        return KEPT, "not told by this recording"
+        return KEPT, "not determined by this recording"
     wide = f"{100.0 * width:.0f} %" if unknown.ratio else f"{width:.2g} {unknown.unit}"
-    return KEPT, f"told to +-{wide} only"
+    return KEPT, f"only known to +-{wide}"
 
 
 def _errors(

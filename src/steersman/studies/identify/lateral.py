@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steersman.studies.identify import stretch_replay
-from steersman.studies.identify.estimate import Estimate, Misses, estimate, scale_of
+from steersman.studies.identify.estimate import Estimate, Misses, Search, estimate, scale_of
 from steersman.studies.identify.recording import RESOLUTION, RESPONSES, Log
 from steersman.studies.identify.stretch_replay import Stretch
 from steersman.studies.identify.unknowns import (
@@ -36,20 +36,18 @@ _RATES = (1.0, 0.25, 0.5, 2.0, 4.0)
 _BETTER = 0.02
 # Lateral acceleration that a tenth of a recording exceeds unless the car drives straight [m/s^2].
 _LEAST_TURN = 0.3
-# Differences that tell of delay and lag: below the step of the integration they show in part.
-_COARSE = {"steer_delay": 0.1, "steer_lag": 0.3}
 
 
 class Fitted(NamedTuple):
-    """One fit: what was looked for, what came out, and the vehicle of it."""
+    """One fit: its unknowns, their estimate, and the fitted vehicle."""
 
     unknowns: list[Unknown]
     estimate: Estimate
     vehicle: Vehicle
     rest: FloatArray
-    """What figures that are not told return to (z)."""
+    """z of the figures that the log does not determine."""
     at_least: frozenset[str] = frozenset()
-    """Figures that rest where the log says that they are at least."""
+    """Figures that are held at a value which the log shows to be a lower bound."""
 
 
 def channels(log: Log) -> list[str]:
@@ -87,17 +85,14 @@ def misses_of(
     unknowns: Sequence[Unknown],
     use: Any,
 ) -> Misses:
-    """What the figures of z leave."""
+    """Simulated minus measured signals as a function of z."""
     seen = measured(log, stretches, use)
-    low, high = np.array([u.bounds() for u in unknowns]).T
 
     def of(z: FloatArray) -> FloatArray:
         guess = guess_at(vehicle, unknowns, z)
         return simulated(guess, log, stretches, offsets_at(unknowns, z)) - seen
 
-    least = np.array([RESOLUTION[name] for name in channels(log)])
-    coarse = np.array([_COARSE.get(u.field, 0.0) for u in unknowns])
-    return Misses(of, low, high, least, coarse)
+    return Misses(of, unknowns, np.array([RESOLUTION[name] for name in channels(log)]))
 
 
 def fit(
@@ -107,49 +102,51 @@ def fit(
     use: Any,
     before: Fitted | None = None,
 ) -> Fitted:
-    """Search all that steers; ``use`` (rows,) bool are fitted.
+    """Search the figures of steering, tyres and inertia; ``use`` (rows,) bool are fitted.
 
     ``before`` is an earlier fit of the same recording, from which this one goes on. Without it
     delays and rates are tried all over, and whether there is a lag is decided.
     """
     unknowns = steering(vehicle, channels(log))
-    names = [u.name for u in unknowns]
-    lag = names.index("steer_lag")
-    step = stretch_replay.H / unknowns[names.index("steer_delay")].prior
     misses = misses_of(vehicle, log, stretches, unknowns, use)
-    need, wanted = np.array([u.need_z for u in unknowns]), np.full(len(unknowns), True)
+    names, everything = misses.names, Search.of(misses)
     if not _turns(log, stretches):
-        wanted = np.array([u.offset or u.field == "steer_bias" for u in unknowns])
-        rest = np.zeros(len(unknowns))
-        found = estimate(misses, rest, rest, need, wanted)
-        return Fitted(unknowns, found, vehicle_at(vehicle, unknowns, found.z), rest)
+        some = np.array([u.offset or u.field == "steer_bias" for u in unknowns])
+        found = estimate(misses, everything.rest, everything._replace(wanted=some))
+        return Fitted(unknowns, found, vehicle_at(vehicle, unknowns, found.z), everything.rest)
+    lag = names.index("steer_lag")
+    lagging = unknowns[lag].start > 0.0
+    step = stretch_replay.H / unknowns[names.index("steer_delay")].prior
     if before is not None:
-        rest, unsure = before.rest, np.ones(len(unknowns))
-        wanted[lag] = before.estimate.told[lag] or unknowns[lag].start > 0.0
-        unsure[lag] = min(before.estimate.possible[lag], 1.0)
-        found = estimate(misses, before.estimate.z, rest, need, wanted, unsure)
-        found = snapped(misses, found, rest, need, wanted, unsure, names, step)
-        if not wanted[lag]:
+        rest = before.rest
+        how = Search.of(misses, rest)
+        if not (before.estimate.determined[lag] or lagging):
+            how = how.without(lag)
+        how.unsure[lag] = min(before.estimate.possible[lag], 1.0)
+        found = snapped(misses, estimate(misses, before.estimate.z, how), how, step)
+        if not how.wanted[lag]:
             found.possible[lag] = before.estimate.possible[lag]
     else:
 
         def decided(start: FloatArray, rest: FloatArray) -> Estimate:
-            if unknowns[lag].start > 0.0:
-                return estimate(misses, start, rest, need, wanted)
-            return with_lag_or_without(misses, start, rest, need, names, step)
+            how = Search.of(misses, rest)
+            if lagging:
+                return estimate(misses, start, how)
+            return with_lag_or_without(misses, start, how, step)
 
         start, rest = _start(vehicle, log, stretches, unknowns, use, _RATES)
         found = decided(start, rest)
         if rest.any():  # slow rates may be a lag, which starts are looked for without
-            start, believed = _start(vehicle, log, stretches, unknowns, use, (1.0,))
-            trial = decided(start, believed)
+            start, prior = _start(vehicle, log, stretches, unknowns, use, (1.0,))
+            trial = decided(start, prior)
             if explained(misses, found, trial) <= len(RATES) * 0.5 * SIGMAS**2:
-                found, rest = trial, believed
-    looked_for = np.full(len(unknowns), True)
-    looked_for[lag] = found.told[lag] or unknowns[lag].start > 0.0
-    found = without_rates(misses, found, rest, need, looked_for, names)
+                found, rest = trial, prior
+    how = Search.of(misses, rest)
+    if not (found.determined[lag] or lagging):
+        how = how.without(lag)
+    found = without_rates(misses, found, how)
     at_least = {n for n, r in zip(names, rest, strict=True) if r > 0.0 and n in RATES}
-    kept = {n for n, told in zip(names, found.told, strict=True) if not told}
+    kept = {n for n, determined in zip(names, found.determined, strict=True) if not determined}
     fitted = vehicle_at(vehicle, unknowns, found.z)
     return Fitted(unknowns, found, fitted, rest, frozenset(at_least & kept))
 

@@ -7,13 +7,13 @@ vehicle: as long as the car stays near its recorded speed, the answer is linear 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from steersman.studies.identify import stretch_replay
-from steersman.studies.identify.estimate import Misses, estimate
+from steersman.studies.identify.estimate import Misses, Search, estimate
 from steersman.studies.identify.lateral import Fitted
 from steersman.studies.identify.recording import RESOLUTION, Log
 from steersman.studies.identify.stretch_replay import Stretch
@@ -29,19 +29,43 @@ _PRESSED = 0.02
 
 
 class Segments(NamedTuple):
-    """Starts of a stretch: steps of the grid, recorded speeds there [m/s], segment of each row."""
+    """A stretch, and where its car is let go: every ``SEGMENT``."""
 
+    stretch: Stretch
     starts: Any
+    """(k,) steps of the grid, int64."""
     speeds: FloatArray
+    """(k,) recorded there [m/s]."""
     of_row: Any
+    """(n,) segment of each row."""
+    base: FloatArray
+    """States of :func:`stretch_replay.lateral`."""
+
+    def released(self, vehicle: Vehicle, speeds: FloatArray) -> FloatArray:
+        """Speeds on the grid [m/s] if the car drives on its own from ``speeds`` at the starts."""
+        return stretch_replay.free(vehicle, self.stretch, self.base, self.starts, speeds)
 
 
-def segments(stretch: Stretch) -> Segments:
-    """Starts every ``SEGMENT``."""
-    step = round(SEGMENT / stretch_replay.H)
-    starts = np.arange(0, max(len(stretch.speed) - step // 2, 1), step, dtype=np.int64)
-    of_row = np.searchsorted(starts * stretch_replay.H, stretch.time + 1e-9, side="right") - 1
-    return Segments(starts, stretch.speed[starts], of_row)
+def segments(vehicle: Vehicle, stretches: Sequence[Stretch]) -> list[Segments]:
+    """The segments of each stretch, laterally driven by ``vehicle``."""
+    out, step = [], round(SEGMENT / stretch_replay.H)
+    for stretch in stretches:
+        starts = np.arange(0, max(len(stretch.speed) - step // 2, 1), step, dtype=np.int64)
+        of_row = np.searchsorted(starts * stretch_replay.H, stretch.time + 1e-9, side="right") - 1
+        base = stretch_replay.lateral(vehicle, stretch)
+        out.append(Segments(stretch, starts, stretch.speed[starts], of_row, base))
+    return out
+
+
+def _shifted(
+    vehicle: Vehicle, parts: Sequence[Segments], shifts: FloatArray
+) -> Iterator[tuple[Stretch, FloatArray]]:
+    """Each stretch with its car's speed on the grid, the starts' speeds shifted [m/s]."""
+    at = 0
+    for part in parts:
+        speeds = np.maximum(part.speeds + shifts[at : at + len(part.starts)], 0.0)
+        at += len(part.starts)
+        yield part.stretch, part.released(vehicle, speeds)
 
 
 def _start_speed(n: int) -> Unknown:
@@ -55,56 +79,46 @@ class _Free(Misses):
         self,
         vehicle: Vehicle,
         log: Log,
-        stretches: Sequence[Stretch],
-        unknowns: Sequence[Unknown],
+        parts: Sequence[Segments],
+        figures: list[Unknown],
         use: Any,
     ) -> None:
-        self._figures = [u for u in unknowns if u.field != "start_speed"]
-        self._vehicle, self._stretches = vehicle, stretches
-        self._segments = [segments(stretch) for stretch in stretches]
-        self._bases = [stretch_replay.lateral(vehicle, stretch) for stretch in stretches]
-        upset = np.full(len(log.time), True)
-        for stretch, parts in zip(stretches, self._segments, strict=True):
-            # A segment in which the car slides tells nothing of pedals.
-            slid = parts.of_row[~stretch.steady & (stretch.time >= stretch_replay.WARM_UP)]
-            upset[stretch.rows] = np.isin(parts.of_row, slid)
+        self._vehicle, self._parts, self._figures = vehicle, parts, figures
+        upset, self._start = np.full(len(log.time), True), np.full(len(log.time), -1)
+        starts: list[Unknown] = []
+        for part in parts:
+            stretch = part.stretch
+            # A segment in which the car slides says nothing of pedals.
+            slid = part.of_row[~stretch.steady & (stretch.time >= stretch_replay.WARM_UP)]
+            upset[stretch.rows] = np.isin(part.of_row, slid)
+            self._start[stretch.rows] = len(starts) + part.of_row
+            starts += [_start_speed(len(starts) + k) for k in range(len(part.starts))]
         self._speed = np.where(use & ~upset, log.signals["v_x"], np.nan)
-        self._prior = unknowns[-1].prior
-        low, high = np.array([u.bounds() for u in unknowns]).T
-        super().__init__(self._simulate, low, high, np.array([RESOLUTION["v_x"]]))
+        self.start_prior = starts[-1].prior
+        super().__init__(self._simulate, [*figures, *starts], np.array([RESOLUTION["v_x"]]))
 
     def _simulate(self, z: FloatArray) -> FloatArray:
-        figures = len(self._figures)
-        guess = guess_at(self._vehicle, self._figures, z[:figures])
+        count = len(self._figures)
+        guess = guess_at(self._vehicle, self._figures, z[:count])
         out = np.full((len(self._speed), 1), np.nan)
-        at = figures
-        for stretch, parts, base in zip(self._stretches, self._segments, self._bases, strict=True):
-            count = len(parts.starts)
-            speeds = np.maximum(parts.speeds + self._prior * z[at : at + count], 0.0)
-            at += count
-            free = stretch_replay.free(guess, stretch, base, parts.starts, speeds)
-            out[stretch.rows, 0] = free - self._speed[stretch.rows]
+        for stretch, speed in _shifted(guess, self._parts, self.start_prior * z[count:]):
+            at_rows = stretch_replay.at_rows(stretch, speed)
+            out[stretch.rows, 0] = at_rows - self._speed[stretch.rows]
         return out
 
     def derivative(self, z: FloatArray, which: Any = None, *, wide: bool = False) -> FloatArray:
         """(rows, 1, len(which))."""
         which = np.arange(len(z)) if which is None else np.asarray(which)
-        figures = len(self._figures)
-        of_figures = which[which < figures]
+        count = len(self._figures)
+        of_figures = which[which < count]
         out = np.zeros((len(self._speed), 1, len(which)))
         if of_figures.size:
             out[..., : len(of_figures)] = super().derivative(z, of_figures, wide=wide)
         step = 1e-3
-        shift = np.where(np.arange(len(z)) >= figures, step, 0.0)
+        shift = np.where(np.arange(len(z)) >= count, step, 0.0)
         slope = (self(z + shift) - self(z))[:, 0] / step
-        at = figures
-        for stretch, parts in zip(self._stretches, self._segments, strict=True):
-            for i in range(len(parts.starts)):
-                column = np.flatnonzero(which == at + i)
-                rows = np.flatnonzero(parts.of_row == i) + stretch.rows.start
-                if column.size:
-                    out[rows, 0, column[0]] = slope[rows]
-            at += len(parts.starts)
+        for column in np.flatnonzero(which >= count):
+            out[:, 0, column] = np.where(self._start == which[column] - count, slope, 0.0)
         return out
 
 
@@ -113,61 +127,41 @@ def fit(
 ) -> tuple[Fitted, list[Stretch]]:
     """Search the map's knots near which the car was, and the brakes if they were pressed.
 
-    Returns also the stretches with what that tells of speed and pedals.
+    Returns also the stretches with the commanded pedals, and the speed that model and measurement
+    agree on: what the model leaves is smooth, so that more of the sensor's noise is averaged.
     """
     brake = log.get("brake")
     pressed = brake is not None and float(np.nanmax(brake)) > _PRESSED
     figures = pedals(vehicle, brake=pressed)
-    starts = sum(len(segments(stretch).starts) for stretch in stretches)
-    unknowns = [*figures, *(_start_speed(n) for n in range(starts))]
-    misses = _Free(vehicle, log, stretches, unknowns, use)
-    near = visited(vehicle, log, stretches, use)
-    wanted = np.array(
-        [u.field != "map_acceleration" or near[u.at] >= _LEAST for u in unknowns], dtype=bool
-    )
-    need, zero = np.array([u.need_z for u in unknowns]), np.zeros(len(unknowns))
-    found = estimate(misses, zero, zero, need, wanted)
     count = len(figures)
+    misses = _Free(vehicle, log, segments(vehicle, stretches), figures, use)
+    near = visited(vehicle, log, stretches, use)
+    everything = Search.of(misses)
+    far = [i for i, u in enumerate(figures) if u.at and near[u.at] < _LEAST]
+    found = estimate(misses, everything.rest, everything.without(far))
     fitted = Fitted(
         figures,
         found._replace(
             z=found.z[:count],
-            told=found.told[:count],
+            determined=found.determined[:count],
             covariance=found.covariance[:count, :count],
-            alone=found.alone[:count],
             given=[g if g < count else -1 for g in found.given[:count]],
             possible=found.possible[:count],
         ),
         vehicle_at(vehicle, figures, found.z[:count]),
-        zero[:count],
+        everything.rest[:count],
     )
-    return fitted, _refined(fitted.vehicle, log, stretches, unknowns[-1].prior * found.z[count:])
-
-
-def _refined(
-    vehicle: Vehicle, log: Log, stretches: Sequence[Stretch], shifts: FloatArray
-) -> list[Stretch]:
-    """Stretches with the commanded pedals, and the speed that model and measurement agree on.
-
-    What the model leaves is smooth, so that more of the sensor's noise can be averaged.
-    """
-    out, at = [], 0
-    for stretch in stretches:
-        parts, base = segments(stretch), stretch_replay.lateral(vehicle, stretch)
-        count = len(parts.starts)
-        speeds = np.maximum(parts.speeds + shifts[at : at + count], 0.0)
-        at += count
-        free = stretch_replay.free_grid(vehicle, stretch, base, parts.starts, speeds)
-        out.append(stretch_replay.corrected(log, stretch, free))
-    return out
+    parts, shifts = segments(fitted.vehicle, stretches), misses.start_prior * found.z[count:]
+    refined = _shifted(fitted.vehicle, parts, shifts)
+    return fitted, [stretch_replay.corrected(log, stretch, speed) for stretch, speed in refined]
 
 
 def speeds(vehicle: Vehicle, log: Log, stretches: Sequence[Stretch]) -> FloatArray:
     """(rows,) simulated speed [m/s], let go from the recorded one every ``SEGMENT``."""
     out = np.full(len(log.time), np.nan)
-    for stretch in stretches:
-        parts, base = segments(stretch), stretch_replay.lateral(vehicle, stretch)
-        out[stretch.rows] = stretch_replay.free(vehicle, stretch, base, parts.starts, parts.speeds)
+    for part in segments(vehicle, stretches):
+        speed = part.released(vehicle, part.speeds)
+        out[part.stretch.rows] = stretch_replay.at_rows(part.stretch, speed)
     return out
 
 

@@ -89,7 +89,7 @@ def _turning(log: Log, stretches: list[Stretch]) -> None:
         1.0 / 3.6: "v_x seems to be in km/h; name it v_x_km_h",
         3.6: "v_x seems to be in m/s already; name it v_x_m_s",
     }
-    _tell(log, "a_y is {slope:.3g} times v_x yaw_rate", slope, together, meanings, _NEAR)
+    _refuse(log, "a_y is {slope:.3g} times v_x yaw_rate", slope, together, meanings, _NEAR)
     if together < -_TOGETHER:
         raise DataError(
             f"{log.name}: a_y and yaw_rate have opposite signs; both are positive to the left"
@@ -110,7 +110,7 @@ def _gaining(log: Log, stretches: list[Stretch]) -> None:
         1.0 / 9.81: "a_x seems to be in g; name it a_x_g",
         1.0 / 3.6: "v_x seems to be in km/h; name it v_x_km_h",
     }
-    _tell(log, "a_x is {slope:.3g} times the change of v_x", slope, together, meanings, _NEAR)
+    _refuse(log, "a_x is {slope:.3g} times the change of v_x", slope, together, meanings, _NEAR)
     if together < -_TOGETHER:
         raise DataError(
             f"{log.name}: a_x is negative while v_x grows; accelerations ahead are positive"
@@ -146,13 +146,13 @@ def _answering(log: Log, stretches: list[Stretch], vehicle: Vehicle) -> None:
         math.pi / 180.0: "is yaw_rate in rad/s already, or steer_command an angle (steer_angle_rad "
         "and --lock)?",
     }
-    told = (
+    what = (
         "the car turns {slope:.3g} times as fast as " + (vehicle.kind or "the vehicle") + " would"
     )
-    _tell(log, told, slope, best, meanings, _NEAR_CAR)
+    _refuse(log, what, slope, best, meanings, _NEAR_CAR)
 
 
-def _tell(
+def _refuse(
     log: Log,
     what: str,
     slope: float,

@@ -19,8 +19,8 @@ def write(found: Identified, file: FilePath) -> None:
     head = [
         f"Identified from {found.log.name}, {found.seconds:.0f} s of it fitted, beginning with "
         f"{found.before.title}; commit {provenance()['commit']}.",
-        "Behind a figure: its 95 % interval, or why it was kept. What bears no mark was not looked "
-        "for.",
+        "Behind a figure: its 95 % interval, or why it was kept. Without a comment it was not "
+        "searched.",
     ]
     head += [
         f"  {e.signal}: RMS error on what was held out {e.after:.3g} {e.unit} "
@@ -37,7 +37,7 @@ def _marks(figures: list[Figure]) -> dict[str, str]:
         field, _, at = figure.name.partition("[")
         if field != "offset":
             out.setdefault(field, []).append((f"[{at} " if at else "") + described(figure))
-    return {field: "; ".join(told) for field, told in out.items()}
+    return {field: "; ".join(words) for field, words in out.items()}
 
 
 def described(figure: Figure) -> str:

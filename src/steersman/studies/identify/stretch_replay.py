@@ -22,8 +22,8 @@ H = LONGEST_STEP
 """Step of the simulation [s], as the simulator's own."""
 WARM_UP = 1.0
 """What follows a start is not compared for so long [s]."""
-# Slower than this a car tells nothing of its tyres [m/s]; beyond this share of its grip it slides
-# as chance will have it.
+# Slower than this the tyres do not show in the motion [m/s]; beyond this share of the grip the car
+# slides unpredictably.
 _SLOWEST, _MOST_GRIP = 1.0, 0.7
 # Before a stretch, its first command was held for longer than any delay [s].
 _BEFORE = 5.0
@@ -171,17 +171,10 @@ def lateral(vehicle: Vehicle, stretch: Stretch) -> FloatArray:
 def free(
     vehicle: Vehicle, stretch: Stretch, base: FloatArray, starts: Any, speeds: FloatArray
 ) -> FloatArray:
-    """Speeds at the rows (n,) [m/s]; see :func:`free_grid`."""
-    return at_rows(stretch, free_grid(vehicle, stretch, base, starts, speeds))
-
-
-def free_grid(
-    vehicle: Vehicle, stretch: Stretch, base: FloatArray, starts: Any, speeds: FloatArray
-) -> FloatArray:
     """Speeds on the grid (m + 1,) [m/s] if the car drives on its own from each start.
 
     Args:
-        vehicle: who drives.
+        vehicle: the vehicle.
         stretch: with pedals.
         base: states of :func:`lateral`.
         starts: steps (k,) of the grid, int64, at which it starts anew, the first of them 0.
@@ -241,9 +234,9 @@ def responses(
     names: Sequence[str],
     offsets: dict[str, float],
 ) -> FloatArray:
-    """What sensors would tell of :func:`lateral` at the rows, (n, channels).
+    """What sensors would measure of :func:`lateral` at the rows, (n, channels).
 
-    A v_y sensor may stand askew: its offset is an angle.
+    The offset of a v_y sensor is an angle: it may be mounted askew.
     """
     late = vehicle.steer_delay - _whole(vehicle)
     columns = (states[:, _COLUMNS[name]] for name in names)

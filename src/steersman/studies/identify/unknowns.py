@@ -1,4 +1,4 @@
-"""What is looked for: figures of a vehicle, and offsets of the sensors beside them.
+"""The unknowns: figures of a vehicle, and offsets of the sensors.
 
 A figure is searched as z, the steps of its ``prior`` by which it lies off the starting vehicle's:
 value = start x exp(prior z) or, for those that can be zero, start + prior z.
@@ -19,7 +19,7 @@ _LARGEST_ANGLE = 1.5
 
 
 class Unknown(NamedTuple):
-    """A figure that is looked for."""
+    """A figure that is searched."""
 
     field: str
     """Field of the vehicle, or ``offset`` of a sensor's signal ``at``."""
@@ -30,12 +30,16 @@ class Unknown(NamedTuple):
     ratio: bool
     """Whether its steps are factors."""
     prior: float
-    """How far off the starting vehicle's it may well be (one standard deviation): a share of it
-    if ``ratio``, else in its unit. So unsure is a figure that the log does not tell."""
+    """Standard deviation of its distance from the starting vehicle's figure, before the log is
+    read: a share of it if ``ratio``, else in its unit."""
     need: float
-    """Half width of the 95 % interval (a share or in its unit) beyond which it is not told."""
+    """Half width of the 95 % interval (a share or in its unit) beyond which the log is taken not
+    to determine it."""
     low: float
     high: float
+    coarse: float = 0.0
+    """Least difference of z from which intervals are computed: below the step of the integration
+    a delay or lag shows in part."""
 
     @property
     def name(self) -> str:
@@ -87,7 +91,7 @@ def _plain(
 
 
 def steering(vehicle: Vehicle, responses: Iterable[str]) -> list[Unknown]:
-    """Of the lateral fit: steering, axles, inertia, offsets; who is told least, goes first."""
+    """Of the lateral fit: steering, axles, inertia, offsets."""
     curve = [
         Unknown(
             "steer_curve_factor", (i,), "-", factor, True, 0.1, 0.06, 0.2 * factor, 2.0 * factor
@@ -96,8 +100,8 @@ def steering(vehicle: Vehicle, responses: Iterable[str]) -> list[Unknown]:
         if i > 0
     ]
     return [
-        _plain(vehicle, "steer_delay", "s", 0.05, 0.03, 0.0, 0.5),
-        _plain(vehicle, "steer_lag", "s", 0.05, 0.05, 0.0, 0.6),
+        _plain(vehicle, "steer_delay", "s", 0.05, 0.03, 0.0, 0.5)._replace(coarse=0.1),
+        _plain(vehicle, "steer_lag", "s", 0.05, 0.05, 0.0, 0.6)._replace(coarse=0.3),
         _ratio(vehicle, "steer_rate_up", "1/s", 0.5, 0.2, 20.0),
         _ratio(vehicle, "steer_rate_down", "1/s", 0.5, 0.2, 20.0),
         _ratio(vehicle, "max_wheel_angle", "rad", 0.15, 0.2),
@@ -110,7 +114,7 @@ def steering(vehicle: Vehicle, responses: Iterable[str]) -> list[Unknown]:
     ]
 
 
-# How far off a sensor may well be: yaw rate [rad/s], acceleration [m/s^2], angles [rad], [-].
+# Unit and standard deviation of each sensor's offset.
 _OFFSETS: Mapping[str, tuple[str, float]] = {
     "yaw_rate": ("rad/s", 0.005),
     "a_y": ("m/s^2", 0.2),

@@ -8,12 +8,18 @@ lag only if it clearly explains more, rates only if they limit. All work on z, s
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
-from steersman.studies.identify.estimate import Estimate, Misses, cost, estimate, judge, search
+from steersman.studies.identify.estimate import (
+    Estimate,
+    Misses,
+    Search,
+    cost,
+    estimate,
+    judge,
+    search,
+)
 from steersman.studies.identify.unknowns import SIGMAS
 from steersman.types import FloatArray
 
@@ -25,40 +31,33 @@ _A_LAG, _LEAST_LAG = 0.6, 0.1
 RATES = ("steer_rate_up", "steer_rate_down")
 
 
-def with_lag_or_without(
-    misses: Misses,
-    start: FloatArray,
-    rest: FloatArray,
-    need: FloatArray,
-    names: Sequence[str],
-    step: float,
-) -> Estimate:
-    """Both fits; the one without a lag unless the other is clearly better.
+def with_lag_or_without(misses: Misses, start: FloatArray, how: Search, step: float) -> Estimate:
+    """The fit without a lag, unless the one with a lag explains clearly more.
 
     A lag that cannot be told from none is none: the simpler model explains as much. The fit with
     it begins where the other ended, part of the delay (the unknown before it) exchanged for it.
+    ``step`` is that of the integration, as a difference of the delay's z.
     """
-    lag = names.index("steer_lag")
-    wanted, unsure = np.full(len(start), True), np.ones(len(start))
-    wanted[lag] = False
-    begun = _whole_delay(misses, start, wanted, names, step)
-    without = estimate(misses, begun, rest, need, wanted)
-    without = snapped(misses, without, rest, need, wanted, unsure, names, step)
+    lag = misses.names.index("steer_lag")
+    without_lag = how.without(lag)
+    begun = _whole_delay(misses, start, without_lag, step)
+    without = estimate(misses, begun, without_lag)
+    without = snapped(misses, without, without_lag, step)
     begin = without.z.copy()
     begin[lag] = start[lag] if start[lag] > _LEAST_LAG else _A_LAG
     begin[lag - 1] = max(begin[lag - 1] - begin[lag], misses.low[lag - 1])
-    with_lag = estimate(misses, begin, rest, need, np.full(len(start), True))
+    with_lag = estimate(misses, begin, how)
     gain = explained(misses, with_lag, without)
     deviation = float(np.sqrt(with_lag.covariance[lag, lag]))
     clear = with_lag.z[lag] > max(SIGMAS * deviation, _LEAST_LAG)
-    if with_lag.told[lag] and clear and gain > 0.5 * SIGMAS**2:
+    if with_lag.determined[lag] and clear and gain > 0.5 * SIGMAS**2:
         return with_lag
-    if with_lag.told[lag]:
-        unsure[lag] = min(deviation, 1.0)
-        without = judge(misses, without.z, without.told, need, wanted, unsure, rest)
-    possible = np.array(without.possible)
-    possible[lag] = unsure[lag] if with_lag.told[lag] else np.inf
-    return without._replace(possible=possible)
+    most = np.inf
+    if with_lag.determined[lag]:
+        most = without_lag.unsure[lag] = min(deviation, 1.0)
+        without = judge(misses, without.z, without.determined, without_lag)
+    without.possible[lag] = most
+    return without
 
 
 def explained(misses: Misses, one: Estimate, other: Estimate) -> float:
@@ -66,52 +65,33 @@ def explained(misses: Misses, one: Estimate, other: Estimate) -> float:
     return cost(misses(other.z), other.scales) - cost(misses(one.z), other.scales)
 
 
-def without_rates(
-    misses: Misses,
-    found: Estimate,
-    rest: FloatArray,
-    need: FloatArray,
-    wanted: Any,
-    names: Sequence[str],
-) -> Estimate:
-    """The estimate, or one whose rates rest if it explains as much and they limit nothing there.
+def without_rates(misses: Misses, found: Estimate, how: Search) -> Estimate:
+    """The estimate, or one with the rates held if it explains as much and they limit nothing there.
 
     Slow rates that look like a lag are a valley of their own, out of which this leads.
     """
-    rates = [names.index(name) for name in RATES]
-    if not found.told[rates].any():
+    rates = [misses.names.index(name) for name in RATES]
+    if not found.determined[rates].any():
         return found
-    others, begin, unsure = np.array(wanted), found.z.copy(), np.ones(len(rest))
-    others[rates] = False
+    held, begin, rest = ~how.wanted, found.z.copy(), how.rest
+    how = how._replace(unsure=np.where(held, np.minimum(found.possible, 1.0), 1.0))
     begin[rates] = rest[rates]
-    held = ~np.array(wanted)
-    unsure[held] = np.minimum(found.possible[held], 1.0)
-    trial = estimate(misses, begin, rest, need, others, unsure)
-    gain = cost(misses(trial.z), found.scales) - cost(misses(found.z), found.scales)
+    trial = estimate(misses, begin, how.without(rates))
+    gain = -explained(misses, trial, found)
     if gain < -1.0:
-        again = np.where(trial.told, trial.z, begin)
-        found = estimate(misses, again, rest, need, wanted, unsure)
+        found = estimate(misses, np.where(trial.determined, trial.z, begin), how)
     elif gain <= len(rates) * 0.5 * SIGMAS**2:
-        open_to = judge(misses, trial.z, trial.told, need, wanted, unsure, rest).possible
-        if (SIGMAS * open_to[rates] > need[rates]).all():
+        open_to = judge(misses, trial.z, trial.determined, how).possible
+        if (SIGMAS * open_to[rates] > misses.need[rates]).all():
             found = trial
-    found.possible[held] = unsure[held]
+    found.possible[held] = how.unsure[held]
     return found
 
 
-def snapped(
-    misses: Misses,
-    found: Estimate,
-    rest: FloatArray,
-    need: FloatArray,
-    wanted: Any,
-    unsure: FloatArray,
-    names: Sequence[str],
-    step: float,
-) -> Estimate:
+def snapped(misses: Misses, found: Estimate, how: Search, step: float) -> Estimate:
     """The estimate, or one whose delay is a whole number of steps nearby if that is better."""
-    delay = names.index("steer_delay")
-    others = np.array(found.told)
+    delay = misses.names.index("steer_delay")
+    others = np.array(found.determined)
     others[delay] = False
     best, z = cost(misses(found.z), found.scales), None
     near = math.floor(found.z[delay] / step)
@@ -122,21 +102,19 @@ def snapped(
         value = cost(misses(trial), found.scales)
         if value < best:
             best, z = value, trial
-    return found if z is None else judge(misses, z, found.told, need, wanted, unsure, rest)
+    return found if z is None else judge(misses, z, found.determined, how)
 
 
-def _whole_delay(
-    misses: Misses, z: FloatArray, wanted: Any, names: Sequence[str], step: float
-) -> FloatArray:
+def _whole_delay(misses: Misses, z: FloatArray, how: Search, step: float) -> FloatArray:
     """The best whole number of integration steps as delay, everything else searched at each.
 
-    A command that jumps from row to row makes the acceleration jump at the very row or not, as
-    the delay is, and slow rates and inertia look like delays: the sum of squares has kinks and
-    valleys, in which gradients get stuck. So delays are tried all over, and then downhill.
+    A command that jumps from row to row makes the acceleration jump at the very row or not,
+    depending on the delay, and slow rates and inertia look like delays: the sum of squares has
+    kinks and valleys, in which gradients get stuck. So delays are tried all over, then downhill.
     """
-    delay, others = names.index("steer_delay"), np.array(wanted)
-    others[delay] = False
-    begin = np.where(wanted, z, 0.0)
+    delay = misses.names.index("steer_delay")
+    others = how.without(delay).wanted
+    begin = np.where(how.wanted, z, 0.0)
     scales = misses.scales(search(misses, begin, others, quick=True)[0])
     found: dict[int, tuple[float, FloatArray]] = {}
 

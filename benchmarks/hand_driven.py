@@ -1,6 +1,6 @@
 """Recordings of known cars in the simulator: a drive by hand, and noise as sensors have it.
 
-They show what identification can do: what is found is compared with what drove.
+Identification is judged by comparing the figures it finds with the true ones.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ def recording(
     """Steps of the steering each second, of the throttle each 1.5 s; braking at the top speed.
 
     Args:
-        car: who drives.
+        car: the true vehicle.
         seconds: length.
         seed: of the steps and of the noise, which are drawn apart.
         noise: factor on ``NOISE``.
-        acceleration: lateral acceleration that the steering aims at, at most [m/s^2].
+        acceleration: largest lateral acceleration that the steering aims at [m/s^2].
         top: speed from which it brakes [m/s].
-        throttles: positions that it draws from.
+        throttles: positions from which each step is drawn.
         keep: signals that are recorded.
     """
     rng = np.random.default_rng(seed)
