@@ -226,9 +226,9 @@ def test_profile_from_a_file(tmp_path: FilePath) -> None:
         ("", "is empty; needs the columns time_s and speed_m_s or speed_km_h"),
         ("time_s,speed\n0,1\n", "line 1: needs the columns"),
         ("time_s,speed_m_s\n", "holds no breakpoints"),
-        ("time_s,speed_m_s\n0,1\n1,fast\n", "line 3: not numbers: '1,fast'"),
-        ("time_s,speed_m_s\n0,1\n1,nan\n", "line 3: needs 2 finite numbers"),
-        ("time_s,speed_m_s\n0,1\n1\n", "line 3: needs 2 finite numbers"),
+        ("time_s,speed_m_s\n0,1\n1,fast\n", "line 3: speed_m_s is 'fast', not a finite number"),
+        ("time_s,speed_m_s\n0,1\n1,nan\n", "line 3: speed_m_s is 'nan', not a finite number"),
+        ("time_s,speed_m_s\n0,1\n1\n", "line 3: speed_m_s is missing"),
         ("time_s,speed_m_s\n0,1\n0,2\n", "line 3: time_s must increase"),
         ("time_s,speed_m_s\n0,1\n1,-2\n", "line 3: speed_m_s must not be negative"),
         # Empty lines count: they are lines of the file too.

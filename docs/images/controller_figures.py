@@ -10,8 +10,7 @@ from closed_loops import back_to_the_road, drive, responses
 from steersman.controllers.base import ControllerComponent
 from steersman.controllers.lqr import Lqr
 from steersman.controllers.supervisor import Supervisor
-from steersman.paths.analytic import Circle, FigureEight
-from steersman.paths.lane_change import DoubleLaneChange
+from steersman.paths.analytic import Circle, DoubleLaneChange, FigureEight
 from steersman.sensing import WaypointSensor
 from steersman.types import Observation, Status
 from steersman.vehicles import Vehicle

@@ -1,4 +1,4 @@
-"""Writing files so that nothing already written is ever lost."""
+"""Writing files so that nothing already written is ever lost, and opening those of users."""
 
 from __future__ import annotations
 
@@ -27,6 +27,39 @@ _KINDS: dict[str, Callable[[int], bool]] = {
 }
 P = ParamSpec("P")
 R = TypeVar("R")
+
+
+@contextmanager
+def reading(file: FilePath, cure: str) -> Iterator[BinaryIO]:
+    """A binary stream of a user's file; ~ is the user's home, ``cure`` what to give instead.
+
+    Raises:
+        DataError: it cannot be read.
+    """
+    try:
+        with FilePath(os.path.expanduser(file)).open("rb") as stream:
+            yield stream
+    except DataError:
+        raise
+    except OSError as error:
+        fault = "is a folder" if isinstance(error, IsADirectoryError) else None
+        fault = fault or f"cannot be read ({error.strerror})"
+        raise DataError(f"{file}: {fault}; {cure}") from None
+    except ValueError:
+        raise DataError(f"{str(file)!r}: is not the name of a file; {cure}") from None
+
+
+def read_bytes(file: FilePath, cure: str, most: int) -> bytes:
+    """The content of a user's file.
+
+    Raises:
+        DataError: it cannot be read, or is larger than ``most`` bytes.
+    """
+    with reading(file, cure) as stream:
+        data = stream.read(most + 1)
+    if len(data) > most:
+        raise DataError(f"{file}: is larger than {most // 1_000_000} MB, the most that is read")
+    return data
 
 
 @contextmanager

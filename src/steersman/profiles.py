@@ -12,7 +12,7 @@ from steersman.errors import DataError
 from steersman.kernels import speed as kernel
 from steersman.kernels.speed import SpeedTable
 from steersman.protocols import Path
-from steersman.tables import Sheet, read_sheet
+from steersman.tables import read_sheet
 from steersman.types import FloatArray
 
 CAP_STEP = 1.0
@@ -99,11 +99,9 @@ def read_profile(file: FilePath) -> tuple[FloatArray, FloatArray]:
     column = next((name for name in factors if name in header), None)
     if "time_s" not in header or column is None:
         raise sheet.fault(sheet.title_line, needs)
-    rows = [_numbers(sheet, i, row) for i, row in zip(sheet.lines, sheet.rows, strict=True)]
-    if not rows:
+    if not sheet.rows:
         raise DataError(f"{file}: holds no breakpoints; give at least one line of numbers")
-    data = np.array(rows)
-    times, speeds = data[:, header.index("time_s")], data[:, header.index(column)]
+    times, speeds = sheet.numbers("time_s"), sheet.numbers(column)
     back = np.flatnonzero(np.diff(times) <= 0.0)
     if back.size:
         raise sheet.fault(sheet.lines[back[0] + 1], "time_s must increase from line to line")
@@ -111,14 +109,3 @@ def read_profile(file: FilePath) -> tuple[FloatArray, FloatArray]:
         line = sheet.lines[np.flatnonzero(speeds < 0.0)[0]]
         raise sheet.fault(line, f"{column} must not be negative")
     return times - times[0], speeds * factors[column]
-
-
-def _numbers(sheet: Sheet, line: int, cells: list[str]) -> list[float]:
-    text, count = ",".join(cells), len(sheet.titles)
-    try:
-        values = [float(cell) for cell in cells]
-    except ValueError:
-        raise sheet.fault(line, f"not numbers: {text!r}") from None
-    if len(values) != count or not np.isfinite(values).all():
-        raise sheet.fault(line, f"needs {count} finite numbers, has {text!r}")
-    return values

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-import os
+import math
 from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import NamedTuple
 
+import numpy as np
+
 from steersman.errors import DataError
+from steersman.files import read_bytes
+from steersman.types import FloatArray
+
+# Cells, in lower case, in which nothing was measured.
+_EMPTY = frozenset({"", "nan", "null", "none", "na", "n/a"})
+_LONGEST_SHOWN = 40
 
 
 class Sheet(NamedTuple):
@@ -23,6 +31,36 @@ class Sheet(NamedTuple):
     def fault(self, line: int, text: str) -> DataError:
         """The error to raise about a line."""
         return DataError(f"{self.file}, line {line}: {text}")
+
+    def numbers(self, title: str, *, gaps: bool = False) -> FloatArray:
+        """The column of that title, one number for each row.
+
+        Args:
+            title: as in ``titles``.
+            gaps: whether a cell may be empty, which gives NaN.
+
+        Raises:
+            DataError: a cell is missing, or holds no finite number.
+        """
+        place = self.titles.index(title)
+        rows = zip(self.lines, self.rows, strict=True)
+        return np.array([self._number(line, cells, place, gaps) for line, cells in rows])
+
+    def _number(self, line: int, cells: list[str], place: int, gaps: bool) -> float:
+        title, cell = self.titles[place], "".join(cells[place : place + 1])
+        if gaps and place < len(cells) and cell.lower() in _EMPTY:
+            return math.nan
+        if not cell:
+            raise self.fault(line, f"{title} is missing")
+        try:
+            value = float(cell)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            hint = "; leave the cell empty if nothing was measured" * gaps
+            shown = repr(cell[:_LONGEST_SHOWN])
+            raise self.fault(line, f"{title} is {shown}, not a finite number{hint}")
+        return value
 
 
 def read_sheet(
@@ -59,18 +97,7 @@ def _cells(line: str, separator: str) -> list[str]:
 
 
 def _text(file: FilePath, cure: str, most_bytes: int) -> str:
-    place = FilePath(os.path.expanduser(file))
-    if place.is_dir():
-        raise DataError(f"{file}: is a folder; {cure}")
-    try:
-        with place.open("rb") as stream:
-            data = stream.read(most_bytes + 1)
-    except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error.strerror}); {cure}") from None
-    except ValueError:
-        raise DataError(f"{str(file)!r}: is not the name of a file; {cure}") from None
-    if len(data) > most_bytes:
-        raise DataError(f"{file}: is larger than {most_bytes // 1_000_000} MB; thin it out")
+    data = read_bytes(file, cure, most_bytes)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:

@@ -10,9 +10,8 @@ import pytest
 from steersman.config import resolve
 from steersman.errors import ConfigError
 from steersman.kernels import path as kernel
-from steersman.paths.analytic import Circle, FigureEight, Lemniscate, Straight
+from steersman.paths.analytic import Circle, DoubleLaneChange, FigureEight, Lemniscate, Straight
 from steersman.paths.base import PathComponent
-from steersman.paths.lane_change import DoubleLaneChange
 from steersman.paths.random_road import RandomRoad
 from steersman.paths.tracks import Monza, Track, TrainingCircuit
 

@@ -231,7 +231,7 @@ def test_a_step_around_the_joint_of_a_lap(tmp_path: FilePath) -> None:
         ),
         (
             bent(Segment(20.0, 0.0, 0.0), offset=cubic("laneOffset", "s", 0.0, 0.0, 1e8)),
-            "<geometry>: a lane is 2e+09 m long here on 20 m of the road; widths and offsets are",
+            "<line>: a lane is 2e+09 m long here on 20 m of the road; widths and offsets are",
         ),
         (bent(Segment(20.0, 9.0, 9.0)), "<arc>: turns by 180 rad; curvatures are in 1/m"),
         (

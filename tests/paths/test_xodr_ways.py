@@ -116,7 +116,7 @@ def test_sharp_bends_are_left_out(town: FilePath) -> None:
     message = refused(town, route=["a", "left"], min_radius=wide + 0.1)
     assert message == (
         "no lanes lead from road 'a' to 'left' without bends below 13.85 m without a change of"
-        " lane; from 'a' one comes to: a-on, on"
+        " lane; from 'a' these can be reached: a-on, on"
     )
     for seed in range(8):
         path = followed(town, random=seed, distance=70.0, min_radius=11.0)

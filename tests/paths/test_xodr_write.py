@@ -14,8 +14,7 @@ from steersman.paths.analytic import Circle, Straight
 from steersman.paths.base import PathComponent
 from steersman.paths.segments import Segment, end_pose, from_segments
 from steersman.paths.tracks import Monza
-from steersman.paths.xodr.shapes import Shape, cut, shapes
-from steersman.paths.xodr.write import opendrive
+from steersman.paths.xodr.write import Shape, cut, opendrive, shapes
 from steersman.types import Pose
 
 from .. import carla_wheel

@@ -19,9 +19,8 @@ from steersman.controllers.mpc_pid import ModelError
 from steersman.errors import ConfigError, suggestion
 from steersman.faults import Fault
 from steersman.files import write_text
-from steersman.paths.analytic import Circle, FigureEight, Lemniscate
+from steersman.paths.analytic import Circle, DoubleLaneChange, FigureEight, Lemniscate
 from steersman.paths.base import PathComponent
-from steersman.paths.lane_change import DoubleLaneChange
 from steersman.paths.random_road import RandomRoad
 from steersman.paths.tracks import Monza, TrainingCircuit
 from steersman.speed import ConstantSpeed, RandomProfile, SpeedComponent

@@ -12,6 +12,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from steersman.errors import DataError, SteersmanError, one_line, suggestion
+from steersman.files import reading
 from steersman.logs import schemas
 
 if TYPE_CHECKING:
@@ -153,17 +154,11 @@ def opened(file: FilePath) -> Iterator[Recording]:
 
 def _existing(file: FilePath) -> FilePath:
     place = FilePath(os.path.expanduser(file))
-    try:
-        folder = place.is_dir()
-        if not folder:
-            with place.open("rb"):
-                pass
-    except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error.strerror}); {_CURE}") from None
-    except ValueError:
-        raise DataError(f"{str(file)!r}: is not the name of a file; {_CURE}") from None
-    if folder and not (place / "metadata.yaml").is_file():
-        raise DataError(f"{file}: is a folder without metadata.yaml; {_CURE}")
-    if not folder and place.suffix not in _SUFFIXES:
-        raise DataError(f"{file}: is no recording; {_CURE}")
+    if place.is_dir():
+        if not (place / "metadata.yaml").is_file():
+            raise DataError(f"{file}: is a folder without metadata.yaml; {_CURE}")
+        return place
+    with reading(file, _CURE):
+        if place.suffix not in _SUFFIXES:
+            raise DataError(f"{file}: is no recording; {_CURE}")
     return place

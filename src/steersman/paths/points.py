@@ -9,10 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from steersman.errors import DataError
-from steersman.tables import Sheet, read_sheet
+from steersman.tables import read_sheet
 from steersman.types import FloatArray
 
-_COLUMNS = {"x": ("x", "x_m"), "y": ("y", "y_m")}
 _CURE = "give a CSV file whose header names the columns x,y or x_m,y_m"
 _MOST_BYTES = 50_000_000
 _FARTHEST = 1e8
@@ -53,19 +52,27 @@ def read_points(file: FilePath, closed: bool | None = None) -> Points:
         DataError: the file or the course of its points cannot be used; one line says where and
             what to do.
     """
-    sheet = read_sheet(file, _CURE, lambda titles: not _lacking(titles), _MOST_BYTES)
-    lacking = _lacking(sheet.titles)
+    sheet = read_sheet(file, _CURE, lambda titles: None not in _titles(titles), _MOST_BYTES)
+    titles = _titles(sheet.titles)
+    lacking = [name for name, title in zip("xy", titles, strict=True) if title is None]
     if lacking:
         found = ", ".join(sheet.titles)[:60]
         raise sheet.fault(
             sheet.title_line, f"no column {' and '.join(lacking)} in {found!r}; {_CURE}"
         )
-    x, y = _column(sheet, "x"), _column(sheet, "y")
-    return checked(Points(file, x, y, sheet.lines, closed is not False), closed)
+    x, y = (sheet.numbers(title) for title in titles if title is not None)
+    points = Points(file, x, y, sheet.lines, closed is not False)
+    far = np.flatnonzero(np.maximum(np.abs(x), np.abs(y)) > _FARTHEST)
+    if far.size:
+        row = int(far[0])
+        raise points.fault(row, f"({x[row]:g}, {y[row]:g}) is too far; positions are in metres")
+    return checked(points, closed)
 
 
-def _lacking(titles: list[str]) -> list[str]:
-    return [name for name in _COLUMNS if _place(titles, name) is None]
+def _titles(titles: list[str]) -> list[str | None]:
+    """The titles of the columns x and y; None where there is none."""
+    known = {title.lower(): title for title in reversed(titles)}
+    return [known.get(name, known.get(f"{name}_m")) for name in "xy"]
 
 
 def checked(points: Points, closed: bool | None) -> Points:
@@ -86,35 +93,6 @@ def checked(points: Points, closed: bool | None) -> Points:
             )
     _check_course(points)
     return points
-
-
-def _place(titles: list[str], name: str) -> int | None:
-    names = [title.lower() for title in titles]
-    return next((names.index(word) for word in _COLUMNS[name] if word in names), None)
-
-
-def _column(sheet: Sheet, name: str) -> FloatArray:
-    place = _place(sheet.titles, name)
-    assert place is not None
-    rows = zip(sheet.lines, sheet.rows, strict=True)
-    return np.array([_number(sheet, line, cells, place, name) for line, cells in rows])
-
-
-def _number(sheet: Sheet, line: int, cells: list[str], place: int, name: str) -> float:
-    if place >= len(cells) or not cells[place]:
-        raise sheet.fault(line, f"{name} is missing; give every point an x and a y")
-    cell = cells[place]
-    try:
-        value = float(cell)
-    except ValueError:
-        raise sheet.fault(
-            line, f"{name} is {cell[:40]!r}, not a number; mend or remove the line"
-        ) from None
-    if not abs(value) <= _FARTHEST:
-        raise sheet.fault(
-            line, f"{name} is {cell[:40]}; positions are finite and in metres, mend the line"
-        )
-    return value
 
 
 def _ends_meet(points: Points) -> bool:

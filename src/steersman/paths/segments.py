@@ -37,8 +37,8 @@ _MAX_PIECES = 2_000_000
 
 # Eight-point Gauss-Legendre nodes and weights on [0, 1]; Abramowitz and Stegun, table 25.4. Over
 # a quarter radian the rule is exact to rounding, so errors do not grow along a path.
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
-_NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
+NODES, WEIGHTS = 0.5 * (NODES + 1.0), 0.5 * WEIGHTS
 _FIT_STEPS = 6
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
@@ -105,10 +105,10 @@ def from_samples(x: FloatArray, y: FloatArray, psi: FloatArray, *, closed: bool)
     quad = 3.0 * (2.0 * left + turn)
     for _ in range(_FIT_STEPS):
         angle = _fit_angle(quad, turn, left)
-        miss = np.sin(angle) @ _WEIGHTS
-        slope = (np.cos(angle) * (_NODES**2 - _NODES)) @ _WEIGHTS
+        miss = np.sin(angle) @ WEIGHTS
+        slope = (np.cos(angle) * (NODES**2 - NODES)) @ WEIGHTS
         quad = quad - miss / slope
-    sizes = chord / (np.cos(_fit_angle(quad, turn, left)) @ _WEIGHTS)
+    sizes = chord / (np.cos(_fit_angle(quad, turn, left)) @ WEIGHTS)
     bound = 1.0 + 1e-6
     if not bool(np.all((sizes > 0.0) & (sizes <= bound * MAX_PIECE))):
         raise DataError(f"samples of a path must be at most {MAX_PIECE} m apart and move on")
@@ -216,17 +216,17 @@ def _accumulate(
     """Positions and headings of all nodes, the end included."""
     turn = (kappa + 0.5 * sharpness * sizes) * sizes
     psi = start.psi + np.concatenate(([0.0], np.cumsum(turn)))
-    u = sizes[:, None] * _NODES
+    u = sizes[:, None] * NODES
     angle = psi[:-1, None] + (kappa[:, None] + 0.5 * sharpness[:, None] * u) * u
-    x = start.x + np.concatenate(([0.0], np.cumsum(sizes * (np.cos(angle) @ _WEIGHTS))))
-    y = start.y + np.concatenate(([0.0], np.cumsum(sizes * (np.sin(angle) @ _WEIGHTS))))
+    x = start.x + np.concatenate(([0.0], np.cumsum(sizes * (np.cos(angle) @ WEIGHTS))))
+    y = start.y + np.concatenate(([0.0], np.cumsum(sizes * (np.sin(angle) @ WEIGHTS))))
     return x, y, psi
 
 
 def _fit_angle(quad: FloatArray, turn: FloatArray, left: FloatArray) -> FloatArray:
     """Direction against the chord, left + (turn - quad) t + quad t^2, at the quadrature nodes."""
-    linear: FloatArray = (turn - quad)[:, None] * _NODES
-    return left[:, None] + linear + quad[:, None] * _NODES**2
+    linear: FloatArray = (turn - quad)[:, None] * NODES
+    return left[:, None] + linear + quad[:, None] * NODES**2
 
 
 def _wrapped(angle: FloatArray) -> FloatArray:

@@ -21,7 +21,7 @@ import numpy as np
 from steersman.errors import DataError
 from steersman.kernels import path as kernel
 from steersman.kernels.path import KAPPA0, LENGTH, S0, SHARPNESS, X0, Y0, PathTable
-from steersman.paths.segments import from_samples
+from steersman.paths.segments import NODES, WEIGHTS, from_samples
 from steersman.types import FloatArray
 
 # Longest and shortest transitions [m].
@@ -32,10 +32,6 @@ _CLOSEST = 0.01
 # Smaller jumps of curvature [1/m] need no sample of their own; less curvature than this is none.
 _JUMP, _FLAT = 1e-4, 1e-9
 _SHRINK, _TRIES = 0.9, 60
-
-# Eight-point Gauss-Legendre rule on [0, 1].
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
-_NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 
 
 def smoothed(table: PathTable, tolerance: float) -> PathTable:
@@ -126,7 +122,7 @@ class _ExtendedPath:
         """Position, and its integral, as complex numbers."""
         row = np.clip(np.searchsorted(self.s0, s, side="right") - 1, 0, len(self.sums) - 1)
         u = s - self.s0[row]
-        place = self.start[row] + u * (self._tangents(row, u) @ _WEIGHTS)
+        place = self.start[row] + u * (self._tangents(row, u) @ WEIGHTS)
         return place, self.sums[row] + self._sum_in(row, u)
 
     def _sum_in(self, row: Any, u: FloatArray) -> Any:
@@ -134,12 +130,12 @@ class _ExtendedPath:
 
         By parts, that of the way from its beginning is the integral of (u - v) t(v).
         """
-        moment = u**2 * (self._tangents(row, u) @ (_WEIGHTS * (1.0 - _NODES)))
+        moment = u**2 * (self._tangents(row, u) @ (WEIGHTS * (1.0 - NODES)))
         return self.start[row] * u + moment
 
     def _tangents(self, row: Any, u: FloatArray) -> Any:
         """Unit tangents at the nodes of the quadrature over the first ``u`` metres of a piece."""
-        v = u[:, None] * _NODES
+        v = u[:, None] * NODES
         angle = self.psi[row, None] + (self.kappa[row, None] + 0.5 * self.sharp[row, None] * v) * v
         return np.exp(1j * angle)
 

@@ -39,7 +39,7 @@ class Gap(NamedTuple):
 
     @property
     def passable(self) -> bool:
-        """Whether a car would not call it a gap."""
+        """Whether it is small enough to be driven as a joint."""
         return (
             abs(self.ahead) <= MAX_AHEAD
             and abs(self.aside) <= MAX_ASIDE
@@ -64,11 +64,11 @@ def joined(curves: Sequence[Curve], closed: bool) -> tuple[FloatArray, FloatArra
     Raises:
         DataError: neighbouring curves do not meet.
     """
-    rows = [curve for curve in curves if _length(curve) > _EXACT]
+    rows = [curve for curve in curves if curve.length > _EXACT]
     # An open path begins and ends where its first and last curve do, however short they are.
     ends = (0, len(rows) - 1) if not closed else ()
-    rows = [row for i, row in enumerate(rows) if _length(row) > _SHORTEST or i in ends]
-    if sum(map(_length, rows)) < _SHORTEST:
+    rows = [row for i, row in enumerate(rows) if row.length > _SHORTEST or i in ends]
+    if sum(row.length for row in rows) < _SHORTEST:
         raise DataError("the path is shorter than 2 cm")
     pairs = [(i, (i + 1) % len(rows)) for i in range(len(rows) - (not closed))]
     gaps = [gap(rows[i], rows[j]) for i, j in pairs]
@@ -82,22 +82,17 @@ def joined(curves: Sequence[Curve], closed: bool) -> tuple[FloatArray, FloatArra
     return _thinned(*_nodes(_eased(rows, steps, closed) if steps else rows, closed))
 
 
-def _length(curve: Curve) -> float:
-    return float(np.sum(np.hypot(np.diff(curve.x), np.diff(curve.y))))
-
-
 def _eased(rows: list[Curve], steps: dict[int, float], closed: bool) -> list[Curve]:
     """The rows with each step to the left after row i spread over both sides of it.
 
     Over the distance 2 w the step is made as 3 z^2 - 2 z^3 with z from 0 to 1, which bends the
     rows by at most 6 step / (2 w)^2.
     """
-    ends = np.cumsum([_length(row) for row in rows])
+    ends = np.cumsum([row.length for row in rows])
     total = float(ends[-1])
     out = []
     for row, end in zip(rows, ends, strict=True):
-        size = np.hypot(np.diff(row.x), np.diff(row.y))
-        run = end - float(np.sum(size)) + np.concatenate(([0.0], np.cumsum(size)))
+        run = end - row.length + np.concatenate(([0.0], np.cumsum(row.steps)))
         # A row's ends belong to its own side of a step.
         run = np.clip(run, run[0] + _EXACT, run[-1] - _EXACT)
         shift, slope = np.zeros_like(run), np.zeros_like(run)

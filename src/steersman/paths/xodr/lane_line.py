@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from steersman.paths.xodr.model import Cubic, LaneSection, ReferencePiece, RoadR
 from steersman.paths.xodr.reference import points
 from steersman.types import FloatArray
 
+_R = TypeVar("_R", Cubic, ReferencePiece)
 # Samples are at most so far apart [m], and the curve turns by at most so much between them [rad].
 _STEP, _TURN = 1.0, 0.1
 _PROBES = 4
@@ -34,6 +35,16 @@ class Curve(NamedTuple):
     s: FloatArray
     """Where on the road [m]."""
 
+    @property
+    def steps(self) -> FloatArray:
+        """Distances between the samples (n - 1,) [m]."""
+        return np.hypot(np.diff(self.x), np.diff(self.y))
+
+    @property
+    def length(self) -> float:
+        """Their sum [m]."""
+        return float(np.sum(self.steps))
+
     def backward(self) -> Curve:
         """The same, driven towards falling s."""
         return Curve(self.x[::-1], self.y[::-1], self.psi[::-1] + np.pi, self.s[::-1])
@@ -54,7 +65,7 @@ def lane_line(road: RoadRecord, section: LaneSection, number: int) -> list[Curve
     out = []
     for start, end in itertools.pairwise(marks):
         if end > start:
-            geometry = _at(road.geometries, 0.5 * (start + end))
+            geometry = _record(road.geometries, 0.5 * (start + end)) or road.geometries[0]
             offset = _offset(road, section, number, start, 0.5 * (start + end))
             out.append(_sample(geometry, start, end, offset))
     return out
@@ -76,24 +87,9 @@ def _inner(number: int) -> Iterator[int]:
     return (sign * k for k in range(1, abs(number) + 1))
 
 
-def _at(rows: tuple[ReferencePiece, ...], s: float) -> ReferencePiece:
-    """The row that holds at ``s``."""
-    found = rows[0]
-    for row in rows:
-        if row.s > s:
-            break
-        found = row
-    return found
-
-
-def _record(rows: tuple[Cubic, ...], s: float) -> Cubic | None:
-    """The last record that begins at or before ``s``."""
-    found = None
-    for row in rows:
-        if row.s > s:
-            break
-        found = row
-    return found
+def _record(rows: Sequence[_R], s: float) -> _R | None:
+    """The last record that begins at or before ``s``; the rows are sorted."""
+    return next((row for row in reversed(rows) if row.s <= s), None)
 
 
 def _offset(
@@ -125,14 +121,13 @@ def _sample(
     curve = _evaluate(geometry, np.linspace(start, end, count + 1), offset)
     turning = float(np.sum(np.abs(np.diff(np.unwrap(curve.psi)))))
     if turning > _MOST_TURN:
-        raise DataError(f"line {geometry.line}: <geometry>: a lane turns by {turning:.3g} rad here")
-    length = float(np.sum(np.hypot(np.diff(curve.x), np.diff(curve.y))))
-    if length > _MOST_STRETCH * (end - start):
-        raise DataError(
-            f"line {geometry.line}: <geometry>: a lane is {length:.3g} m long here on"
-            f" {end - start:.3g} m of the road; widths and offsets are in metres"
+        raise geometry.fault(f"a lane turns by {turning:.3g} rad here")
+    if curve.length > _MOST_STRETCH * (end - start):
+        raise geometry.fault(
+            f"a lane is {curve.length:.3g} m long here on {end - start:.3g} m of the road; widths"
+            f" and offsets are in metres"
         )
-    count = max(int(np.ceil(max(length / _STEP, turning / _TURN))), 1)
+    count = max(int(np.ceil(max(curve.length / _STEP, turning / _TURN))), 1)
     return _evaluate(geometry, np.linspace(start, end, count + 1), offset)
 
 
@@ -151,9 +146,9 @@ def _evaluate(
     ahead = 1.0 - line.kappa * t
     # The radius left of the lane's own arc is ahead / kappa.
     if not bool(np.all(ahead > _LEAST_RADIUS * np.abs(line.kappa))):
-        raise DataError(
-            f"line {geometry.line}: <geometry>: a lane turns with a radius below"
-            f" {_LEAST_RADIUS} m here: it lies too far inside the bend"
+        raise geometry.fault(
+            f"a lane turns with a radius below {_LEAST_RADIUS} m here: it lies too far inside the"
+            f" bend"
         )
     x = line.x - t * np.sin(line.psi)
     y = line.y + t * np.cos(line.psi)

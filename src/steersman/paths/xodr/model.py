@@ -9,6 +9,8 @@ from __future__ import annotations
 from pathlib import Path as FilePath
 from typing import NamedTuple, TypeAlias
 
+from steersman.errors import DataError
+
 RIGHT, LEFT = -1, 1
 Side: TypeAlias = int
 """Side of the reference line on which a lane lies, the sign of its number: RIGHT or LEFT."""
@@ -44,6 +46,10 @@ class ReferencePiece(NamedTuple):
     figures: tuple[float, ...]
     """Both curvatures of the first three; a to d of v; a to d of u, then of v, and p's end."""
     line: int
+
+    def fault(self, text: str) -> DataError:
+        """The error to raise about its shape."""
+        return DataError(f"line {self.line}: <{self.kind}>: {text}")
 
 
 class Lane(NamedTuple):

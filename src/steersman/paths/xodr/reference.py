@@ -9,13 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from steersman.errors import DataError
+from steersman.paths.segments import NODES, WEIGHTS
 from steersman.paths.xodr.model import ReferencePiece
 from steersman.types import FloatArray
 
-# Eight-point Gauss-Legendre rule on [0, 1]; over a quarter radian it is exact to rounding.
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
-_NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
+# Steps of the quadrature [m, rad].
 _STEP, _TURN = 2.0, 0.25
 # Most turning of one geometry [rad]: ten times around.
 _MOST_TURN = 63.0
@@ -51,7 +49,7 @@ def points(geometry: ReferencePiece, u: FloatArray) -> ReferencePoints:
     else:
         found = _clothoid(geometry, u)
     if not all(np.isfinite(column).all() for column in found):
-        raise DataError(f"line {geometry.line}: <{geometry.kind}>: its figures are too large")
+        raise geometry.fault("its figures are too large")
     c, s = np.cos(geometry.psi), np.sin(geometry.psi)
     x = geometry.x + c * found.x - s * found.y
     y = geometry.y + s * found.x + c * found.y
@@ -64,10 +62,7 @@ def _clothoid(geometry: ReferencePiece, u: FloatArray) -> ReferencePoints:
     length = geometry.length
     turning = length * max(abs(start), abs(end))
     if turning > _MOST_TURN:
-        raise DataError(
-            f"line {geometry.line}: <{geometry.kind}>: turns by {turning:.3g} rad;"
-            f" curvatures are in 1/m"
-        )
+        raise geometry.fault(f"turns by {turning:.3g} rad; curvatures are in 1/m")
     sharp = (end - start) / length
     count = max(int(np.ceil(max(length / _STEP, turning / _TURN))), 1)
     grid = np.linspace(0.0, length, count + 1)
@@ -85,9 +80,9 @@ def _advance(
     kappa: float, sharp: float, start: FloatArray, size: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """What is covered along x and y between ``start`` and ``start + size``."""
-    u = start[:, None] + size[:, None] * _NODES
+    u = start[:, None] + size[:, None] * NODES
     angle = (kappa + 0.5 * sharp * u) * u
-    return size * (np.cos(angle) @ _WEIGHTS), size * (np.sin(angle) @ _WEIGHTS)
+    return size * (np.cos(angle) @ WEIGHTS), size * (np.sin(angle) @ WEIGHTS)
 
 
 def _cubic(geometry: ReferencePiece, u: FloatArray) -> ReferencePoints:
@@ -95,17 +90,17 @@ def _cubic(geometry: ReferencePiece, u: FloatArray) -> ReferencePoints:
     along, aside, span = _polynomials(geometry)
     count = int(np.clip(np.ceil(geometry.length / _SPANS), 4, _MOST_SPANS))
     grid = np.linspace(0.0, span, count + 1)
-    inner = grid[:-1, None] + np.diff(grid)[:, None] * _NODES
+    inner = grid[:-1, None] + np.diff(grid)[:, None] * NODES
     arc = np.concatenate(
-        ([0.0], np.cumsum(np.diff(grid) * (_speed(along, aside, inner) @ _WEIGHTS)))
+        ([0.0], np.cumsum(np.diff(grid) * (_speed(along, aside, inner) @ WEIGHTS)))
     )
     if not np.isfinite(arc[-1]):
-        raise DataError(f"line {geometry.line}: <{geometry.kind}>: its figures are too large")
+        raise geometry.fault("its figures are too large")
     if geometry.kind == "paramPoly3":
         if abs(arc[-1] / geometry.length - 1.0) > _LENGTH_SLACK:
-            raise DataError(
-                f"line {geometry.line}: <paramPoly3>: its curve is {arc[-1]:.4g} m long, its"
-                f" length is {geometry.length:.4g} m; is pRange right?"
+            raise geometry.fault(
+                f"its curve is {arc[-1]:.4g} m long, its length is {geometry.length:.4g} m;"
+                f" is pRange right?"
             )
         # What rounding has left between the two is spread, so that the curve ends where it ends.
         u = u * (arc[-1] / geometry.length)
@@ -114,9 +109,9 @@ def _cubic(geometry: ReferencePiece, u: FloatArray) -> ReferencePoints:
     speed = np.hypot(dx, dy)
     # No chord is longer than its arc: where it is, the curve bends faster than it was integrated.
     if bool(np.any(np.hypot(np.diff(x), np.diff(y)) > 1.01 * np.abs(np.diff(u)) + _EXACT)):
-        raise DataError(f"line {geometry.line}: <{geometry.kind}>: its figures are too large")
+        raise geometry.fault("its figures are too large")
     if float(np.min(speed)) < _SLOWEST * geometry.length / max(span, 1e-300):
-        raise DataError(f"line {geometry.line}: <{geometry.kind}>: the curve has a cusp")
+        raise geometry.fault("the curve has a cusp")
     return ReferencePoints(x, y, np.arctan2(dy, dx), (dx * ddy - dy * ddx) / speed**3)
 
 
@@ -148,7 +143,7 @@ def _parameter(
     size = np.maximum(arc[row + 1] - arc[row], 1e-300)
     p = grid[row] + (grid[row + 1] - grid[row]) * (u - arc[row]) / size
     for _ in range(_NEWTON):
-        inner = grid[row][:, None] + (p - grid[row])[:, None] * _NODES
-        reached = arc[row] + (p - grid[row]) * (_speed(along, aside, inner) @ _WEIGHTS)
+        inner = grid[row][:, None] + (p - grid[row])[:, None] * NODES
+        reached = arc[row] + (p - grid[row]) * (_speed(along, aside, inner) @ WEIGHTS)
         p = p - (reached - u) / np.maximum(_speed(along, aside, p), 1e-300)
     return p

@@ -15,10 +15,9 @@ import numpy as np
 from steersman.errors import DataError
 from steersman.paths.xodr.joined import gap
 from steersman.paths.xodr.lane_line import Curve, lane_line
-from steersman.paths.xodr.lanes import LaneGraph, Place
+from steersman.paths.xodr.lanes import LaneGraph, Place, shortest, wander
 from steersman.paths.xodr.model import RoadNetwork
 from steersman.paths.xodr.read import read_network
-from steersman.paths.xodr.search import shortest, wander
 from steersman.types import Pose
 
 # Places that a search for a random way may enter in all before it gives up.
@@ -54,7 +53,7 @@ class Ways:
 
     def length(self, place: Place) -> float:
         """Length of a place along its centre [m]."""
-        return sum(_length(curve) for curve in self.line(place))
+        return sum(curve.length for curve in self.line(place))
 
     def fits(self, place: Place) -> bool:
         """Whether the place bends nowhere more sharply than is wanted."""
@@ -183,7 +182,7 @@ class Ways:
         sharp = f" without bends below {self.min_radius:g} m" if self.min_radius > 0.0 else ""
         return DataError(
             f"no lanes lead from road {' to '.join(map(repr, names))}{sharp} without a change of"
-            f" lane; from {names[0]!r} one comes to: {reach or 'no other road'}"
+            f" lane; from {names[0]!r} these can be reached: {reach or 'no other road'}"
         )
 
 
@@ -191,13 +190,9 @@ def _same(start: Place, place: Place) -> bool:
     return place == start
 
 
-def _length(curve: Curve) -> float:
-    return float(np.sum(np.hypot(np.diff(curve.x), np.diff(curve.y))))
-
-
 def _sharpest(curve: Curve) -> float:
     """Largest mean curvature between two samples [1/m]."""
-    size = np.hypot(np.diff(curve.x), np.diff(curve.y))
+    size = curve.steps
     turn = np.abs(np.diff(np.unwrap(curve.psi)))
     long = size > _CLOSE
     return float(np.max(turn[long] / size[long], initial=0.0))

@@ -1,14 +1,14 @@
-"""XML from strangers: read without entities and network, every fault with its line."""
+"""XML files of unknown origin: read without entities and network, every fault with its line."""
 
 from __future__ import annotations
 
 import hashlib
 import math
-import os
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from steersman.errors import DataError, suggestion
+from steersman.files import read_bytes
 
 if TYPE_CHECKING:
     from lxml import etree
@@ -18,6 +18,7 @@ MAX_BYTES = 100_000_000
 FARTHEST = 1e8
 """Largest number of any kind: more is no metre, no radian and no curvature."""
 _LONGEST_SHOWN = 40
+_CURE = "give an OpenDRIVE file (*.xodr)"
 
 
 class Node:
@@ -124,7 +125,9 @@ def parse(file: FilePath) -> tuple[Node, str]:
         remove_comments=True,
         remove_pis=True,
     )
-    data = _content(file)
+    data = read_bytes(file, _CURE, MAX_BYTES)
+    if not data.strip():
+        raise DataError(f"{file}: is empty; {_CURE}")
     try:
         root = etree.fromstring(data, parser)
     except etree.XMLSyntaxError as error:
@@ -136,25 +139,6 @@ def parse(file: FilePath) -> tuple[Node, str]:
     if getattr(root.getroottree().docinfo, "doctype", ""):
         raise DataError(f"{file}: has a document type (<!DOCTYPE>), which is not read; remove it")
     return Node(file, root), hashlib.sha256(data).hexdigest()
-
-
-def _content(file: FilePath) -> bytes:
-    cure = "give an OpenDRIVE file (*.xodr)"
-    place = FilePath(os.path.expanduser(file))
-    if place.is_dir():
-        raise DataError(f"{file}: is a folder; {cure}")
-    try:
-        with place.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error.strerror}); {cure}") from None
-    except ValueError:
-        raise DataError(f"{str(file)!r}: is not the name of a file; {cure}") from None
-    if len(data) > MAX_BYTES:
-        raise DataError(f"{file}: is larger than {MAX_BYTES // 1_000_000} MB")
-    if not data.strip():
-        raise DataError(f"{file}: is empty; {cure}")
-    return data
 
 
 def _plain(tag: str) -> str:

@@ -89,7 +89,7 @@ class Misses:
         return np.stack(columns, axis=-1)
 
 
-class Search(NamedTuple):
+class Selection(NamedTuple):
     """Which unknowns are searched, and where and how uncertain the held ones are."""
 
     wanted: Any
@@ -100,16 +100,16 @@ class Search(NamedTuple):
     """(p,) standard deviation of those that are held."""
 
     @classmethod
-    def of(cls, misses: Misses, rest: FloatArray | None = None) -> Search:
+    def of(cls, misses: Misses, rest: FloatArray | None = None) -> Selection:
         """All unknowns; what is not determined returns to ``rest`` or the prior."""
         p = len(misses.need)
         return cls(np.full(p, True), np.zeros(p) if rest is None else rest, np.ones(p))
 
-    def without(self, which: Any) -> Search:
+    def without(self, which: Any) -> Selection:
         """The same, but with the unknowns at ``which`` held."""
         wanted = np.array(self.wanted)
         wanted[which] = False
-        return Search(wanted, self.rest, self.unsure.copy())
+        return Selection(wanted, self.rest, self.unsure.copy())
 
 
 class Estimate(NamedTuple):
@@ -128,7 +128,7 @@ class Estimate(NamedTuple):
     """(channels,) of the residuals."""
 
 
-def estimate(misses: Misses, start: FloatArray, how: Search) -> Estimate:
+def estimate(misses: Misses, start: FloatArray, how: Selection) -> Estimate:
     """Search from ``start``, dropping the unknowns that the data do not determine."""
     active = np.array(how.wanted)
     z = np.where(active, start, how.rest)
@@ -143,13 +143,13 @@ def estimate(misses: Misses, start: FloatArray, how: Search) -> Estimate:
     return _judged(of, active, misses.need, how)
 
 
-def judge(misses: Misses, z: FloatArray, determined: Any, how: Search) -> Estimate:
+def judge(misses: Misses, z: FloatArray, determined: Any, how: Selection) -> Estimate:
     """The estimate at ``z``; of the unknowns ``determined`` so far, those that are not are held."""
     of = _information(misses, z, misses.scales(z))
     return _judged(of, _choose(of, misses.need, determined), misses.need, how)
 
 
-def _judged(of: _Information, active: Any, need: FloatArray, how: Search) -> Estimate:
+def _judged(of: _Information, active: Any, need: FloatArray, how: Selection) -> Estimate:
     """The estimate with ``active`` determined; its covariance includes that of the held ones."""
     p = len(of.z)
     covariance, given = np.zeros((p, p)), [-1] * p

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steersman.studies.identify import stretch_replay
-from steersman.studies.identify.estimate import Estimate, Misses, Search, estimate, scale_of
+from steersman.studies.identify.estimate import Estimate, Misses, Selection, estimate, scale_of
 from steersman.studies.identify.recording import RESOLUTION, RESPONSES, Log
 from steersman.studies.identify.stretch_replay import Stretch
 from steersman.studies.identify.unknowns import (
@@ -109,7 +109,7 @@ def fit(
     """
     unknowns = steering(vehicle, channels(log))
     misses = misses_of(vehicle, log, stretches, unknowns, use)
-    names, everything = misses.names, Search.of(misses)
+    names, everything = misses.names, Selection.of(misses)
     if not _turns(log, stretches):
         some = np.array([u.offset or u.field == "steer_bias" for u in unknowns])
         found = estimate(misses, everything.rest, everything._replace(wanted=some))
@@ -119,7 +119,7 @@ def fit(
     step = stretch_replay.H / unknowns[names.index("steer_delay")].prior
     if before is not None:
         rest = before.rest
-        how = Search.of(misses, rest)
+        how = Selection.of(misses, rest)
         if not (before.estimate.determined[lag] or lagging):
             how = how.without(lag)
         how.unsure[lag] = min(before.estimate.possible[lag], 1.0)
@@ -129,7 +129,7 @@ def fit(
     else:
 
         def decided(start: FloatArray, rest: FloatArray) -> Estimate:
-            how = Search.of(misses, rest)
+            how = Selection.of(misses, rest)
             if lagging:
                 return estimate(misses, start, how)
             return with_lag_or_without(misses, start, how, step)
@@ -141,7 +141,7 @@ def fit(
             trial = decided(start, prior)
             if explained(misses, found, trial) <= len(RATES) * 0.5 * SIGMAS**2:
                 found, rest = trial, prior
-    how = Search.of(misses, rest)
+    how = Selection.of(misses, rest)
     if not (found.determined[lag] or lagging):
         how = how.without(lag)
     found = without_rates(misses, found, how)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steersman.studies.identify import stretch_replay
-from steersman.studies.identify.estimate import Misses, Search, estimate
+from steersman.studies.identify.estimate import Misses, Selection, estimate
 from steersman.studies.identify.lateral import Fitted
 from steersman.studies.identify.recording import RESOLUTION, Log
 from steersman.studies.identify.stretch_replay import Stretch
@@ -136,7 +136,7 @@ def fit(
     count = len(figures)
     misses = _Free(vehicle, log, segments(vehicle, stretches), figures, use)
     near = visited(vehicle, log, stretches, use)
-    everything = Search.of(misses)
+    everything = Selection.of(misses)
     far = [i for i, u in enumerate(figures) if u.at and near[u.at] < _LEAST]
     found = estimate(misses, everything.rest, everything.without(far))
     fitted = Fitted(

@@ -52,7 +52,6 @@ SIGNALS: dict[str, LogSignal] = {
     "steer": LogSignal("measured steering, -1 to 1", _SHARE),
     "wheel_angle": LogSignal("measured angle of the front wheels, the mean of both", _ANGLE),
 }
-_EMPTY = frozenset({"", "nan", "null", "none", "na", "n/a"})
 # What a vehicle's answer is compared with, and the sensor's offset that is looked for beside.
 RESPONSES = ("yaw_rate", "v_y", "a_y", "wheel_angle", "steer")
 # No sensor, and no simulation of one, is better than this.
@@ -155,13 +154,6 @@ def pieces(log: Log) -> list[slice]:
     return [s for s in found if log.time[s.stop - 1] - log.time[s.start] >= SHORTEST]
 
 
-class _Column(NamedTuple):
-    signal: str
-    place: int
-    factor: float
-    title: str
-
-
 def names() -> dict[str, tuple[str, float]]:
     """Every allowed title of a column -> its signal and the factor to the signal's own unit."""
     out: dict[str, tuple[str, float]] = {}
@@ -180,83 +172,59 @@ def read_csv(file: FilePath, lock: float | None = None) -> Log:
     """
     cure = "give a CSV file with a header line, an episode.npz or the folder it is in"
     sheet = read_sheet(file, cure, lambda titles: not names().keys().isdisjoint(titles))
-    columns, numbers = _columns(sheet, lock), sheet.lines
-    data = np.array(
-        [
-            [_number(sheet, line, cells, column) for column in columns]
-            for line, cells in zip(numbers, sheet.rows, strict=True)
-        ]
-    ).reshape(-1, len(columns))
-    signals = {c.signal: data[:, k] * c.factor for k, c in enumerate(columns)}
+    signals = {
+        signal: sheet.numbers(title, gaps=True) * names()[title][1]
+        for signal, title in _columns(sheet, lock).items()
+    }
     time = signals.pop("time")
-    _check_time(sheet, time, numbers)
+    _check_time(sheet, time)
     if "steer_angle" in signals and lock is not None:
         signals["steer_command"] = signals.pop("steer_angle") / lock
     return Log(str(file), time - time[:1], signals)
 
 
-def _columns(sheet: Sheet, lock: float | None) -> list[_Column]:
-    known, found = names(), list[_Column]()
-    file, titles = f"{sheet.file}, line {sheet.title_line}", sheet.titles
-    for place, title in enumerate(titles):
+def _columns(sheet: Sheet, lock: float | None) -> dict[str, str]:
+    """Title of each signal's column."""
+    known, found = names(), dict[str, str]()
+    for title in sheet.titles:
         if title not in known:
             continue
-        signal, factor = known[title]
-        before = next((c.title for c in found if c.signal == signal), None)
-        if before is not None:
-            raise DataError(f"{file}: {before} and {title} are the same; keep one of them")
-        found.append(_Column(signal, place, factor, title))
-    have = {column.signal for column in found}
+        signal, _ = known[title]
+        if signal in found:
+            both = f"{found[signal]} and {title} are the same"
+            raise sheet.fault(sheet.title_line, f"{both}; keep one of them")
+        found[signal] = title
+    have = set(found)
     if "steer_angle" in have and "steer_command" not in have:
         if lock is None:
-            raise DataError(f"{file}: steer_angle needs its value at full lock: --lock ANGLE [rad]")
+            raise sheet.fault(
+                sheet.title_line, "steer_angle needs its value at full lock: --lock ANGLE [rad]"
+            )
         have.add("steer_command")
     elif "steer_angle" in have:
-        raise DataError(f"{file}: steer_command and steer_angle; keep one of them")
+        raise sheet.fault(sheet.title_line, "steer_command and steer_angle; keep one of them")
     for name, wanted in SIGNALS.items():
         if wanted.required and name not in have:
-            _refuse(file, name, titles)
+            raise sheet.fault(sheet.title_line, _missing(name, sheet.titles))
     return found
 
 
-def _refuse(file: str, name: str, titles: list[str]) -> None:
-    """Say that a signal is missing, and which column may have been meant."""
+def _missing(name: str, titles: list[str]) -> str:
+    """That a signal is missing, and which column may have been meant."""
     options = [f"{name}_{unit}" if unit else name for unit in SIGNALS[name].units]
     near = suggestion(name, [title for title in titles if title not in names()])
-    asked = near.removeprefix("; did you mean ").removesuffix("?")
-    hint = f"; is {asked} it?" if near.startswith("; did you mean") else ""
-    raise DataError(f"{file}: no column {' or '.join(options)} ({SIGNALS[name].meaning}){hint}")
+    close = near.removeprefix("; did you mean ").removesuffix("?")
+    hint = f"; is {close} it?" if near.startswith("; did you mean") else ""
+    return f"no column {' or '.join(options)} ({SIGNALS[name].meaning}){hint}"
 
 
-def _number(sheet: Sheet, line: int, cells: list[str], column: _Column) -> float:
-    if column.place >= len(cells):
-        raise DataError(
-            f"{sheet.file}, line {line}: has {len(cells)} cells, {column.title} is missing"
-        )
-    cell = cells[column.place]
-    if cell.lower() in _EMPTY:
-        return math.nan
-    try:
-        value = float(cell)
-    except ValueError:
-        value = math.inf
-    if not math.isfinite(value):
-        raise DataError(
-            f"{sheet.file}, line {line}: {column.title} is {cell[:40]!r}, not a finite number;"
-            " leave the cell empty if nothing was measured"
-        )
-    return value
-
-
-def _check_time(sheet: Sheet, time: FloatArray, numbers: list[int]) -> None:
+def _check_time(sheet: Sheet, time: FloatArray) -> None:
     absent = np.flatnonzero(np.isnan(time))
     if absent.size:
-        raise DataError(f"{sheet.file}, line {numbers[absent[0]]}: time is missing")
+        raise sheet.fault(sheet.lines[absent[0]], "time is missing")
     back = np.flatnonzero(np.diff(time) <= 0.0)
     if back.size:
-        raise DataError(
-            f"{sheet.file}, line {numbers[back[0] + 1]}: time must increase from line to line"
-        )
+        raise sheet.fault(sheet.lines[back[0] + 1], "time must increase from line to line")
 
 
 def write_csv(episode: Episode, file: FilePath) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from steersman.studies.identify.estimate import (
     Estimate,
     Misses,
-    Search,
+    Selection,
     cost,
     estimate,
     judge,
@@ -31,7 +31,7 @@ _A_LAG, _LEAST_LAG = 0.6, 0.1
 RATES = ("steer_rate_up", "steer_rate_down")
 
 
-def with_lag_or_without(misses: Misses, start: FloatArray, how: Search, step: float) -> Estimate:
+def with_lag_or_without(misses: Misses, start: FloatArray, how: Selection, step: float) -> Estimate:
     """The fit without a lag, unless the one with a lag explains clearly more.
 
     A lag that cannot be told from none is none: the simpler model explains as much. The fit with
@@ -65,7 +65,7 @@ def explained(misses: Misses, one: Estimate, other: Estimate) -> float:
     return cost(misses(other.z), other.scales) - cost(misses(one.z), other.scales)
 
 
-def without_rates(misses: Misses, found: Estimate, how: Search) -> Estimate:
+def without_rates(misses: Misses, found: Estimate, how: Selection) -> Estimate:
     """The estimate, or one with the rates held if it explains as much and they limit nothing there.
 
     Slow rates that look like a lag are a valley of their own, out of which this leads.
@@ -88,7 +88,7 @@ def without_rates(misses: Misses, found: Estimate, how: Search) -> Estimate:
     return found
 
 
-def snapped(misses: Misses, found: Estimate, how: Search, step: float) -> Estimate:
+def snapped(misses: Misses, found: Estimate, how: Selection, step: float) -> Estimate:
     """The estimate, or one whose delay is a whole number of steps nearby if that is better."""
     delay = misses.names.index("steer_delay")
     others = np.array(found.determined)
@@ -105,7 +105,7 @@ def snapped(misses: Misses, found: Estimate, how: Search, step: float) -> Estima
     return found if z is None else judge(misses, z, found.determined, how)
 
 
-def _whole_delay(misses: Misses, z: FloatArray, how: Search, step: float) -> FloatArray:
+def _whole_delay(misses: Misses, z: FloatArray, how: Selection, step: float) -> FloatArray:
     """The best whole number of integration steps as delay, everything else searched at each.
 
     A command that jumps from row to row makes the acceleration jump at the very row or not,
