@@ -223,6 +223,15 @@ def test_it_is_given_back_after_a_time_without_fault(seconds: float) -> None:
         assert [k for k, one in enumerate(got) if one is not Driver.INNER] == [1, 4]
 
 
+@pytest.mark.parametrize(("d", "after"), [(0.5, Driver.INNER), (0.7, Driver.FALLBACK)])
+def test_it_is_given_back_within_half_the_corridor(d: float, after: Driver) -> None:
+    inner = Scripted(script=(GOOD, "raise"))
+    controller = supervised(inner, corridor=1.2, foresight=0.0, recover_time=0.2)
+    got = drivers(controller, steady(20, d))
+    assert got[:2] == [Driver.INNER, Driver.FALLBACK]
+    assert got[-1] is after
+
+
 def test_a_short_gap_is_bridged_a_long_one_hands_over() -> None:
     good = steady(120)
     short, long, longest = list(good), list(good), list(good)
