@@ -71,7 +71,7 @@ class ControllerComponent(Component):
 
 
 class Wrapper(ControllerComponent):
-    """A controller around others: it sees every observation, and passes on whole decisions."""
+    """A controller around others: it gets every observation, and returns whole decisions."""
 
     @abstractmethod
     def step(self, state: Any, observation: Observation) -> tuple[Decision, Any]:
@@ -79,7 +79,7 @@ class Wrapper(ControllerComponent):
 
     @final
     def decide(self, state: Any, observation: Observation) -> tuple[float, Status, Any]:
-        """The same without what only a whole decision says."""
+        """Steering and status of the decision, and the new state."""
         decision, after = self.step(state, observation)
         return decision.steer, decision.status, after
 

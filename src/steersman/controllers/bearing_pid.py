@@ -2,7 +2,7 @@
 
 What the lateral controller of CARLA 0.9.15's ``agents.navigation`` computes, with its published
 gains as defaults; a PID on the lateral error cannot express it. docs/controllers.md has the
-equations, and says what is different here.
+equations and the differences.
 """
 
 from __future__ import annotations
@@ -30,8 +30,7 @@ class BearingPidState(NamedTuple):
 class BearingPid(ControllerComponent):
     """PID on the angle between the car's axis and the road's point ahead; CARLA's gains.
 
-    It needs no model of the car, and knows none: with its gains, the look-ahead and the steering
-    law of CARLA's cars have to go together.
+    It uses no model of the car: gains and look-ahead are tuned to the steering law of CARLA's cars.
     """
 
     search: ClassVar[Mapping[str, tuple[float, float, bool]]] = {
@@ -51,7 +50,11 @@ class BearingPid(ControllerComponent):
     )
     look_ahead_offset: float = param(3.0, "m", "Distance of the point at standstill.", gt=0)
     origin: float = param(
-        -0.45, "m", "Where the bearing is taken, ahead of the centre of mass.", ge=-10, le=10
+        -0.45,
+        "m",
+        "Point from which the bearing is measured, ahead of the centre of mass.",
+        ge=-10,
+        le=10,
     )
     max_change: float = param(0.1, "-", "Largest change of the command in a step.", gt=0)
     max_steer: float = param(0.8, "-", "Largest command.", gt=0, le=1)

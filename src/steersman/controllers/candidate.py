@@ -1,4 +1,4 @@
-"""A controller under a supervisor: it computes a command at every step, which is judged."""
+"""A controller under a supervisor: the command of every step is checked against rules."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ _ROUNDING = 1e-9
 
 
 class Rules(NamedTuple):
-    """What a candidate has to keep."""
+    """Limits of a candidate's commands."""
 
     dt: float
     """Control period [s]."""
     step: float
     """Largest change of the command in a period [-]."""
     hasty_time: float
-    """How long commands may ask for more than that [s]."""
+    """How long commands may change faster than that [s]."""
     deadline: float | None
-    """Longest time for an answer [s]."""
+    """Longest computing time of a step [s]; None: not checked."""
 
 
 class Candidate(NamedTuple):
-    """A controller's state, and how it does."""
+    """A controller's state and last command, and the record of its faults."""
 
     state: Any
     fresh: Any
@@ -40,18 +40,18 @@ class Candidate(NamedTuple):
     status: Status = Status.SOLVED
     fault: Reason = Reason.NONE
     healthy: float = math.inf
-    """For how long it has been without a fault [s]."""
+    """Time since its last fault [s]."""
     hasty: float = 0.0
-    """For how long its commands have changed too fast [s]."""
+    """Time for which its commands have changed too fast [s]."""
 
     def failed(self, fault: Reason, *, restart: bool = False) -> Candidate:
-        """The same after a fault; it starts anew if its state cannot be trusted."""
+        """The same after a fault; ``restart`` if its state may be damaged."""
         if restart:
             return Candidate(self.fresh, self.fresh, fault=fault, healthy=0.0)
         return self._replace(fault=fault, healthy=0.0)
 
 
-def ask(
+def checked_step(
     controller: ControllerComponent,
     before: Candidate,
     observation: Observation,
@@ -61,19 +61,19 @@ def ask(
     *,
     first: bool,
 ) -> Candidate:
-    """Ask for a command and judge it.
+    """Compute a command and check it.
 
     Args:
-        controller: whose state ``before`` holds.
-        before: how it did until now.
-        observation: what can be seen; usable.
+        controller: the controller.
+        before: its record until now.
+        observation: a usable observation.
         last: the steering executed last [normalised].
-        rules: what it has to keep.
+        rules: limits of its commands.
         clock: the time [s]; read only where there is a deadline.
         first: whether this is the first step.
 
     Raises:
-        ConfigError: at the first step, what the user has to mend.
+        ConfigError: at the first step, if the controller does not fit into this loop.
     """
     own = observation._replace(preview=observation.preview.copy())  # it may write into it
     begun = clock() if rules.deadline is not None else 0.0
@@ -96,8 +96,8 @@ def ask(
     return after._replace(fault=fault, healthy=after.healthy + rules.dt)
 
 
-def tell(controller: ControllerComponent, candidate: Candidate, steer: float) -> Candidate:
-    """What was executed instead of its command."""
+def executed(controller: ControllerComponent, candidate: Candidate, steer: float) -> Candidate:
+    """The candidate after ``steer`` [normalised] was executed."""
     try:
         return candidate._replace(state=controller.executed(candidate.state, steer))
     except Exception:  # noqa: BLE001 - as above
@@ -105,14 +105,14 @@ def tell(controller: ControllerComponent, candidate: Candidate, steer: float) ->
 
 
 def _is_number(value: Any) -> bool:
-    """Whether it is a finite number; neither yes and no are, nor a text or a list of one."""
+    """Whether it is a finite number; booleans, texts and lists are none."""
     if isinstance(value, bool):
         return False
     return isinstance(value, int | float | np.number) and math.isfinite(value)
 
 
 def _status(status: Any) -> Status:
-    """What is unknown is no success."""
+    """The status; an unknown one counts as a fallback."""
     try:
         return Status(status)
     except ValueError:
@@ -122,7 +122,7 @@ def _status(status: Any) -> Status:
 def _judged(before: Candidate, steer: float, last: float, rules: Rules) -> Candidate:
     """The candidate with this command."""
     own = last if before.steer is None else before.steer
-    # After another controller steered, some go on from its command and some from their own.
+    # After another controller steered, some continue from its command and some from their own.
     change = min(abs(steer - own), abs(steer - last))
     hasty = before.hasty + rules.dt if change > rules.step + _ROUNDING else 0.0
     return before._replace(steer=steer, hasty=hasty)

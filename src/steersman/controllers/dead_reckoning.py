@@ -1,4 +1,4 @@
-"""Dead reckoning: what would be seen now, from what was seen last and what was steered since.
+"""Dead reckoning: the present observation from the last one and the steering since.
 
 The car is the nonlinear single track with linear tyres that ``mpc_delay`` predicts with, at the
 speed that was measured last; the road is that of the last waypoints.
@@ -18,7 +18,7 @@ from steersman.kernels.preview import curvature_at, point_at
 from steersman.types import FloatArray, Observation
 from steersman.vehicles import Vehicle
 
-# How fast the steering goes to the middle where no road was seen [1/s].
+# Rate at which the steering goes to the middle while there is no road [1/s].
 STRAIGHTEN = 0.5
 # A car that is slower is taken to stand, as the model has no meaning there [m/s].
 _STANDING = 0.5
@@ -32,8 +32,8 @@ _THIRD = 20.0
 def quiet(seen: Observation) -> FloatArray:
     """Its waypoints, smoothed as far as their third differences are more than a road's [m].
 
-    While nothing new comes their errors stay, and who filters over time would take them for the
-    road. The smoother is the one of ``mpc_delay``, which leaves exact waypoints nearly alone.
+    While no new observation arrives their errors stay the same, and a filter over time would take
+    them for the road. The smoother of ``mpc_delay`` hardly changes exact waypoints.
     """
     points = np.ascontiguousarray(seen.preview)
     noise = float(np.square(np.diff(points, 3, axis=0)).mean()) / _THIRD
@@ -65,7 +65,7 @@ def moved_on(
 
 
 def reckoned(seen: Observation, motion: FloatArray, time: float) -> Observation | None:
-    """What a car with this motion since ``seen`` would see; None beyond the road that was seen."""
+    """The observation of a car with this motion since ``seen``; None beyond its waypoints."""
     way = float(motion[kernel.WAY])
     if not (np.isfinite(motion).all() and 0.0 <= way <= (len(seen.preview) - 1) * seen.spacing):
         return None
@@ -92,8 +92,8 @@ def reckoned(seen: Observation, motion: FloatArray, time: float) -> Observation 
     )
 
 
-def practise(vehicle: Vehicle, dt: float) -> None:
-    """Reckon once for nothing, so that no kernel is compiled or loaded when it is needed."""
+def warm_up_kernels(vehicle: Vehicle, dt: float) -> None:
+    """Reckon once without effect, so that no kernel is compiled or loaded when it is needed."""
     ahead = np.array([[float(i), 1e-3 * i**3] for i in range(5)])
     seen = Observation(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, ahead, 1.0)
     motion = moved_on(vehicle, seen._replace(preview=quiet(seen)), None, 0.0, dt)

@@ -1,4 +1,4 @@
-"""MPC that knows speed, steering delay and steering rate, and estimates what its model lacks.
+"""MPC with a model of speed, steering delay and steering rate, and an estimate of its errors.
 
 Regulator with preview of the road: Tomizuka, Optimal continuous finite preview problem, IEEE
 Trans. Automatic Control 20, 1975. Terminal cost: Rawlings, Mayne and Diehl, Model Predictive
@@ -35,18 +35,18 @@ from steersman.vehicles import Vehicle
 _RESOLUTION, _LONGEST = 0.01, 0.5
 # Delays [s] that differ by less are the same, but for rounding.
 _SAME = 1e-9
-# How long the estimate remembers how well a delay explained the measured steering [s].
+# Time over which the errors of the tried delays fade [s].
 _MEMORY = 2.0
 # Another delay has to explain the steering this much better than the present one.
 _BETTER = 0.5
 # Time constant of the acceleration's estimate [s].
 _SURGE_TIME = 0.15
-# What is estimated is bounded by what a car can do [m/s^2], [rad/s^2].
+# Bound of the estimates, beyond what a car can do [m/s^2], [rad/s^2].
 _MOST = 10.0
 
 
 class Seen(NamedTuple):
-    """What was observed one period ago, for comparison."""
+    """The observation of one period ago."""
 
     v_x: float
     v_y: float
@@ -63,7 +63,7 @@ class MpcDelayState(NamedTuple):
     commands: FloatArray
     """Normalised steering commands, newest first."""
     scores: FloatArray
-    """How badly each delay that is tried explained the measured steering."""
+    """Squared errors of the steering that each tried delay predicts, fading over time."""
     begun: bool = False
     """Whether there was a first step, which fills what follows."""
     angle: float = 0.0
@@ -74,11 +74,11 @@ class MpcDelayState(NamedTuple):
     acceleration: float = 0.0
     """Estimated from v_x [m/s^2]."""
     disturbance: tuple[float, float] = (0.0, 0.0)
-    """Side [m/s^2] and yaw acceleration [rad/s^2] that the model lacks."""
+    """Side [m/s^2] and yaw acceleration [rad/s^2] missing in the model."""
     delay: float = 0.0
-    """Steering delay that is reckoned with [s]."""
+    """Steering delay that the prediction uses [s]."""
     road: RoadState = NOTHING_SEEN
-    """What is known of the road, if it is filtered."""
+    """State of the road filter, if there is one."""
 
 
 @register("controller", "mpc_delay")
@@ -117,10 +117,13 @@ class MpcDelay(ControllerComponent):
     )
     r_change: float = param(10.0, "1/rad^2", "Weight of its squared change over a period.", gt=0)
     disturbance_time: float | None = param(
-        0.3, "s", "Time constant of the estimate of what the model lacks; null: none.", gt=0
+        0.3,
+        "s",
+        "Time constant of the estimate of accelerations missing in the model; null: none.",
+        gt=0,
     )
     filter_road: bool = param(
-        True, "-", "Fuse the sensor's errors and waypoints over time, as far as they are noisy."
+        True, "-", "Filter errors and waypoints over time, as far as they are noisy."
     )
 
     def weights(self) -> Weights:
@@ -173,7 +176,7 @@ class MpcDelay(ControllerComponent):
         )
 
     def executed(self, state: MpcDelayState, steer: float) -> MpcDelayState:
-        """What is on its way is what was executed, and the next change counts from there."""
+        """The executed steering replaces the last command; the next change counts from there."""
         if not state.begun or steer == state.commands[0]:
             return state
         commands = state.commands.copy()
@@ -207,7 +210,7 @@ class MpcDelay(ControllerComponent):
         return o, state._replace(seen=seen, acceleration=acceleration)
 
     def _begin(self, state: MpcDelayState, o: Observation, seen: Seen) -> MpcDelayState:
-        """As if the present steering had been the command for long."""
+        """The state as if the present steering had been the command for a long time."""
         return state._replace(
             commands=np.full_like(state.commands, o.steer),
             begun=True,

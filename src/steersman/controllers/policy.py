@@ -21,7 +21,7 @@ from steersman.sensing import to_observation
 from steersman.types import FloatArray, Observation, Status
 from steersman.vehicles import Vehicle
 
-# Periods [s] and distances [m] that differ by less are the same, written differently.
+# Periods [s] and distances [m] that differ by less are the same but for rounding.
 _SAME = 1e-9
 
 
@@ -41,7 +41,7 @@ class PolicyState(NamedTuple):
     shift: float
     """Shift to the right of the path in the network's input [m]."""
     base: ControllerComponent | None = None
-    """Whose steering the action corrects."""
+    """The controller whose steering the action corrects."""
     authority: float = 0.0
     """Largest correction of normalised steering."""
     base_state: Any = None
@@ -53,9 +53,9 @@ class Policy(ControllerComponent):
 
     If the card names a base controller, the network corrects that one's steering.
 
-    Around the network an integral loop may be closed: it is told of a path that moves away from
-    the car at ``trim`` times the lateral error, and so is its base. Wherever they let the car
-    settle beside the path that they are told, the shift grows until the car itself is on the path.
+    Around the network an integral loop may be closed: network and base get a path that is shifted
+    away from the car at a rate of ``trim`` times the lateral error. If they settle beside the
+    shifted path, the shift grows until the car itself is on the true path.
     """
 
     suffixes: ClassVar[tuple[str, ...]] = (".onnx",)
@@ -68,7 +68,7 @@ class Policy(ControllerComponent):
     trim_limit: float = param(0.3, "m", "Longest shift of the path.", ge=0)
 
     def init(self, vehicle: Vehicle, dt: float) -> PolicyState:
-        """Load the network and its base, and check that they belong into this loop.
+        """Load the network and its base, and check that they fit this loop.
 
         Raises:
             DataError: the files are missing or corrupt.
@@ -113,8 +113,8 @@ class Policy(ControllerComponent):
         kernel.encode(table, row, memory, features)
         start = 0.0
         if state.base is not None:
-            told = to_observation(row, observation.time, table.spacing)
-            decision, base_state = state.base.step(base_state, told)
+            shifted = to_observation(row, observation.time, table.spacing)
+            decision, base_state = state.base.step(base_state, shifted)
             start = decision.steer
             status = decision.status if decision.status is Status.FALLBACK else status
             kernel.tell_base(table, row, memory, start, features)
@@ -133,8 +133,8 @@ class Policy(ControllerComponent):
     def executed(self, state: PolicyState, steer: float) -> PolicyState:
         """The executed command becomes the last command of the network and of its base."""
         if state.base is not None:
-            told = state.base.executed(state.base_state, steer)
-            state = state._replace(base_state=told)
+            after = state.base.executed(state.base_state, steer)
+            state = state._replace(base_state=after)
         if steer == state.memory[kernel.LAST_COMMAND]:
             return state
         memory = state.memory.copy()
@@ -215,7 +215,7 @@ def card_base(card: PolicyCard) -> ControllerComponent | None:
 
 
 def check_base(base: ControllerComponent) -> None:
-    """Refuse what no card can describe.
+    """Refuse a base that no card can describe.
 
     Raises:
         ValueError: the base holds a policy, whose file would have to travel with the card.

@@ -14,14 +14,14 @@ from steersman.types import FloatArray, Observation
 _NOISE_TIME = 2.0
 # Standard deviation of errors [m, rad] and waypoints [m] that the first look is taken to have.
 _FIRST_D, _FIRST_HEADING = 0.03, 0.005
-# How many observations that guess is worth.
+# Number of observations that this guess weighs.
 _FIRST_WEIGHT = 4.0
-# Errors that differ more than this from those reckoned are no noise: the car is elsewhere [m, rad].
+# Errors that differ more than this from those predicted are no noise: the filter restarts [m, rad].
 _ELSEWHERE_D, _ELSEWHERE_HEADING = 2.0, 0.5
 
 
 class RoadState(NamedTuple):
-    """What is known of the road, in the car's frame of the last observation."""
+    """State of the filter, in the car's frame of the last observation."""
 
     points: FloatArray
     """(n, 2) waypoints [m]."""
@@ -57,11 +57,11 @@ def first_look(o: Observation) -> RoadState:
 def fuse(state: RoadState, o: Observation, dt: float) -> tuple[Observation, RoadState]:
     """The observation with errors and waypoints fused over time, and the new state.
 
-    An observation that has little to do with the last one is taken as a first look.
+    An observation too far from the prediction is taken as a first look.
 
     Args:
-        state: what was known one period ago.
-        o: what is measured now. Velocities and yaw rate are trusted, and so is its curvature.
+        state: that of one period ago.
+        o: the present observation. Its velocities, yaw rate and curvature are taken as exact.
         dt: control period [s].
     """
     v_x, v_y, rate = (0.5 * (a + b) for a, b in zip(state.motion, o[3:6], strict=True))
@@ -106,7 +106,7 @@ def fuse(state: RoadState, o: Observation, dt: float) -> tuple[Observation, Road
 
 
 def _plausible(memory: FloatArray, o: Observation) -> bool:
-    """Whether the errors reckoned are anywhere near those measured; not if one is not finite."""
+    """Whether the predicted errors are finite and near those measured."""
     d, heading = float(memory[kernel.D]), float(memory[kernel.HEADING])
     if not abs(o.lateral_error - d) <= _ELSEWHERE_D or not abs(heading) < math.inf:
         return False

@@ -1,6 +1,6 @@
-"""A controller for a real loop: watches another one, and lets a simpler one steer in its place.
+"""A controller for a real loop: checks another one, and replaces it by a simpler one on a fault.
 
-docs/supervisor.md has what is watched, why the thresholds are what they are, and what this is not.
+docs/supervisor.md has the checks, the reasons for the thresholds, and the limits of the method.
 The scheme is the simplex architecture (Sha, Using simplicity to control complexity, IEEE Software
 18, 2001): a trusted controller takes over from one that does more but is trusted less.
 """
@@ -13,8 +13,8 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 
 from steersman.config import Of, param, register
 from steersman.controllers.base import ControllerComponent, Wrapper, within_limits
-from steersman.controllers.candidate import Candidate, Rules, ask, tell
-from steersman.controllers.dead_reckoning import held, moved_on, practise, quiet, reckoned
+from steersman.controllers.candidate import Candidate, Rules, checked_step, executed
+from steersman.controllers.dead_reckoning import held, moved_on, quiet, reckoned, warm_up_kernels
 from steersman.controllers.supervisor_checks import (
     NOTHING_SEEN,
     LastSeen,
@@ -56,31 +56,33 @@ class SupervisorState(NamedTuple):
 
 @register("controller", "supervisor")
 class Supervisor(Wrapper):
-    """Watches a controller, its inputs and commands, and hands over to fallbacks if need be."""
+    """Checks a controller, its inputs and commands, and hands over to fallbacks on a fault."""
 
     clock: ClassVar[Any] = staticmethod(time.perf_counter)
     """A clock [s]; read only where there is a deadline."""
 
-    inner: _Controller = param("mpc_delay", "-", "The controller that is watched.")
-    fallback: _Controller = param("tuned/mpc_pid", "-", "Steers in its place.")
+    inner: _Controller = param("mpc_delay", "-", "The controller that is supervised.")
+    fallback: _Controller = param(
+        "tuned/mpc_pid", "-", "Steers while the inner controller is not trusted."
+    )
     last: _Controller = param("tuned/pid_feedforward", "-", "Steers if the fallback fails too.")
     deadline: float | None = param(
-        None, "s", "Longest time for an answer, of each; null: time does not matter.", gt=0
+        None, "s", "Longest computing time of a step, of each controller; null: not checked.", gt=0
     )
     rate: float | None = param(
         None, "1/s", "Largest rate of the command; null: the vehicle's faster one.", gt=0
     )
     corridor: float = param(
-        1.2, "m", "Lateral error, foreseen, at which the inner controller is out.", gt=0
+        1.2, "m", "Lateral error, also as predicted, at which the fallback takes over.", gt=0
     )
     foresight: float = param(
-        0.5, "s", "How far ahead that error is reckoned with its present rate.", ge=0
+        0.5, "s", "Time over which that error is predicted with its present rate.", ge=0
     )
     stale_time: float = param(
         0.3, "s", "How long the observation may stay the same to the bit while moving.", ge=0
     )
     bridge_time: float = param(
-        0.3, "s", "Gaps in usable observations up to this need no hand-over.", ge=0
+        0.3, "s", "Longest gap in usable observations without a hand-over.", ge=0
     )
     reckon_time: float = param(
         1.5, "s", "Longest gap bridged by dead reckoning; after it the steering is held.", ge=0
@@ -94,22 +96,24 @@ class Supervisor(Wrapper):
     swing: float = param(
         3.0,
         "m/s^2",
-        "Lateral acceleration (less the road's) that turns back by less is calm.",
+        "Least swing of the lateral acceleration (less the road's) that is counted.",
         gt=0,
     )
-    swings: int = param(6, "-", "So many turns in `swing_window` are an oscillation.", ge=2)
-    swing_window: float = param(5.0, "s", "Time in which they are counted.", gt=0)
+    swings: int = param(6, "-", "So many swings in `swing_window` are an oscillation.", ge=2)
+    swing_window: float = param(5.0, "s", "Time in which swings are counted.", gt=0)
     swing_error: float = param(
         0.5, "m", "An oscillating controller that stays closer than this to the path is kept.", ge=0
     )
     recover_time: float = param(
-        2.0, "s", "How long a controller has to be without fault before it steers again.", ge=0
+        2.0, "s", "Time without fault after which a controller steers again.", ge=0
     )
-    blend_time: float = param(0.5, "s", "Time in which the difference at a hand-over fades.", ge=0)
+    blend_time: float = param(
+        0.5, "s", "Time over which the difference at a hand-over fades.", ge=0
+    )
 
     def init(self, vehicle: Vehicle, dt: float) -> SupervisorState:
         """State before the first step; all three controllers are made ready."""
-        practise(vehicle, dt)
+        warm_up_kernels(vehicle, dt)
         states = [controller.init(vehicle, dt) for controller in self._controllers()]
         return SupervisorState(vehicle, dt, tuple(Candidate(s, s) for s in states))
 
@@ -127,7 +131,7 @@ class Supervisor(Wrapper):
             fault = no_news(state.seen, observation)
         if fault is Reason.NONE:
             return self._steered(state._replace(seen=first_sight(observation)), observation, fault)
-        if state.last is None:  # there never was anything
+        if state.last is None:  # no usable observation yet
             return Decision(_present(observation), Status.FALLBACK, Driver.HOLD, fault), state
         seen, age, motion, road = state.seen
         road = quiet(seen) if road is None else road
@@ -136,16 +140,16 @@ class Supervisor(Wrapper):
         state = state._replace(seen=LastSeen(seen, age, motion, road))
         if fault is Reason.STALE and age <= self.stale_time + _SAME:
             return self._steered(state, observation, Reason.NONE)
-        told = None
+        now = None
         if age <= self.reckon_time + _SAME:
-            told = reckoned(last, motion, last.time + age)
-        return self._steered(state, told, fault)
+            now = reckoned(last, motion, last.time + age)
+        return self._steered(state, now, fault)
 
     def executed(self, state: SupervisorState, steer: float) -> SupervisorState:
         """The next change counts from the executed command; all three controllers get it."""
         if state.last is None or steer == state.last:
             return state
-        return self._told(state, steer)
+        return self._executed(state, steer)
 
     def _controllers(self) -> tuple[ControllerComponent, ...]:
         return self.inner, self.fallback, self.last
@@ -153,7 +157,7 @@ class Supervisor(Wrapper):
     def _steered(
         self, state: SupervisorState, o: Observation | None, gap: Reason
     ) -> tuple[Decision, SupervisorState]:
-        """One step with what is seen or, for ``gap``, would be; None if that is not known."""
+        """One step; ``o`` is observed or, if there is a ``gap``, reckoned; None without either."""
         last = state.last
         if last is None:
             assert o is not None
@@ -163,7 +167,7 @@ class Supervisor(Wrapper):
             surplus = o.v_x * (o.yaw_rate - o.v_x * o.curvature)  # beyond what the road asks for
             swings = state.swings.after(surplus, self.swing, self.swing_window, state.dt)
             state = state._replace(swings=swings)
-        candidates = self._asked(state, o, last, rules, gap)
+        candidates = self._checked(state, o, last, rules, gap)
         driver = _choose(state.driver, candidates, self.recover_time)
         after = state._replace(candidates=candidates, driver=driver)
         after = after._replace(reason=_reason(state, after))
@@ -180,9 +184,9 @@ class Supervisor(Wrapper):
         elif steer != wanted and status is Status.SOLVED:
             status = Status.SATURATED
         reason = gap if driver is Driver.INNER else after.reason
-        return Decision(steer, status, driver, reason), self._told(after, steer)
+        return Decision(steer, status, driver, reason), self._executed(after, steer)
 
-    def _asked(
+    def _checked(
         self,
         state: SupervisorState,
         o: Observation | None,
@@ -190,23 +194,23 @@ class Supervisor(Wrapper):
         rules: Rules,
         gap: Reason,
     ) -> tuple[Candidate, ...]:
-        """All three, judged by what they answer and by what the car does."""
+        """All three after one step, checked by their commands and by the car's motion."""
         if o is None:
             return tuple(one.failed(gap) for one in state.candidates)
         first = state.last is None
         inner, *others = (
-            ask(controller, candidate, o, last, rules, self.clock, first=first)
+            checked_step(controller, candidate, o, last, rules, self.clock, first=first)
             for controller, candidate in zip(self._controllers(), state.candidates, strict=True)
         )
         if gap and state.seen.age > self.bridge_time + _SAME:
-            # It begins anew when there is something to see: it may have learned of the reckoning.
+            # Its state may rest on dead reckoning: it restarts at the next observation.
             inner = inner.failed(gap, restart=True)
         return self._watched(state, (inner, *others), o)
 
     def _watched(
         self, state: SupervisorState, candidates: tuple[Candidate, ...], o: Observation
     ) -> tuple[Candidate, ...]:
-        """The candidates, judged by what the car does."""
+        """The candidates, checked by the car's motion."""
         inner, fallback, last = candidates
         drift = o.v_x * math.sin(o.heading_error) + o.v_y * math.cos(o.heading_error)
         off, soon = abs(o.lateral_error), abs(o.lateral_error + self.foresight * drift)
@@ -215,7 +219,7 @@ class Supervisor(Wrapper):
             if swinging and not inner.fault:
                 inner = inner.failed(Reason.OSCILLATION)
             limit = self.corridor
-        else:  # it is not trusted before the car is well back
+        else:  # it is trusted again only when the car is well inside
             limit = 0.5 * self.corridor
         if max(off, soon) > limit and not inner.fault:
             inner = inner.failed(Reason.CORRIDOR)
@@ -231,10 +235,10 @@ class Supervisor(Wrapper):
         steer = wanted + fade * state.offset if fade > 0.0 else wanted
         return steer, state._replace(fade=fade)
 
-    def _told(self, state: SupervisorState, steer: float) -> SupervisorState:
+    def _executed(self, state: SupervisorState, steer: float) -> SupervisorState:
         pairs = zip(self._controllers(), state.candidates, strict=True)
-        told = tuple(tell(controller, candidate, steer) for controller, candidate in pairs)
-        return state._replace(candidates=told, last=steer)
+        candidates = tuple(executed(*pair, steer) for pair in pairs)
+        return state._replace(candidates=candidates, last=steer)
 
     def _rules(self, state: SupervisorState) -> Rules:
         vehicle, rate = state.vehicle, self.rate
@@ -244,9 +248,9 @@ class Supervisor(Wrapper):
 
 
 def _choose(before: Driver, candidates: tuple[Candidate, ...], recover_time: float) -> Driver:
-    """The best of those without fault; who is better than the driver has to be so for a time.
+    """The best controller without fault; a better one than the driver needs ``recover_time`` first.
 
-    After a time without any driver the fallbacks are taken as they are.
+    While no controller steers, the fallbacks are taken at once.
     """
     for driver in (Driver.INNER, Driver.FALLBACK, Driver.LAST):
         one = candidates[driver]
@@ -258,7 +262,7 @@ def _choose(before: Driver, candidates: tuple[Candidate, ...], recover_time: flo
 
 
 def _reason(before: SupervisorState, after: SupervisorState) -> Reason:
-    """Why the driver is who it is: the fault of the one who steered until now, if it had one."""
+    """Why the inner controller does not steer: the fault of the one that steered until now."""
     if after.driver is Driver.INNER:
         return Reason.NONE
     if before.driver in {after.driver, Driver.HOLD}:
@@ -267,13 +271,13 @@ def _reason(before: SupervisorState, after: SupervisorState) -> Reason:
 
 
 def _limited(wanted: float, last: float, step: float) -> float:
-    """Within [-1, 1], and no farther than ``step`` from the last; that one if it is no number."""
+    """``wanted``, or ``last`` if that is not finite, within [-1, 1] and ``step`` from ``last``."""
     wanted = wanted if math.isfinite(wanted) else last
     return within_limits(min(max(wanted, last - step), last + step))
 
 
 def _present(observation: Any) -> float:
-    """The measured steering, as far as there is one."""
+    """The measured steering; 0 if there is none."""
     steer = getattr(observation, "steer", 0.0)
     usable = isinstance(steer, float) and math.isfinite(steer)
     return within_limits(steer) if usable else 0.0

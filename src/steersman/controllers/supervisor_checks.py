@@ -12,17 +12,17 @@ from steersman.types import FloatArray, Observation, Reason
 
 # The largest magnitude that a car on its road can measure, by the observation's fields after the
 # time: lateral error [m], heading error [rad], v_x and v_y [m/s], yaw rate [rad/s], steering [-]
-# (sensors may read a little more than full lock), curvature [1/m]. Far beyond what can be driven:
-# whatever is larger is a fault of measuring, not of driving.
+# (sensors may read a little more than full lock), curvature [1/m]. These are far beyond
+# what can be driven: larger values are measurement faults.
 _MOST = (20.0, 3.2, 100.0, 30.0, 5.0, 1.1, 1.0)
-# Waypoints farther from the car than this many times the preview's length are none.
+# Waypoints farther from the car than this many times the preview's length are faults.
 _FARTHEST = 2.0
 # Fewest waypoints that determine a road.
 _FEWEST = 4
 _PLANE = 2
 # Kinds of arrays that hold real numbers.
 _REAL = "fiu"
-# A car that is slower may well see the same for ever [m/s].
+# A slower car may see the same for any time [m/s].
 _STANDING = 0.5
 
 
@@ -52,11 +52,11 @@ def _possible(o: Observation) -> bool:
 
 
 class LastSeen(NamedTuple):
-    """The last usable observation that brought news, and where the car is since."""
+    """The last usable observation that was new, and the car's motion since."""
 
     observation: Observation
     age: float = 0.0
-    """How long ago it came first [s]."""
+    """Time since it arrived [s]."""
     motion: FloatArray | None = None
     """Since then, as ``dead_reckoning.moved_on`` has it; None at once."""
     road: FloatArray | None = None
@@ -68,12 +68,12 @@ NOTHING_SEEN = LastSeen(Observation(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.z
 
 
 def first_sight(observation: Observation) -> LastSeen:
-    """What is known after a new observation; a copy, since its array may be reused."""
+    """The record of a new observation; a copy, since its array may be reused."""
     return LastSeen(observation._replace(preview=np.array(observation.preview, dtype=np.float64)))
 
 
 def no_news(seen: LastSeen, observation: Observation) -> Reason:
-    """``MISSING`` for the last sample again, ``STALE`` for one that is new but for its numbers."""
+    """``MISSING`` if it is the last sample again, ``STALE`` if its time alone is new."""
     if not _repeats(seen.observation, observation):
         return Reason.NONE
     again = observation.time == seen.observation.time
@@ -81,11 +81,10 @@ def no_news(seen: LastSeen, observation: Observation) -> Reason:
 
 
 def _repeats(before: Observation, now: Observation) -> bool:
-    """Whether an observation brings no news although the car moved.
+    """Whether an observation holds the last one's numbers although the car moved.
 
-    It is the last one to the bit. If its time went on, a standing car may see just that, and so
-    may one that drives straight ahead on a straight without any error: then every number but the
-    speed is exactly zero, which no real sensor measures.
+    If its time is new, a standing car may see the same, and so may one that drives along a
+    straight without any error: then every number but the speed is exactly zero.
     """
     if before[1:8] != now[1:8] or not np.array_equal(before.preview, now.preview):
         return False
@@ -96,22 +95,22 @@ def _repeats(before: Observation, now: Observation) -> bool:
 
 
 class Swings(NamedTuple):
-    """Where the signal turned back, as far as that was not long ago."""
+    """Recent reversals of a signal."""
 
     turned: float | None = None
     """Extreme value since the last reversal [m/s^2]."""
     direction: int = 0
     """Whether the signal has risen (1) or fallen (-1) since."""
     ages: tuple[float, ...] = ()
-    """How long ago each reversal was [s]."""
+    """Time since each reversal [s]."""
 
     def after(self, value: float, gap: float, window: float, dt: float) -> Swings:
         """One step later.
 
         Args:
             value: of the signal [m/s^2].
-            gap: turning back by less is no reversal [m/s^2].
-            window: how long a reversal is remembered [s].
+            gap: a smaller reversal is not counted [m/s^2].
+            window: time for which a reversal is kept [s].
             dt: control period [s].
         """
         ages = tuple(age + dt for age in self.ages if age + dt < window)

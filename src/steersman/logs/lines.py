@@ -1,4 +1,4 @@
-"""Lines in the plane out of a recording: what was driven, or a path that was planned."""
+"""Lines in the plane out of a recording: the driven line, or a planned path."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def _planned(recording: Recording, topic: str, window: tuple[float, float] | Non
 
 
 class _Longest:
-    """Keeps the longest path of those it is told within a window; the others would fill memory."""
+    """Keeps the longest path within a window alone; all of them would fill memory."""
 
     def __init__(self, window: tuple[float, float] | None) -> None:
         self._window, self._first = window, -1

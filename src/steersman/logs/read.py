@@ -1,4 +1,4 @@
-"""What a car did, out of any ROS 2 recording, as columns."""
+"""The motion of a car in any ROS 2 recording, as columns."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _NS = 1e-9
 
 @dataclass(frozen=True)
 class MotionLog:
-    """What was recorded of a drive; a row for each Odometry message, in the order of time.
+    """A recorded drive; a row for each Odometry message, in the order of time.
 
     Attributes:
         columns: float64 arrays of one length by the names of ``COLUMNS``. Always there: ``time``
@@ -124,14 +124,14 @@ def _log(recording: Recording, topics: Mapping[str, str], ahead: float) -> Motio
     }
     if not tables["odometry"]:
         raise DataError(f"{recording.file}: topic {topics['odometry']} holds no message")
-    told = {group: table for group, table in tables.items() if table}
-    stamped = all(row.stamp > 0 for table in told.values() for row in table)
-    series = {group: _series(table, stamped) for group, table in told.items()}
+    filled = {group: table for group, table in tables.items() if table}
+    stamped = all(row.stamp > 0 for table in filled.values() for row in table)
+    series = {group: _series(table, stamped) for group, table in filled.items()}
     driven = series["odometry"]
     _check(recording.file, topics["odometry"], driven)
     columns = _moved(_motion(driven), ahead)
     _add_steering(columns, series)
-    return MotionLog(columns, {group: topics[group] for group in told}, int(driven.stamps[0]))
+    return MotionLog(columns, {group: topics[group] for group in filled}, int(driven.stamps[0]))
 
 
 def _topics(

@@ -13,8 +13,6 @@ from steersman.errors import DataError
 from steersman.logs import schemas
 from steersman.logs.bag import Message, opened
 
-_HEAD = ("end", "distance", "dt", "path_length", "closed", "meta")
-
 
 def read_episode(file: FilePath) -> Episode:
     """The episode that :func:`steersman.logs.write.write_episode` wrote.
@@ -29,12 +27,12 @@ def read_episode(file: FilePath) -> Episode:
     head = _head(file)
     with opened(file) as recording:
         motion = np.array(recording.some(schemas.ODOMETRY, _motion))
-        told = np.array(recording.some(schemas.DIAGNOSTICS, _diagnostics))
+        rest = np.array(recording.some(schemas.DIAGNOSTICS, _diagnostics))
     names = ("time", "x", "y", "v_x", "v_y", "yaw_rate")
     columns = {name: motion[:, i].copy() for i, name in enumerate(names)}
-    columns |= {name: told[:, i].copy() for i, name in enumerate(schemas.DIAGNOSTIC_FIELDS)}
+    columns |= {name: rest[:, i].copy() for i, name in enumerate(schemas.DIAGNOSTIC_FIELDS)}
     try:
-        fields = {name: head[name] for name in _HEAD}
+        fields = {name: head[name] for name in (*schemas.HEAD, "meta")}
         episode = Episode({name: columns[name] for name in COLUMNS}, **fields)
         check(episode)
     except (KeyError, TypeError, ValueError) as error:

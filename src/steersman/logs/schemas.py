@@ -34,6 +34,8 @@ MAP, BASE_LINK = "map", "base_link"
 EPOCH = 946_684_800
 """Simulated time zero is 2000-01-01T00:00:00Z: this many seconds of Unix time. (Zero itself means
 "no time" to much of ROS.)"""
+HEAD = ("end", "distance", "dt", "path_length", "closed")
+"""Fields of an episode, beside ``meta``, that the metadata record holds."""
 METADATA = "steersman"
 """Name of the metadata record that holds an episode's head."""
 

@@ -38,7 +38,7 @@ class _Sent(NamedTuple):
 
 
 def require() -> None:
-    """Tell before anything is driven that nothing can be written.
+    """Check before a drive that its recording can be written.
 
     Raises:
         ModuleNotFoundError: the extra ``logs`` is not installed.
@@ -135,14 +135,7 @@ def _channel(writer: Writer, store: Typestore, topic: str) -> int:
 
 
 def _metadata(episode: Episode) -> dict[str, str]:
-    head = {
-        "end": episode.end,
-        "distance": episode.distance,
-        "dt": episode.dt,
-        "path_length": episode.path_length,
-        "closed": episode.closed,
-        "meta": dict(episode.meta),
-    }
+    head = {name: getattr(episode, name) for name in schemas.HEAD} | {"meta": dict(episode.meta)}
     return {
         "format": "1",
         "base_link": "centre of mass",
