@@ -27,7 +27,6 @@ LONG: frozenset[str] = frozenset(
         "steersman/kernels/world.py",
         "steersman/plants/carla_plant.py",
         "steersman/plants/carla_session.py",
-        "steersman/vehicles.py",
     }
 )
 

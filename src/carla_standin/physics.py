@@ -14,7 +14,7 @@ from carla_standin.actors import Actor
 from carla_standin.blueprints import VehicleBlueprint
 from carla_standin.wire import Refused, Transform, shaped
 
-_KMH = 3.6
+_KMH_PER_M_S = 3.6
 _CM = 100.0
 _FRONTAL_AREA = 2.2
 _WHEELS = 4
@@ -127,7 +127,7 @@ def describe(model: VehicleBlueprint) -> PhysicsControl:
         drag_coefficient=car.drag_area / _FRONTAL_AREA,
         center_of_mass=[model.offset, 0.0, model.below],
         steering_curve=[
-            [v * _KMH, f]
+            [v * _KMH_PER_M_S, f]
             for v, f in zip(car.steer_curve_speed, car.steer_curve_factor, strict=True)
         ],
         wheels=wheels,
@@ -198,7 +198,7 @@ def _vehicle(spawned: VehicleBlueprint, new: PhysicsControl) -> tuple[sm.Vehicle
         brake_force=force,
         brake_front=front / (front + rear) if force > 0.0 else base.brake_front,
         max_wheel_angle=math.radians(wheels[0].max_steer_angle),
-        steer_curve_speed=tuple(v / _KMH for v, _ in new.steering_curve),
+        steer_curve_speed=tuple(v / _KMH_PER_M_S for v, _ in new.steering_curve),
         steer_curve_factor=tuple(f for _, f in new.steering_curve),
     )
     return vehicle, offset

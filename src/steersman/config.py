@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, ClassVar, TypeVar, get_args
+from typing import Any, ClassVar, Generic, TypeVar, get_args
 
 from pydantic import (
     BaseModel,
@@ -53,6 +53,7 @@ __all__ = [
 ]
 
 M = TypeVar("M", bound=BaseModel)
+T = TypeVar("T")
 
 
 class Settings(BaseModel):
@@ -153,6 +154,17 @@ def resolve(family: str, value: Any, *, optional: bool = False) -> Component | N
     base = words.fields_of(family, str(value["kind"]))
     kind = str(base.pop("kind"))
     return build(lookup(family, kind), merge(base, {k: v for k, v in value.items() if k != "kind"}))
+
+
+@dataclass(eq=False)
+class Built(Generic[T]):
+    """Holds what a component computed from its fields, without taking part in its comparison.
+
+    Pydantic first compares all that an instance holds and looks at the fields alone if that
+    differs; arrays cannot be compared so, this object (by identity) can.
+    """
+
+    value: T
 
 
 @dataclass(frozen=True)

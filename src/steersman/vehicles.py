@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path as FilePath
@@ -12,13 +11,14 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import field_validator, model_validator
 
-from steersman.config import Component, build, lookup, param, read_yaml, register, required
+from steersman.config import Built, Component, build, lookup, param, read_yaml, register, required
 from steersman.errors import ConfigError
 from steersman.kernels import vehicle as kernel
 from steersman.kernels.vehicle import VehicleTable
 
 _DEG = math.pi / 180.0
-_KMH = 1.0 / 3.6
+KMH = 1.0 / 3.6
+"""Kilometres an hour in metres a second."""
 _AIR_DENSITY = 1.2
 # Beyond this wheel angle the tangent says little [rad].
 _LARGEST_ANGLE = 1.5
@@ -42,20 +42,13 @@ _MODEL3_ACCEL = (
 )
 
 
-@dataclass(eq=False)
-class _Built:
-    """Keeps the table out of pydantic's comparison, which arrays would break."""
-
-    table: VehicleTable
-
-
 @register("vehicle", "custom")
 class Vehicle(Component):
     """A car with four wheels, steered in front. Defaults are a CARLA Tesla Model 3."""
 
     @property
     def title(self) -> str:
-        """What a reader calls it."""
+        """Name for tables and pages."""
         return self.kind
 
     mass: float = param(1845.0, "kg", "Mass.", gt=0)
@@ -79,11 +72,7 @@ class Vehicle(Component):
     steer_rate_down: float = param(5.0, "1/s", "Normalised steering rate to the centre.", gt=0)
     steer_lag: float = param(0.0, "s", "Time constant of the steering; 0: none.", ge=0, le=1)
     steer_delay: float = param(
-        0.0,
-        "s",
-        "Time until the steering begins to answer; plant.steering_delay adds.",
-        ge=0,
-        le=0.5,
+        0.0, "s", "Delay of the steering; plant.steering_delay adds to it.", ge=0, le=0.5
     )
     steer_bias: float = param(
         0.0, "rad", "Inner wheel angle at centred steering, at low speed.", ge=-0.2, le=0.2
@@ -94,7 +83,7 @@ class Vehicle(Component):
     width: float = param(2.16, "m", "Width of the body (drawing, lane widths).", gt=0)
     body_length: float = param(4.79, "m", "Length of the body (drawing).", gt=0)
     steer_curve_speed: tuple[float, ...] = param(
-        (0.0, 20.0 * _KMH, 60.0 * _KMH, 120.0 * _KMH), "m/s", "Speeds of the steering curve."
+        (0.0, 20.0 * KMH, 60.0 * KMH, 120.0 * KMH), "m/s", "Speeds of the steering curve."
     )
     steer_curve_factor: tuple[float, ...] = param(
         (1.0, 0.9, 0.8, 0.7), "-", "Share of the full wheel angle at those speeds."
@@ -126,9 +115,7 @@ class Vehicle(Component):
                 f"{_LARGEST_ANGLE} rad"
             )
         rows, columns = len(self.map_throttle), len(self.map_speed)
-        if len(self.map_acceleration) != rows or any(
-            len(row) != columns for row in self.map_acceleration
-        ):
+        if [len(row) for row in self.map_acceleration] != rows * [columns]:
             raise ValueError(f"map_acceleration needs {rows} rows of {columns} values")
         return self
 
@@ -178,8 +165,7 @@ class Vehicle(Component):
             kernel.STEER_LAG: self.steer_lag,
             kernel.STEER_BIAS: self.steer_bias / self.max_wheel_angle,
         }
-        for column, value in values.items():
-            out[column] = value
+        out[list(values)] = list(values.values())
         return out
 
     def _slip_speed(self) -> float:
@@ -196,10 +182,10 @@ class Vehicle(Component):
     @property
     def table(self) -> VehicleTable:
         """This vehicle alone as the kernels read it."""
-        return self._built.table
+        return self._built.value
 
     @cached_property
-    def _built(self) -> _Built:
+    def _built(self) -> Built[VehicleTable]:
         table = VehicleTable(
             rows=self.row()[None, :],
             steer_speed=np.array(self.steer_curve_speed),
@@ -208,7 +194,7 @@ class Vehicle(Component):
             map_speed=np.array(self.map_speed),
             map_accel=np.array(self.map_acceleration),
         )
-        return _Built(table)
+        return Built(table)
 
     def wheel_angle(self, steer: float, speed: float) -> float:
         """Single-track wheel angle [rad] of a normalised steering at a speed [m/s]."""
@@ -273,9 +259,7 @@ class Bmw320i(Vehicle):
     friction: float = param(_BMW_MU, "-", "Tyre friction coefficient.", gt=0)
     drag_area: float = param(0.6, "m^2", "Drag coefficient times frontal area.", ge=0)
     drive_front: float = param(0.0, "-", "Share of the drive force at the front.", ge=0, le=1)
-    max_wheel_angle: float = param(
-        1.066, "rad", "Wheel angle at full lock.", gt=0, le=_LARGEST_ANGLE
-    )
+    max_wheel_angle: float = param(1.066, "rad", "Angle at full lock.", gt=0, le=_LARGEST_ANGLE)
     ackermann: bool = param(False, "-", "Outer wheel by Ackermann, else parallel wheels.")
     steer_rate_up: float = param(0.4 / 1.066, "1/s", "Steering rate away from centre.", gt=0)
     steer_rate_down: float = param(0.4 / 1.066, "1/s", "Steering rate to the centre.", gt=0)

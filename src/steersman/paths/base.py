@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple, Self
 
 from pydantic import ConfigDict
 
-from steersman.config import Component
+from steersman.config import Built, Component
 from steersman.kernels import path as kernel
 from steersman.kernels.path import PathTable
 from steersman.types import PathPoint
@@ -26,17 +25,6 @@ class Corner(NamedTuple):
     """Arc length where it ends [m]."""
 
 
-@dataclass(eq=False)
-class Geometry:
-    """Holds a table within a component without taking part in its comparison.
-
-    Pydantic first compares all that an instance holds and looks at the fields alone if that
-    differs; arrays cannot be compared so, this object (by identity) can.
-    """
-
-    table: PathTable
-
-
 class PathComponent(Component):
     """A path: its configuration, and, built when first used, its geometry."""
 
@@ -47,14 +35,14 @@ class PathComponent(Component):
         """The pieces of the path; called once."""
 
     @cached_property
-    def geometry(self) -> Geometry:
+    def geometry(self) -> Built[PathTable]:
         """What was built when first used."""
-        return Geometry(self.build_table())
+        return Built(self.build_table())
 
     @property
     def table(self) -> PathTable:
         """The path as pieces of linear curvature, one path in the table."""
-        return self.geometry.table
+        return self.geometry.value
 
     @property
     def length(self) -> float:

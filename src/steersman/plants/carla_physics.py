@@ -15,10 +15,9 @@ from steersman.config import build
 from steersman.errors import ConfigError, PlantError
 from steersman.kernels import vehicle as kernel
 from steersman.plants.carla_frame import CarlaFrame, Placement
-from steersman.vehicles import Vehicle
+from steersman.vehicles import KMH, Vehicle
 
 _CM = 0.01
-_KMH = 1.0 / 3.6
 _WHEELS = 4
 # Frontal area that goes with the drag coefficient [m^2]; vehicles.py assumes the same.
 _FRONTAL_AREA = 2.2
@@ -51,7 +50,7 @@ def vehicle_of(physics: Any, base: Vehicle, at: Placement, size: tuple[float, fl
         raise PlantError(f"the vehicle has {len(wheels)} wheels; only cars with {_WHEELS} can be")
     force = sum(w.max_brake_torque / max(_CM * w.radius, 0.1) for w in wheels)
     front = sum(w.max_brake_torque / max(_CM * w.radius, 0.1) for w in wheels[:2])
-    curve = [(point.x * _KMH, point.y) for point in physics.steering_curve]
+    curve = [(point.x * KMH, point.y) for point in physics.steering_curve]
     figures: dict[str, Any] = {
         "mass": physics.mass,
         "drag_area": _FRONTAL_AREA * physics.drag_coefficient,
