@@ -25,7 +25,7 @@ from steersman.learning.datasets.recorder import Recorder
 from steersman.learning.datasets.trajectory import Trajectory, Who, actions_for, features, steps
 from steersman.learning.env import PathFollowingEnv
 from steersman.learning.fleet import FleetDriver
-from steersman.learning.imitation.sources import demonstrate
+from steersman.learning.imitation.driving import demonstrate
 from steersman.learning.problem import Problem
 from steersman.logs.write import write_episode
 from steersman.rollout import RunConfig, run

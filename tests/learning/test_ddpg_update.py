@@ -172,7 +172,7 @@ def test_learning_from_mirror_images_is_learning_from_a_mirrored_buffer() -> Non
     rows, envs = rng.integers(0, 200, (3, 32)), np.zeros((3, 32), np.int64)
     for made, side in ((plain, 1.0), (mirrored, -1.0)):
         nets = made._flat()
-        draw = ddpg_update.Draw(rows, envs, np.full((3, 32), side, np.float32), factors)
+        draw = networks.Draw(rows, envs, np.full((3, 32), side, np.float32), factors)
         rates = np.full(3, 1e-3)
         ddpg_update.update(
             made._arrays, draw, rates, nets, made.moments, made.gamma, made.tau, made._scratch
@@ -182,8 +182,8 @@ def test_learning_from_mirror_images_is_learning_from_a_mirrored_buffer() -> Non
 
 COMPILED = (
     *(networks._bias_relu, networks.forward, networks.back_hidden, networks.weight_gradients),
-    *(networks.adam, networks.follow, ddpg_update.gather, ddpg_update._targets),
-    *(ddpg_update._improve_critic, ddpg_update.improve_actor),
+    *(networks.adam, networks.descend, networks.gather, networks.follow),
+    *(ddpg_update._targets, ddpg_update._improve_critic, ddpg_update._improve_actor),
 )
 
 

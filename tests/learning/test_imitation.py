@@ -16,9 +16,10 @@ from steersman.controllers.policy import Policy
 from steersman.errors import ConfigError, DataError, TrainingDiverged
 from steersman.learning.fleet import FleetDriver
 from steersman.learning.imitation.config import FitConfig, ImitationConfig
-from steersman.learning.imitation.fit import Regression, SampleDraw, descend
+from steersman.learning.imitation.driving import Dataset, Drives, Driving, collect
+from steersman.learning.imitation.fit import Regression, update
 from steersman.learning.imitation.imitate import imitate, imitation_config, load_imitation
-from steersman.learning.imitation.sources import Dataset, Drives, Driving, collect
+from steersman.learning.networks import Draw
 from steersman.learning.progress import ImitationRow
 from steersman.learning.validate import Validator
 
@@ -228,9 +229,10 @@ def test_updates_are_those_of_torch(huber: float | None) -> None:
         loss.backward()
         optimiser.step()
         expected += loss.item() / 40
-    draw = SampleDraw(rows_, sides.astype(np.float32), mirror.astype(np.float32))
+    sides, factors = sides.astype(np.float32), mirror.astype(np.float32)
+    draw = Draw(rows_, np.zeros_like(rows_), sides, factors)
     bound = np.inf if huber is None else huber
-    loss = descend(
+    loss = update(
         data, draw, np.full(40, 1e-3), regression.net, regression.moments, bound, regression._work
     )
     assert loss == pytest.approx(expected, rel=1e-5)

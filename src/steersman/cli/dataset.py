@@ -69,7 +69,7 @@ def _of_training(source: str, place: FilePath) -> Stored:
     """What a training kept of its steps, or else its demonstrator on its roads."""
     from steersman.config import dump, read_yaml
     from steersman.learning.datasets import store
-    from steersman.learning.imitation.sources import SIGMA, demonstrate
+    from steersman.learning.imitation.driving import SIGMA, demonstrate
 
     if (place / "data").is_dir():
         return store.read(str(place / "data"))

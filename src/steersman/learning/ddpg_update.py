@@ -19,15 +19,17 @@ from stable_baselines3 import DDPG
 
 from steersman.learning.networks import (
     FAST,
+    Draw,
     Moments,
     Net,
-    adam,
+    Work,
     back_hidden,
+    descend,
     follow,
     forward,
+    gather,
     make_moments,
-    view_net,
-    weight_gradients,
+    make_work,
 )
 from steersman.learning.off_policy import BUFFER_ARRAYS, OffPolicySteering
 from steersman.learning.sb3 import lay_flat
@@ -47,56 +49,13 @@ class Batch(NamedTuple):
     timeouts: Any
 
 
-class Draw(NamedTuple):
-    """Which transitions each update learns from; the first three are (updates, B)."""
-
-    rows: Any
-    """Row of the buffer (int64)."""
-    envs: Any
-    """Vehicle (int64)."""
-    sides: Any
-    """1: the transition itself; -1: its mirror image, left for right (float32)."""
-    mirror: Any
-    """(features,) factor on each feature that mirrors it (float32)."""
-
-
 class Scratch(NamedTuple):
-    """Scratch arrays for a batch: inputs, hidden layers, gradients."""
+    """Scratch for a batch of B; actor and critic share theirs with their targets."""
 
-    x: Any
-    z: Any
-    a1: Any
-    a2: Any
-    c1: Any
-    c2: Any
-    y: Any
-    q: Any
+    actor: Work
+    critic: Work
     target: Any
-    d1: Any
-    d2: Any
-    dy: Any
-    actor_grad: Net
-    critic_grad: Net
-
-
-def make_scratch(batch: int, actor: Net, critic: Net) -> Scratch:
-    """Scratch arrays for a batch size and the two networks.
-
-    Raises:
-        ValueError: their hidden layers differ in size.
-    """
-
-    def like(net: Net) -> Net:
-        sizes = (net.w1.shape[1], net.w1.shape[0], net.w2.shape[0], net.w3.shape[0])
-        return view_net(np.zeros_like(net.flat), sizes)
-
-    inputs, pair = actor.w1.shape[1], critic.w1.shape[1]
-    h1, h2 = actor.w1.shape[0], actor.w2.shape[0]
-    if (h1, h2) != (critic.w1.shape[0], critic.w2.shape[0]):
-        raise ValueError("actor and critic need hidden layers of the same sizes")
-    widths = (inputs, pair, h1, h2, h1, h2, 1, 1, 1, h1, h2, 1)
-    arrays: list[Any] = [np.zeros((batch, width), np.float32) for width in widths]
-    return Scratch._make([*arrays, like(actor), like(critic)])
+    """(B, 1) bootstrapped values."""
 
 
 def draw_batches(buffer: Any, count: int, batch: int, mirror: Any) -> Draw:
@@ -120,32 +79,23 @@ def draw_batches(buffer: Any, count: int, batch: int, mirror: Any) -> Draw:
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
-def gather(source: Any, draw: Draw, k: int, out: Any) -> None:
-    """Observations of update ``k``; those whose side is -1 mirrored."""
-    for i in range(out.shape[0]):
-        row, env, mirrored = draw.rows[k, i], draw.envs[k, i], draw.sides[k, i] < 0.0
-        for j in range(source.shape[2]):
-            value = source[row, env, j]
-            out[i, j] = value * draw.mirror[j] if mirrored else value
-
-
-@njit(cache=True, error_model="numpy", fastmath=FAST)
 def _targets(
     batch: Batch, draw: Draw, k: int, actor: Net, critic: Net, gamma: float, work: Scratch
 ) -> None:
     """Bootstrapped values r + gamma (1 - done) Q'(s', mu'(s')) into ``work.target``."""
-    n = work.x.shape[1]
-    gather(batch.next_observations, draw, k, work.x)
-    forward(actor, work.x, work.a1, work.a2, work.y)
-    work.z[:, :n] = work.x
-    for i in range(work.x.shape[0]):
-        work.z[i, n] = math.tanh(work.y[i, 0])
-    forward(critic, work.z, work.c1, work.c2, work.q)
-    for i in range(work.x.shape[0]):
+    of_actor, of_critic = work.actor, work.critic
+    n = of_actor.x.shape[1]
+    gather(batch.next_observations, draw, k, of_actor.x)
+    forward(actor, of_actor)
+    of_critic.x[:, :n] = of_actor.x
+    for i in range(of_actor.x.shape[0]):
+        of_critic.x[i, n] = math.tanh(of_actor.y[i, 0])
+    forward(critic, of_critic)
+    for i in range(of_actor.x.shape[0]):
         row, env = draw.rows[k, i], draw.envs[k, i]
         final = batch.dones[row, env] * (_ONE - batch.timeouts[row, env])
         work.target[i, 0] = (
-            batch.rewards[row, env] + (_ONE - final) * np.float32(gamma) * work.q[i, 0]
+            batch.rewards[row, env] + (_ONE - final) * np.float32(gamma) * of_critic.y[i, 0]
         )
 
 
@@ -154,48 +104,44 @@ def _improve_critic(
     batch: Batch, draw: Draw, k: int, critic: Net, moments: Moments, rate: float, work: Scratch
 ) -> tuple[float, float]:
     """Descend the squared Bellman error; returns the loss and the mean value."""
-    n, count = work.x.shape[1], work.x.shape[0]
-    gather(batch.observations, draw, k, work.x)
-    work.z[:, :n] = work.x
+    of_critic = work.critic
+    n, count = work.actor.x.shape[1], work.actor.x.shape[0]
+    gather(batch.observations, draw, k, work.actor.x)
+    of_critic.x[:, :n] = work.actor.x
     for i in range(count):
         action = batch.actions[draw.rows[k, i], draw.envs[k, i], 0]
-        work.z[i, n] = action * draw.sides[k, i]
-    forward(critic, work.z, work.c1, work.c2, work.q)
+        of_critic.x[i, n] = action * draw.sides[k, i]
+    forward(critic, of_critic)
     loss, mean = 0.0, 0.0
     for i in range(count):
-        gap = work.q[i, 0] - work.target[i, 0]
-        work.dy[i, 0] = np.float32(2.0 / count) * gap
+        gap = of_critic.y[i, 0] - work.target[i, 0]
+        of_critic.dy[i, 0] = np.float32(2.0 / count) * gap
         loss += gap * gap / count
-        mean += work.q[i, 0] / count
-    d1, d2 = work.d1, work.d2
-    back_hidden(critic, work.dy, work.c1, work.c2, d1, d2)
-    weight_gradients(work.z, work.c1, work.c2, work.dy, d1, d2, work.critic_grad)
-    adam(critic.flat, work.critic_grad.flat, moments, rate)
+        mean += of_critic.y[i, 0] / count
+    descend(critic, moments, rate, of_critic)
     return loss, mean
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
-def improve_actor(actor: Net, critic: Net, moments: Moments, rate: float, work: Scratch) -> float:
-    """Ascend Q(s, mu(s)) for the observations in ``work.x``; returns the loss, -mean Q."""
-    n, count = work.x.shape[1], work.x.shape[0]
-    forward(actor, work.x, work.a1, work.a2, work.y)
+def _improve_actor(actor: Net, critic: Net, moments: Moments, rate: float, work: Scratch) -> float:
+    """Ascend Q(s, mu(s)) for the observations in ``work.actor.x``; returns the loss, -mean Q."""
+    of_actor, of_critic = work.actor, work.critic
+    n, count = of_actor.x.shape[1], of_actor.x.shape[0]
+    forward(actor, of_actor)
     for i in range(count):
-        work.y[i, 0] = math.tanh(work.y[i, 0])
-        work.z[i, n] = work.y[i, 0]
-    forward(critic, work.z, work.c1, work.c2, work.q)
-    work.dy[:] = np.float32(-1.0 / count)
-    d1, d2 = work.d1, work.d2
-    back_hidden(critic, work.dy, work.c1, work.c2, d1, d2)
+        of_actor.y[i, 0] = math.tanh(of_actor.y[i, 0])
+        of_critic.x[i, n] = of_actor.y[i, 0]
+    forward(critic, of_critic)
+    of_critic.dy[:] = np.float32(-1.0 / count)
+    back_hidden(critic, of_critic)
     loss = 0.0
     for i in range(count):
         slope = np.float32(0.0)
         for j in range(critic.w1.shape[0]):
-            slope += d1[i, j] * critic.w1[j, n]
-        loss -= work.q[i, 0] / count
-        work.dy[i, 0] = slope * (_ONE - work.y[i, 0] * work.y[i, 0])
-    back_hidden(actor, work.dy, work.a1, work.a2, d1, d2)
-    weight_gradients(work.x, work.a1, work.a2, work.dy, d1, d2, work.actor_grad)
-    adam(actor.flat, work.actor_grad.flat, moments, rate)
+            slope += of_critic.d1[i, j] * critic.w1[j, n]
+        loss -= of_critic.y[i, 0] / count
+        of_actor.dy[i, 0] = slope * (_ONE - of_actor.y[i, 0] * of_actor.y[i, 0])
+    descend(actor, moments, rate, of_actor)
     return loss
 
 
@@ -221,7 +167,7 @@ def update(
     for k in range(steps):
         _targets(batch, draw, k, actor_target, critic_target, gamma, work)
         loss, mean = _improve_critic(batch, draw, k, critic, moments[1], rates[k], work)
-        actor_loss += improve_actor(actor, critic, moments[0], rates[k], work) / steps
+        actor_loss += _improve_actor(actor, critic, moments[0], rates[k], work) / steps
         critic_loss += loss / steps
         value += mean / steps
         follow(critic_target.flat, critic.flat, tau)
@@ -241,7 +187,9 @@ class CompiledDDPG(OffPolicySteering, DDPG):
             actor, critic, actor_target, critic_target = nets
             self._nets = actor, critic, actor_target, critic_target
             self.moments = make_moments(actor.flat.size), make_moments(critic.flat.size)
-            self._scratch = make_scratch(self.batch_size, actor, critic)
+            size = self.batch_size
+            works = make_work(actor, size), make_work(critic, size)
+            self._scratch = Scratch(*works, np.zeros((size, 1), np.float32))
             self._arrays = Batch(*(getattr(self.replay_buffer, name) for name in BUFFER_ARRAYS))
         return self._nets
 

@@ -39,6 +39,27 @@ class Net(NamedTuple):
     flat: Any
 
 
+class Work(NamedTuple):
+    """Scratch of one network for a batch of B samples, float32."""
+
+    x: Any
+    """(B, inputs) what it reads."""
+    h1: Any
+    """(B, hidden) behind the first hidden layer."""
+    h2: Any
+    """(B, hidden) behind the second."""
+    y: Any
+    """(B, 1) its output."""
+    d1: Any
+    """(B, hidden) gradient at the input of the first hidden layer."""
+    d2: Any
+    """(B, hidden) gradient at the input of the second."""
+    dy: Any
+    """(B, 1) gradient at its output."""
+    grad: Net
+    """Gradients of its weights."""
+
+
 class Moments(NamedTuple):
     """Adam's first and second moments, flat, and the number of updates as ``count[0]``."""
 
@@ -59,6 +80,14 @@ def view_net(flat: Any, sizes: tuple[int, int, int, int]) -> Net:
         raise ValueError(f"{flat.size} parameters do not fill layers of {sizes}, which have {at}")
     w1, b1, w2, b2, w3, b3 = parts
     return Net(w1, b1, w2, b2, w3, b3, flat)
+
+
+def make_work(net: Net, batch: int) -> Work:
+    """Scratch for batches of ``batch`` samples."""
+    inputs, h1, h2 = net.w1.shape[1], net.w1.shape[0], net.w2.shape[0]
+    widths = (inputs, h1, h2, 1, h1, h2, 1)
+    arrays: list[Any] = [np.zeros((batch, width), np.float32) for width in widths]
+    return Work(*arrays, view_net(np.zeros_like(net.flat), (inputs, h1, h2, 1)))
 
 
 # What may stand after hidden layers and after the output, by the names of ONNX operators.
@@ -94,37 +123,39 @@ def _bias_relu(h: Any, b: Any) -> None:
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
-def forward(net: Net, x: Any, h1: Any, h2: Any, y: Any) -> None:
-    """Fill y (B, 1) with network(x), keeping the hidden layers for the way back."""
-    np.dot(x, net.w1.T, h1)
-    _bias_relu(h1, net.b1)
-    np.dot(h1, net.w2.T, h2)
-    _bias_relu(h2, net.b2)
-    for i in range(x.shape[0]):
+def forward(net: Net, work: Work) -> None:
+    """Fill ``work.y`` with network(``work.x``), keeping the hidden layers for the way back."""
+    np.dot(work.x, net.w1.T, work.h1)
+    _bias_relu(work.h1, net.b1)
+    np.dot(work.h1, net.w2.T, work.h2)
+    _bias_relu(work.h2, net.b2)
+    for i in range(work.x.shape[0]):
         total = net.b3[0]
-        for j in range(h2.shape[1]):
-            total += h2[i, j] * net.w3[0, j]
-        y[i, 0] = total
+        for j in range(work.h2.shape[1]):
+            total += work.h2[i, j] * net.w3[0, j]
+        work.y[i, 0] = total
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
-def back_hidden(net: Net, dy: Any, h1: Any, h2: Any, d1: Any, d2: Any) -> None:
-    """Gradients at the hidden layers' inputs from the gradient at the output."""
+def back_hidden(net: Net, work: Work) -> None:
+    """Gradients at the hidden layers' inputs from the gradient at the output, ``work.dy``."""
+    d1, d2, dy = work.d1, work.d2, work.dy
     for i in range(dy.shape[0]):
-        for j in range(h2.shape[1]):
-            d2[i, j] = dy[i, 0] * net.w3[0, j] if h2[i, j] > 0.0 else np.float32(0.0)
+        for j in range(d2.shape[1]):
+            d2[i, j] = dy[i, 0] * net.w3[0, j] if work.h2[i, j] > 0.0 else np.float32(0.0)
     np.dot(d2, net.w2, d1)
     for i in range(dy.shape[0]):
-        for j in range(h1.shape[1]):
-            if h1[i, j] <= 0.0:
+        for j in range(d1.shape[1]):
+            if work.h1[i, j] <= 0.0:
                 d1[i, j] = np.float32(0.0)
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
-def weight_gradients(x: Any, h1: Any, h2: Any, dy: Any, d1: Any, d2: Any, grad: Net) -> None:
+def weight_gradients(work: Work) -> None:
     """Gradients of all weights from those at the layers' inputs; sums over the batch."""
-    np.dot(d1.T, x, grad.w1)
-    np.dot(d2.T, h1, grad.w2)
+    d1, d2, dy, grad = work.d1, work.d2, work.dy, work.grad
+    np.dot(d1.T, work.x, grad.w1)
+    np.dot(d2.T, work.h1, grad.w2)
     grad.b1[:] = np.float32(0.0)
     grad.b2[:] = np.float32(0.0)
     grad.w3[:] = np.float32(0.0)
@@ -135,7 +166,7 @@ def weight_gradients(x: Any, h1: Any, h2: Any, dy: Any, d1: Any, d2: Any, grad: 
             grad.b1[j] += d1[i, j]
         for j in range(d2.shape[1]):
             grad.b2[j] += d2[i, j]
-            grad.w3[0, j] += dy[i, 0] * h2[i, j]
+            grad.w3[0, j] += dy[i, 0] * work.h2[i, j]
     grad.b3[0] = total
 
 
@@ -152,6 +183,37 @@ def adam(weights: Any, gradient: Any, moments: Moments, rate: float) -> None:
         first[i] += (_ONE - _BETA1) * (g - first[i])
         second[i] = _BETA2 * second[i] + (_ONE - _BETA2) * g * g
         weights[i] -= step * first[i] / (np.sqrt(second[i]) * root + _EPS)
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def descend(net: Net, moments: Moments, rate: float, work: Work) -> None:
+    """One step of Adam down the gradient at the output, ``work.dy``."""
+    back_hidden(net, work)
+    weight_gradients(work)
+    adam(net.flat, work.grad.flat, moments, rate)
+
+
+class Draw(NamedTuple):
+    """Which samples each update learns from; the first three are (updates, B)."""
+
+    rows: Any
+    """Row of the samples (int64)."""
+    envs: Any
+    """Vehicle (int64)."""
+    sides: Any
+    """1: the sample itself; -1: its mirror image, left for right (float32)."""
+    mirror: Any
+    """(features,) factor on each feature that mirrors it (float32)."""
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def gather(source: Any, draw: Draw, k: int, out: Any) -> None:
+    """Observations of update ``k`` out of (rows, vehicles, features); side -1 mirrored."""
+    for i in range(out.shape[0]):
+        row, env, mirrored = draw.rows[k, i], draw.envs[k, i], draw.sides[k, i] < 0.0
+        for j in range(source.shape[2]):
+            value = source[row, env, j]
+            out[i, j] = value * draw.mirror[j] if mirrored else value
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)

@@ -8,23 +8,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import njit
 
 from steersman.learning import networks
 from steersman.learning.imitation.config import FitConfig
-from steersman.learning.imitation.sources import Dataset
-from steersman.learning.networks import (
-    FAST,
-    Moments,
-    Net,
-    adam,
-    back_hidden,
-    forward,
-    weight_gradients,
-)
+from steersman.learning.imitation.driving import Dataset
+from steersman.learning.networks import FAST, Draw, Moments, Net, Work, descend, forward, gather
 from steersman.learning.snapshot import Tree, fill
 
 _ONE = np.float32(1.0)
@@ -32,39 +24,15 @@ _ONE = np.float32(1.0)
 _CHUNK = 100
 
 
-class SampleDraw(NamedTuple):
-    """Which samples several updates learn from."""
-
-    rows: Any
-    """(updates, B) int64."""
-    sides: Any
-    """(updates, B) float32; 1: as it was; -1: its mirror image, left for right."""
-    mirror: Any
-    """(features,) float32 factor on each feature that mirrors it."""
-
-
-class FitScratch(NamedTuple):
-    """Scratch for a batch of B."""
-
-    x: Any
-    h1: Any
-    h2: Any
-    y: Any
-    d1: Any
-    d2: Any
-    dy: Any
-    grad: Net
-
-
 @njit(cache=True, error_model="numpy", fastmath=FAST)
-def descend(
+def update(
     data: Dataset,
-    draw: SampleDraw,
+    draw: Draw,
     rates: Any,
     net: Net,
     moments: Moments,
     bound: float,
-    work: FitScratch,
+    work: Work,
 ) -> float:
     """One update of ``net`` for each of ``rates`` (updates,); returns the mean loss.
 
@@ -72,22 +40,17 @@ def descend(
     """
     count, total = work.x.shape[0], 0.0
     limit = np.float32(bound)
+    features = data.features.reshape(data.features.shape[0], 1, data.features.shape[1])
     for k in range(rates.shape[0]):
-        for i in range(count):
-            row, mirrored = draw.rows[k, i], draw.sides[k, i] < 0.0
-            for j in range(work.x.shape[1]):
-                value = data.features[row, j]
-                work.x[i, j] = value * draw.mirror[j] if mirrored else value
-        forward(net, work.x, work.h1, work.h2, work.y)
+        gather(features, draw, k, work.x)
+        forward(net, work)
         for i in range(count):
             y = np.float32(math.tanh(work.y[i, 0]))
             gap = y - data.actions[draw.rows[k, i]] * draw.sides[k, i]
             held = min(max(gap, -limit), limit)
             total += held * (np.float32(2.0) * gap - held) / count
             work.dy[i, 0] = np.float32(2.0 / count) * held * (_ONE - y * y)
-        back_hidden(net, work.dy, work.h1, work.h2, work.d1, work.d2)
-        weight_gradients(work.x, work.h1, work.h2, work.dy, work.d1, work.d2, work.grad)
-        adam(net.flat, work.grad.flat, moments, rates[k])
+        descend(net, moments, rates[k], work)
     return float(total / rates.shape[0])
 
 
@@ -103,25 +66,15 @@ class Regression:
         self.config = config
         self._mirror = mirror.astype(np.float32)
         sizes = (len(mirror), *config.hidden, 1)
-        self.net = _zeros(sizes)
+        size = sum((a + 1) * b for a, b in pairwise(sizes))
+        self.net = networks.view_net(np.zeros(size, np.float32), sizes)
         rng = np.random.default_rng(seed)
         for weights, bias in ((0, 1), (2, 3), (4, 5)):
             bound = self.net[weights].shape[1] ** -0.5
             for part in (self.net[weights], self.net[bias]):
                 part[...] = rng.uniform(-bound, bound, part.shape)
         self.moments = networks.make_moments(self.net.flat.size)
-        batch = config.batch
-        h1, h2 = (np.zeros((batch, n), np.float32) for n in config.hidden)
-        self._work = FitScratch(
-            x=np.zeros((batch, len(mirror)), np.float32),
-            h1=h1,
-            h2=h2,
-            y=np.zeros((batch, 1), np.float32),
-            d1=np.zeros_like(h1),
-            d2=np.zeros_like(h2),
-            dy=np.zeros((batch, 1), np.float32),
-            grad=_zeros(sizes),
-        )
+        self._work = networks.make_work(self.net, config.batch)
 
     @property
     def updates(self) -> int:
@@ -161,8 +114,8 @@ class Regression:
             if config.mirror:
                 sides[rng.integers(2, size=shape) == 0] = -1.0
             rates = np.array([self._rate(self.updates + k) for k in range(count)])
-            draw = SampleDraw(rows, sides, self._mirror)
-            total += count * descend(data, draw, rates, self.net, self.moments, bound, self._work)
+            draw = Draw(rows, np.zeros_like(rows), sides, self._mirror)
+            total += count * update(data, draw, rates, self.net, self.moments, bound, self._work)
             tick((self.updates - first) / (until - first))
         return total / max(until - first, 1)
 
@@ -174,8 +127,3 @@ class Regression:
     def restore(self, saved: Tree) -> None:
         """Go on with these weights."""
         fill(self.weights(), saved)
-
-
-def _zeros(sizes: tuple[int, int, int, int]) -> Net:
-    count = sum((a + 1) * b for a, b in pairwise(sizes))
-    return networks.view_net(np.zeros(count, np.float32), sizes)
