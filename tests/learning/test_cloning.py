@@ -16,8 +16,9 @@ from steersman.errors import ConfigError, DataError
 from steersman.learning.datasets import store
 from steersman.learning.datasets.trajectory import Who
 from steersman.learning.imitation.config import ImitationConfig
-from steersman.learning.imitation.driving import demonstrate, samples
+from steersman.learning.imitation.driving import demonstrate
 from steersman.learning.imitation.imitate import imitate
+from steersman.learning.imitation.sources import samples
 from steersman.logs.write import write_episode
 from steersman.paths.random_road import RandomRoad
 from steersman.rollout import RunConfig, run

@@ -87,7 +87,8 @@ def make_work(net: Net, batch: int) -> Work:
     inputs, h1, h2 = net.w1.shape[1], net.w1.shape[0], net.w2.shape[0]
     widths = (inputs, h1, h2, 1, h1, h2, 1)
     arrays: list[Any] = [np.zeros((batch, width), np.float32) for width in widths]
-    return Work(*arrays, view_net(np.zeros_like(net.flat), (inputs, h1, h2, 1)))
+    gradients = view_net(np.zeros_like(net.flat), (inputs, h1, h2, 1))
+    return Work._make([*arrays, gradients])
 
 
 # What may stand after hidden layers and after the output, by the names of ONNX operators.
