@@ -2,7 +2,7 @@
 
 docs/supervisor.md has the checks, the reasons for the thresholds, and the limits of the method.
 The scheme is the simplex architecture (Sha, Using simplicity to control complexity, IEEE Software
-18, 2001): a trusted controller takes over from one that does more but is trusted less.
+18, 2001): a simple, proven controller takes over from a more capable, less proven one.
 """
 
 from __future__ import annotations
@@ -164,7 +164,7 @@ class Supervisor(Wrapper):
             last = within_limits(o.steer)
         rules = self._rules(state)
         if o is not None:
-            surplus = o.v_x * (o.yaw_rate - o.v_x * o.curvature)  # beyond what the road asks for
+            surplus = o.v_x * (o.yaw_rate - o.v_x * o.curvature)  # beyond that of the road
             swings = state.swings.after(surplus, self.swing, self.swing_window, state.dt)
             state = state._replace(swings=swings)
         candidates = self._checked(state, o, last, rules, gap)

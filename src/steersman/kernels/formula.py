@@ -159,7 +159,7 @@ def _compiled(function: Callable[..., float], frozen: tuple[tuple[str, Any], ...
     made: dict[str, Any] = {}
     exec(compile(module, inspect.getfile(function), "exec"), function.__globals__, made)
     plain = made[placed.name]
-    # numba's cache does not see constants: the name tells formulas with other places apart.
+    # numba's cache does not see constants: the name distinguishes formulas with other places.
     digest = hashlib.sha256(ast.dump(placed).encode()).hexdigest()[:12]
     plain.__qualname__ = f"{function.__qualname__}_{digest}"
     kept = _cfunc(plain, where)
@@ -267,4 +267,4 @@ def call(
 
 @overload(call, strict=False)
 def _call(address: Any, seen: Any, loop: Any, own: Any, at: Any, cells: Any, i: Any) -> Any:
-    return lambda a, b, c, d, e, f, g: _JUMP(a, b, c, d, e, f, g)  # noqa: PLW0108 - numba wants it
+    return lambda a, b, c, d, e, f, g: _JUMP(a, b, c, d, e, f, g)  # noqa: PLW0108 - numba requires it

@@ -63,14 +63,14 @@ def _record(file: FilePath) -> dict[str, str] | None:
     """The metadata record of an episode."""
     from mcap.reader import make_reader
 
-    with opened(file), file.expanduser().open("rb") as stream:  # opened() tells what is wrong
+    with opened(file), file.expanduser().open("rb") as stream:  # opened() raises with the cause
         records = make_reader(stream).iter_metadata()
         found = [record.metadata for record in records if record.name == schemas.METADATA]
     return found[0] if found else None
 
 
 def _head(file: FilePath) -> dict[str, Any]:
-    """What the metadata say of the episode."""
+    """The fields of the episode in the metadata record."""
     record = _record(file)
     try:
         head = json.loads((record or {}).get("episode", "null"))

@@ -47,7 +47,7 @@ ENUMS: dict[str, type[IntEnum]] = {"status": Status, "driver": Driver, "reason":
 """Columns that number something; the message's constants name the numbers."""
 
 _TIME = "builtin_interfaces/Time stamp\n"
-# Autoware's messages as they are on the wire; what a recording itself says of them goes first.
+# Autoware's messages; a definition in the recording itself is preferred.
 _AUTOWARE = {
     LATERAL_TYPE: _TIME
     + "builtin_interfaces/Time control_time\n"

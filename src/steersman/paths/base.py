@@ -62,7 +62,7 @@ class PathComponent(Component):
         """Arc length s and signed lateral offset d (left positive) of the closest point [m].
 
         Without ``near`` the whole path is searched; with it, downhill from that arc length,
-        which tells the branches of a path that crosses itself apart.
+        so that the right branch is found where a path crosses itself.
         """
         if near is None:
             s, d = kernel.project(self.table, 0, float(x), float(y))

@@ -89,7 +89,7 @@ class McapPath(PathComponent):
             if lap is not None:
                 x, y, rows = lap.x, lap.y, rows[lap.rows]
         elif not line.driven and closed is not False and _repeats(line):
-            # The repeated first point, which tells a lap, need not be a spacing behind the others.
+            # The repeated first point, the sign of a lap, need not be a spacing behind the others.
             closed = True
         numbers = line.numbers[rows].tolist()
         place = "message" if line.driven else "pose"

@@ -35,7 +35,7 @@ _RoadId = Annotated[str, BeforeValidator(_text)]
 class OpenDrivePath(PathComponent):
     """The centre line of lanes of an OpenDRIVE map (*.xodr), in their driving direction.
 
-    Exactly one of road, route and random says which. Heights and banking are left out.
+    Exactly one of road, route and random selects them. Heights and banking are left out.
     """
 
     suffixes: ClassVar[tuple[str, ...]] = (".xodr",)
@@ -125,7 +125,7 @@ def _stamp(file: FilePath) -> tuple[int, int]:
     try:
         found = os.stat(os.path.expanduser(file))
     except (OSError, ValueError):
-        return (0, 0)  # reading it tells what is wrong
+        return (0, 0)  # reading it raises with the cause
     return (found.st_mtime_ns, found.st_size)
 
 

@@ -97,7 +97,7 @@ def _offset(
 ) -> tuple[float, float, float, float]:
     """Coefficients of the centre's offset, left positive, over the distance from ``start``.
 
-    ``middle`` lies within the stretch, so that it tells which records hold there.
+    ``middle`` lies within the stretch, and selects the records that hold there.
     """
     total = np.zeros(4)
     record = _record(road.offset, middle)

@@ -65,9 +65,7 @@ def _lane_length(road: RoadRecord) -> float:
 
 
 def _road(node: Node) -> RoadRecord:
-    length = node.number("length", low=0.0)
-    if length > MAX_LENGTH:
-        raise node.fault(f"length is {length:g} m, the most is {MAX_LENGTH:g} m")
+    length = _length(node)
     before, after = (_contact(node, name) for name in ("predecessor", "successor"))
     lanes = node.child("lanes")
     if lanes is None:
@@ -84,6 +82,13 @@ def _road(node: Node) -> RoadRecord:
         after=after,
         line=node.line,
     )
+
+
+def _length(node: Node) -> float:
+    length = node.number("length", low=0.0)
+    if length > MAX_LENGTH:
+        raise node.fault(f"length is {length:g} m, the most is {MAX_LENGTH:g} m")
+    return length
 
 
 def _contact(road: Node, name: str) -> Contact | None:
@@ -119,9 +124,7 @@ def _geometry(node: Node) -> ReferencePiece:
     shape = next(iter(node.children(*_SHAPES)), None)
     if shape is None:
         raise node.fault(f"holds none of {', '.join(_SHAPES)}")
-    length = node.number("length", low=0.0)
-    if length > MAX_LENGTH:
-        raise node.fault(f"length is {length:g} m, the most is {MAX_LENGTH:g} m")
+    length = _length(node)
     x, y, psi = (node.number(name) for name in ("x", "y", "hdg"))
     s = node.number("s", low=0.0)
     return ReferencePiece(s, x, y, psi, length, shape.tag, _figures(shape, length), node.line)

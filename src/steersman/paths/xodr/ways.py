@@ -65,7 +65,7 @@ class Ways:
         return 1.0 / sharpest if sharpest > 0.0 else math.inf
 
     def next(self, place: Place) -> list[Place]:
-        """What goes on from a place without a step aside, gap or kink, and fits."""
+        """The places that continue a place without a step aside, gap or kink, and fit."""
         return [o for o in self.graph.after(place) if self._meet(place, o) and self.fits(o)]
 
     def along(self, name: str, lane: int | None = None) -> tuple[list[Place], bool]:
@@ -153,7 +153,7 @@ class Ways:
 
     def _meet(self, a: Place, b: Place) -> bool:
         before, after = self.line(a), self.line(b)
-        # A section without length has no line; the path tells later whether its ends meet.
+        # A section without length has no line; whether its ends meet is checked later, on the path.
         return not (before and after) or gap(before[-1], after[0]).passable
 
     def _onward(self, start: Place) -> list[Place]:

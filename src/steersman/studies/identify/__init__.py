@@ -1,1 +1,1 @@
-"""Identification: the vehicle whose figures explain a recording, and how sure they are."""
+"""Identification: the vehicle whose figures explain a recording, with confidence intervals."""

@@ -1,7 +1,7 @@
 """The longitudinal fit: the throttle map, drag within it, and the brakes.
 
 The car is let go with its own speed for some seconds again and again, under the recorded pedals
-and steering; the speed at each start is looked for beside. Initial values come from the starting
+and steering; the speed at each start is another unknown. Initial values come from the starting
 vehicle: as long as the car stays near its recorded speed, the answer is linear in the map.
 """
 

@@ -1,7 +1,7 @@
-"""Faults of recordings that would make a fit look sane and be wrong: units and signs.
+"""Wrong units and signs in recordings, with which a fit would converge to wrong figures.
 
 Each check compares two columns that physics ties together; a slope near a known factor (degrees,
-g, km/h, minus one) names the column and what it seems to be.
+g, km/h, minus one) names the column and its probable unit or sign.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _TOGETHER = 0.8
 _AGAINST = -0.5
 # Slopes of the vehicle's answer differ more: cars do.
 _NEAR_CAR = 2.0
-# Limits of a column, and what it probably is beyond.
+# Limit of a column, and the cure if it is exceeded.
 _LIMITS = {
     "steer_command": (1.01, "steering is from -1 to 1; in percent name it steer_command_percent, "
                       "as an angle steer_angle_deg or steer_angle_rad (with --lock)"),

@@ -1,4 +1,4 @@
-"""A recording: what was commanded, what was measured, and when; in SI units, ISO 8855 signs."""
+"""A recording: commands and measurements over time, in SI units with the signs of ISO 8855."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from steersman.types import FloatArray
 
 # Rows further apart than this do not belong to one drive [s].
 LONGEST_GAP = 0.5
-# A drive shorter than this tells nothing [s].
+# Shorter drives are left out [s].
 SHORTEST = 3.0
 _LEAST_ROWS = 100
 _SLOWEST_RATE = 0.21
@@ -52,9 +52,9 @@ SIGNALS: dict[str, LogSignal] = {
     "steer": LogSignal("measured steering, -1 to 1", _SHARE),
     "wheel_angle": LogSignal("measured angle of the front wheels, the mean of both", _ANGLE),
 }
-# What a vehicle's answer is compared with, and the sensor's offset that is looked for beside.
+# Signals that the lateral fit compares; each has an offset of its sensor as an unknown.
 RESPONSES = ("yaw_rate", "v_y", "a_y", "wheel_angle", "steer")
-# No sensor, and no simulation of one, is better than this.
+# Least standard deviation of a residual, in the unit of its signal.
 RESOLUTION = {
     "yaw_rate": 2e-4,
     "v_y": 2e-3,
@@ -225,15 +225,6 @@ def _check_time(sheet: Sheet, time: FloatArray) -> None:
     back = np.flatnonzero(np.diff(time) <= 0.0)
     if back.size:
         raise sheet.fault(sheet.lines[back[0] + 1], "time must increase from line to line")
-
-
-def write_csv(episode: Episode, file: FilePath) -> None:
-    """Write an episode's signals as such a file.
-
-    Raises:
-        DataError: it cannot be written.
-    """
-    write_log(of_episode(episode), file)
 
 
 def write_log(log: Log, file: FilePath) -> None:

@@ -1,4 +1,4 @@
-"""What an identification writes: the vehicle file, and plain data."""
+"""Results of an identification: the vehicle file, and plain data."""
 
 from __future__ import annotations
 

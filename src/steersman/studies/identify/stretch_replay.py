@@ -1,7 +1,7 @@
-"""A stretch of a recording on the simulator's grid, and what a vehicle makes of it.
+"""A stretch of a recording on the simulator's grid, and a vehicle's response to it.
 
 The lateral side is driven at the recorded speed, so that its response depends on nothing
-longitudinal and forgets how it started; the longitudinal side runs freely for some seconds from
+longitudinal, and errors of its start decay; the longitudinal side runs freely for some seconds from
 each of many starts (output error in segments, a multiple shooting).
 """
 
@@ -21,7 +21,7 @@ from steersman.vehicles import LONGEST_STEP, Vehicle
 H = LONGEST_STEP
 """Step of the simulation [s], as the simulator's own."""
 WARM_UP = 1.0
-"""What follows a start is not compared for so long [s]."""
+"""Time after a start in which nothing is compared [s]."""
 # Slower than this the tyres do not show in the motion [m/s]; beyond this share of the grip the car
 # slides unpredictably.
 _SLOWEST, _MOST_GRIP = 1.0, 0.7
@@ -30,7 +30,7 @@ _BEFORE = 5.0
 # Noise of a speed sensor at which half a second is averaged [m/s].
 _NOISY = 0.05
 _WINDOW, _LONG_WINDOW = 0.5, 2.0
-# Speed samples that lie so many deviations off their neighbours are thrown out.
+# Speed samples that lie so many deviations off their neighbours are left out.
 _OUTLIER = 6.0
 _NEIGHBOURS = 3
 
@@ -56,7 +56,7 @@ class Stretch(NamedTuple):
 
 
 def stretches(log: Log, vehicle: Vehicle) -> list[Stretch]:
-    """The recording without its gaps; ``vehicle`` says about which pedals gave its speeds."""
+    """The recording without its gaps; pedals that explain its speeds come from ``vehicle``."""
     return [_stretch(log, rows, vehicle) for rows in pieces(log)]
 
 
