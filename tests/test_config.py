@@ -1,4 +1,5 @@
 import math
+from collections.abc import Iterator
 from datetime import date
 from pathlib import Path as FilePath
 from typing import Annotated, Any, Literal
@@ -501,3 +502,15 @@ def test_a_missing_file_and_a_folder(tmp_path: FilePath) -> None:
         read_yaml(tmp_path / "no.yaml")
     with pytest.raises(DataError, match="cannot be read"):
         read_yaml(tmp_path)
+
+
+# Other tests go through all families; that of this module is one only while its tests run.
+WIDGETS = registry._REGISTRY.pop("widget")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def registered() -> Iterator[None]:
+    """The family of this module is registered."""
+    registry._REGISTRY["widget"] = WIDGETS
+    yield
+    del registry._REGISTRY["widget"]

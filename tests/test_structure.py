@@ -21,12 +21,9 @@ TWICE: frozenset[str] = frozenset()
 LONG: frozenset[str] = frozenset(
     {
         "steersman/commands.py",
-        "steersman/contracts/controller.py",
         "steersman/features.py",
         "steersman/kernels/vehicle.py",
         "steersman/kernels/world.py",
-        "steersman/plants/carla_plant.py",
-        "steersman/plants/carla_session.py",
     }
 )
 
