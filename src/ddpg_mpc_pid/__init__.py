@@ -4,7 +4,17 @@ A package of its own: it uses ``import steersman`` and none of its modules.
 """
 
 from ddpg_mpc_pid.plan import Plan, full, quick
+from ddpg_mpc_pid.results import StudyResult
 from ddpg_mpc_pid.sections import sections, write_page
 from ddpg_mpc_pid.study import estimate, reproduce
 
-__all__ = ["Plan", "estimate", "full", "quick", "reproduce", "sections", "write_page"]
+__all__ = [
+    "Plan",
+    "StudyResult",
+    "estimate",
+    "full",
+    "quick",
+    "reproduce",
+    "sections",
+    "write_page",
+]

@@ -11,6 +11,17 @@ from numpy.typing import NDArray
 
 from ddpg_mpc_pid import statistics as st
 from ddpg_mpc_pid.plan import METHODS, STEPS, THRESHOLDS, Plan
+from ddpg_mpc_pid.results import (
+    CostSaving,
+    LearningResult,
+    MethodResult,
+    Saving,
+    SeedCosts,
+    SeedInterval,
+    SeedSpread,
+    SpreadSaving,
+    StudyTraining,
+)
 
 ALONE = "ddpg"
 SHOWN = (
@@ -29,25 +40,23 @@ COSTS = {"steps": "steps", "seconds": "s", "off_track_resets": "resets"}
 class Curves:
     """The records of one method's seeds."""
 
-    def __init__(self, records: Sequence[Mapping[str, Any]]) -> None:
+    def __init__(self, records: Sequence[StudyTraining]) -> None:
         """Keep the columns; empty cells are NaN."""
-        self.diverged = sum(bool(r["diverged"]) for r in records)
-        self.runs = [{k: _floats(v) for k, v in r["curve"].items()} for r in records]
+        self.diverged = sum(bool(r.diverged) for r in records)
+        self.runs = [{k: _floats(v) for k, v in r.curve.items()} for r in records]
         self.runs = [run for run in self.runs if run["steps"].size]
 
-    def spread(self, name: str) -> dict[str, list[float]]:
+    def spread(self, name: str) -> SeedSpread:
         """Median and quartiles over the seeds that have a value, at every validation."""
         rows = max((run["steps"].size for run in self.runs), default=0)
-        out: dict[str, list[float]] = {"steps": [], "low": [], "median": [], "high": [], "n": []}
+        out = []
         for k in range(rows):
             having = [run for run in self.runs if k < run["steps"].size]
             values = [run[name][k] for run in having if math.isfinite(run[name][k])]
             if values:
-                low, middle, high = st.quartiles(values)
-                entries = (having[0]["steps"][k], low, middle, high, float(len(values)))
-                for key, value in zip(out, entries, strict=True):
-                    out[key].append(float(value))
-        return out
+                out.append((having[0]["steps"][k], *st.quartiles(values), len(values)))
+        steps, low, median, high, n = zip(*out, strict=True) if out else ((),) * 5
+        return SeedSpread(steps=steps, low=low, median=median, high=high, n=n)
 
     def to_reach(self, threshold_mm: float, cost: str) -> list[float]:
         """What each seed spent until its validation error was that small; infinite: never."""
@@ -73,18 +82,18 @@ def _floats(values: Sequence[float | None]) -> NDArray[np.float64]:
     return np.array([math.nan if v is None else v for v in values], dtype=np.float64)
 
 
-def learning_curves(plan: Plan, trained: Mapping[str, Any]) -> dict[str, Any]:
+def learning_curves(plan: Plan, trained: Mapping[str, StudyTraining]) -> LearningResult:
     """All that is said about learning, from the records of the trainings."""
-    grouped: dict[str, list[Mapping[str, Any]]] = {name: [] for name in plan.methods}
+    grouped: dict[str, list[StudyTraining]] = {name: [] for name in plan.methods}
     for training in plan.trainings():
         grouped[training.method].append(trained[training.name])
     curves = {name: Curves(records) for name, records in grouped.items()}
-    return {
-        "steps": _horizon(plan, curves, "steps"),
-        "methods": {name: _method(name, c, plan) for name, c in curves.items()},
-        "savings": _savings(plan, curves),
-        "spread": _spreads(plan, curves),
-    }
+    return LearningResult(
+        steps=_horizon(plan, curves, "steps"),
+        methods={name: _method(name, c, plan) for name, c in curves.items()},
+        savings=_savings(plan, curves),
+        spread=_spreads(plan, curves),
+    )
 
 
 def _horizon(plan: Plan, curves: Mapping[str, Curves], cost: str) -> float:
@@ -93,89 +102,93 @@ def _horizon(plan: Plan, curves: Mapping[str, Curves], cost: str) -> float:
     return max(values, default=float(STEPS))
 
 
-def _method(name: str, curves: Curves, plan: Plan) -> dict[str, Any]:
-    best, last = curves.best(), curves.last("validation_error_mm")
+def _method(name: str, curves: Curves, plan: Plan) -> MethodResult:
+    best, last, method = curves.best(), curves.last("validation_error_mm"), METHODS[name]
 
-    def interval(values: Sequence[float]) -> dict[str, float]:
+    def interval(values: Sequence[float]) -> SeedInterval:
         return st.bootstrap(st.iqm, values, repetitions=plan.repetitions)
 
-    low, middle, high = st.quartiles(best)
-    return {
-        "label": METHODS[name].label,
-        "reward": METHODS[name].reward,
-        "ablation": METHODS[name].ablation,
-        "seeds": len(curves.runs),
-        "diverged": curves.diverged,
-        "best_mm": best,
-        "best_iqm": interval(best),
-        "best_quartiles": [low, middle, high],
-        "last_mm": last,
-        "last_iqm": interval(last),
-        "mean_over_training_iqm": interval(curves.over_training()),
-        "resets": curves.last("off_track_resets"),
-        "seconds": curves.last("seconds"),
-        "curves": {column: curves.spread(column) for column in SHOWN},
-        "reach": [
-            {
-                "threshold_m": threshold,
-                **{cost: curves.to_reach(1e3 * threshold, cost) for cost in COSTS},
-            }
-            for threshold in THRESHOLDS
+    return MethodResult(
+        label=method.label,
+        reward=method.reward,
+        ablation=method.ablation,
+        seeds=len(curves.runs),
+        diverged=curves.diverged,
+        best_mm=best,
+        best_iqm=interval(best),
+        best_quartiles=list(st.quartiles(best)),
+        last_mm=last,
+        last_iqm=interval(last),
+        mean_over_training_iqm=interval(curves.over_training()),
+        resets=curves.last("off_track_resets"),
+        seconds=curves.last("seconds"),
+        curves={column: curves.spread(column) for column in SHOWN},
+        reach=[
+            SeedCosts(threshold_m=at, **{cost: curves.to_reach(1e3 * at, cost) for cost in COSTS})
+            for at in THRESHOLDS
         ],
+    )
+
+
+def _demonstrated(curves: Mapping[str, Curves], least: int) -> dict[str, Curves]:
+    """The methods to compare with DDPG alone, if that and they have so many seeds."""
+    if ALONE not in curves or len(curves[ALONE].runs) < least:
+        return {}
+    return {
+        name: c
+        for name, c in curves.items()
+        if name != ALONE and not METHODS[name].ablation and len(c.runs) >= least
     }
 
 
-def _savings(plan: Plan, curves: Mapping[str, Curves]) -> list[dict[str, Any]]:
+def _savings(plan: Plan, curves: Mapping[str, Curves]) -> list[Saving]:
     """What each demonstrated method saves against DDPG alone, for each threshold and cost.
 
     A run that never gets there (censored) is charged all that the longest run spent, so a saving
     is a saving up to that horizon; how many got there stands beside it.
     """
-    if ALONE not in curves or not curves[ALONE].runs:
-        return []
     out = []
     for threshold in THRESHOLDS:
-        for name, c in curves.items():
-            if name == ALONE or METHODS[name].ablation or not c.runs:
-                continue
-            row: dict[str, Any] = {"threshold_m": threshold, "method": name}
+        for name, c in _demonstrated(curves, 1).items():
+            costs = {}
             for cost in COSTS:
-                alone = curves[ALONE].to_reach(1e3 * threshold, cost)
-                helped = c.to_reach(1e3 * threshold, cost)
-                row["alone_reached"] = int(np.isfinite(alone).sum())
-                row["reached"] = int(np.isfinite(helped).sum())
-                row["seeds"] = [len(alone), len(helped)]
+                alone, helped = (x.to_reach(1e3 * threshold, cost) for x in (curves[ALONE], c))
                 limit = _horizon(plan, curves, cost)
-                row[cost] = {
-                    "alone_median": st.quartiles(alone)[1],
-                    "median": st.quartiles(helped)[1],
-                    "horizon": limit,
-                    "saving": _saving(alone, helped, limit, plan),
-                }
-            out.append(row)
+                costs[cost] = CostSaving(
+                    alone_median=st.quartiles(alone)[1],
+                    median=st.quartiles(helped)[1],
+                    horizon=limit,
+                    saving=_saving(alone, helped, limit, plan),
+                )
+            out.append(
+                Saving(
+                    threshold_m=threshold,
+                    method=name,
+                    alone_reached=int(np.isfinite(alone).sum()),
+                    reached=int(np.isfinite(helped).sum()),
+                    seeds=[len(alone), len(helped)],
+                    **costs,
+                )
+            )
     return out
 
 
-def _spreads(plan: Plan, curves: Mapping[str, Curves]) -> list[dict[str, Any]]:
+def _spreads(plan: Plan, curves: Mapping[str, Curves]) -> list[SpreadSaving]:
     """By how much the interquartile range over seeds is smaller than that of DDPG alone [mm]."""
-    if ALONE not in curves or len(curves[ALONE].runs) <= 1:
-        return []
     out = []
-    for name, c in curves.items():
-        if name == ALONE or METHODS[name].ablation or len(c.runs) <= 1:
-            continue
+    for name, c in _demonstrated(curves, 2).items():
         groups = curves[ALONE].best(), c.best()
         out.append(
-            {
-                "method": name,
-                "alone_mm": _range(groups[0]),
-                "range_mm": _range(groups[1]),
-                "alone_median_mm": st.quartiles(groups[0])[1],
-                "median_mm": st.quartiles(groups[1])[1],
-                "smaller_by": st.bootstrap(
+            SpreadSaving(
+                method=name,
+                alone_mm=_range(groups[0]),
+                range_mm=_range(groups[1]),
+                alone_median_mm=st.quartiles(groups[0])[1],
+                median_mm=st.quartiles(groups[1])[1],
+                smaller_by=st.bootstrap(
                     lambda a, b: _range(a) - _range(b), *groups, repetitions=plan.repetitions
                 ),
-            }
+            )
         )
     return out
 
@@ -185,7 +198,9 @@ def _range(values: Any) -> float:
     return high - low
 
 
-def _saving(alone: Sequence[float], helped: Sequence[float], limit: float, plan: Plan) -> Any:
+def _saving(
+    alone: Sequence[float], helped: Sequence[float], limit: float, plan: Plan
+) -> SeedInterval | None:
     if not (np.isfinite(alone).any() or np.isfinite(helped).any()):
         return None  # no seed got there: nothing to compare
     return st.bootstrap(

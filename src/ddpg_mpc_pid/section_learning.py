@@ -9,6 +9,7 @@ import numpy as np
 
 from ddpg_mpc_pid.page import interval, number, percent, verdict
 from ddpg_mpc_pid.plan import FULL_METHOD
+from ddpg_mpc_pid.results import LearningResult, MethodResult, StudyResult
 from steersman import article
 
 _ALONE = "ddpg"
@@ -21,58 +22,58 @@ _LOST = 1000.0
 _ASKED = 0.1
 
 
-def _line(method: Mapping[str, Any], column: str) -> article.PlotLine:
+def _line(method: MethodResult, column: str) -> article.PlotLine:
     """A column over training: median and quartiles over seeds."""
-    curve = method["curves"][column]
-    band = (curve["median"], curve["low"], curve["high"])
-    return article.PlotLine(method["label"], curve["steps"], *band)
+    curve = method.curves[column]
+    return article.PlotLine(method.label, curve.steps, curve.median, curve.low, curve.high)
 
 
-def _against_time(method: Mapping[str, Any]) -> article.PlotLine:
-    error, clock = method["curves"]["validation_error_mm"], method["curves"]["seconds"]["median"]
-    count = min(len(error["median"]), len(clock))
-    band = (error[name][:count] for name in ("median", "low", "high"))
-    return article.PlotLine(method["label"], clock[:count], *band)
+def _against_time(method: MethodResult) -> article.PlotLine:
+    error, clock = method.curves["validation_error_mm"], method.curves["seconds"].median
+    count = min(len(error.median), len(clock))
+    median, low, high = (values[:count] for values in (error.median, error.low, error.high))
+    return article.PlotLine(method.label, clock[:count], median, low, high)
 
 
 def over_steps(
-    file: str, title: str, unit: str, methods: Iterable[Mapping[str, Any]], column: str, log: bool
+    file: str, title: str, unit: str, methods: Iterable[MethodResult], column: str, log: bool
 ) -> article.LinePlot:
     """A column over training, a line for each method."""
     lines = [_line(method, column) for method in methods]
     return article.LinePlot(file, title, "environment steps", unit, lines, log)
 
 
-def method_row(method: Mapping[str, Any]) -> dict[str, Any]:
+def method_row(method: MethodResult) -> dict[str, Any]:
     """A row of the table of methods."""
-    low, _, high = method["best_quartiles"]
+    low, _, high = method.best_quartiles
     return {
-        "method": method["label"],
-        "seeds": method["seeds"],
-        "diverged": method["diverged"],
+        "method": method.label,
+        "seeds": method.seeds,
+        "diverged": method.diverged,
         "never drove": lost(method),
-        "best error, IQM [mm]": interval(method["best_iqm"]),
+        "best error, IQM [mm]": interval(method.best_iqm),
         "its quartiles [mm]": f"{number(low)} to {number(high)}",
-        "last error, IQM [mm]": interval(method["last_iqm"]),
-        "mean over training, IQM [mm]": interval(method["mean_over_training_iqm"]),
-        "off-track resets, median": _median(method["resets"]),
-        "computing time, median [s]": _median(method["seconds"]),
+        "last error, IQM [mm]": interval(method.last_iqm),
+        "mean over training, IQM [mm]": interval(method.mean_over_training_iqm),
+        "off-track resets, median": _median(method.resets),
+        "computing time, median [s]": _median(method.seconds),
     }
 
 
-def _median(values: Sequence[float]) -> float | None:
-    return float(np.median(values)) if values else None
+def _median(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.median(known)) if known else None
 
 
-def lost(method: Mapping[str, Any]) -> int:
+def lost(method: MethodResult) -> int:
     """How many seeds have never driven."""
-    return sum(best is None or best > _LOST for best in method["best_mm"])
+    return sum(best is None or best > _LOST for best in method.best_mm)
 
 
-def learning_section(results: Mapping[str, Any]) -> article.Section:
+def learning_section(results: StudyResult) -> article.Section:
     """The paper's figure of losses, and what matters more: errors, resets, savings, spread."""
-    learning = results["learning"]
-    methods = {k: m for k, m in learning["methods"].items() if not m["ablation"]}
+    learning = results.learning
+    methods = {k: m for k, m in learning.methods.items() if not m.ablation}
     every, error = methods.values(), "validation_error_mm"
     clock = "The same against computing time (wall time on a core of its own)"
     figures = [
@@ -83,7 +84,7 @@ def learning_section(results: Mapping[str, Any]) -> article.Section:
         over_steps("resets", "Off-track resets so far", "resets", every, "off_track_resets", False),
     ]
     for reward, words in _LOSSES:
-        same = [m for m in every if m["reward"] == reward]
+        same = [m for m in every if m.reward == reward]
         for column, name in (("actor_loss", "Actor loss"), ("critic_loss", "Critic loss")):
             file, title = f"{column}_{reward}", f"{name}: {words}"
             figures.append(over_steps(file, title, name.lower(), same, column, False))
@@ -101,7 +102,7 @@ def learning_section(results: Mapping[str, Any]) -> article.Section:
         [
             *_saving_findings(learning),
             *_spread_findings(learning),
-            *_collapsed(learning["methods"]),
+            *_collapsed(learning.methods),
             *_smooth(methods),
         ],
         [article.Table("Methods", [method_row(m) for m in every]), _saving_table(learning)],
@@ -109,31 +110,31 @@ def learning_section(results: Mapping[str, Any]) -> article.Section:
     )
 
 
-def _saving_table(learning: Mapping[str, Any]) -> article.Table:
+def _saving_table(learning: LearningResult) -> article.Table:
     rows = [
         {
-            "mean error": f"{s['threshold_m']} m",
-            "method": learning["methods"][s["method"]]["label"],
-            "seeds that got there": f"{s['reached']} of {s['seeds'][1]}",
-            "alone": f"{s['alone_reached']} of {s['seeds'][0]}",
-            "steps saved [%]": interval(s["steps"]["saving"], 100.0),
-            "time saved [%]": interval(s["seconds"]["saving"], 100.0),
-            "resets saved [%]": interval(s["off_track_resets"]["saving"], 100.0),
+            "mean error": f"{s.threshold_m} m",
+            "method": learning.methods[s.method].label,
+            "seeds that got there": f"{s.reached} of {s.seeds[1]}",
+            "alone": f"{s.alone_reached} of {s.seeds[0]}",
+            "steps saved [%]": interval(s.steps.saving, 100.0),
+            "time saved [%]": interval(s.seconds.saving, 100.0),
+            "resets saved [%]": interval(s.off_track_resets.saving, 100.0),
         }
-        for s in learning["savings"]
+        for s in learning.savings
     ]
     return article.Table("What the demonstration saves", rows)
 
 
-def _saving_findings(learning: Mapping[str, Any]) -> list[article.PageFinding]:
+def _saving_findings(learning: LearningResult) -> list[article.PageFinding]:
     """The claim: training is accelerated. It holds where the interval lies above zero."""
     out = []
-    for s in learning["savings"]:
-        if s["method"] not in (_CLAIMED, FULL_METHOD) or s["threshold_m"] > _ASKED:
+    for s in learning.savings:
+        if s.method not in (_CLAIMED, FULL_METHOD) or s.threshold_m > _ASKED:
             continue
-        label = learning["methods"][s["method"]]["label"]
-        goal = f"On the way to {s['threshold_m']} m"
-        saving = s["steps"]["saving"]
+        label = learning.methods[s.method].label
+        goal = f"On the way to {s.threshold_m} m"
+        saving = s.steps.saving
         if saving is None:
             text = f"{goal}: no seed of '{label}' or of DDPG alone got there in this many steps."
             out.append(article.PageFinding(None, text))
@@ -145,40 +146,40 @@ def _saving_findings(learning: Mapping[str, Any]) -> list[article.PageFinding]:
             None: "the interval holds zero, so these seeds do not decide it",
         }[known]
         others = ", ".join(
-            f"{interval(s[cost]['saving'], 100.0)} % of {words}"
+            f"{interval(getattr(s, cost).saving, 100.0)} % of {words}"
             for cost, words in (("seconds", "the time"), ("off_track_resets", "the resets"))
         )
         out.append(
             article.PageFinding(
                 known,
                 f"{goal} '{label}' saved {interval(saving, 100.0)} % of the steps, {others}; "
-                f"{s['reached']} of {s['seeds'][1]} seeds got there, alone {s['alone_reached']} "
-                f"of {s['seeds'][0]}: {end}.",
+                f"{s.reached} of {s.seeds[1]} seeds got there, alone {s.alone_reached} "
+                f"of {s.seeds[0]}: {end}.",
             )
         )
     return out
 
 
-def _spread_findings(learning: Mapping[str, Any]) -> list[article.PageFinding]:
+def _spread_findings(learning: LearningResult) -> list[article.PageFinding]:
     """The claim: training is stabilised, read as a smaller spread over seeds."""
     out = []
-    for s in learning["spread"]:
-        if s["method"] in (_CLAIMED, FULL_METHOD):
-            label = learning["methods"][s["method"]]["label"]
+    for s in learning.spread:
+        if s.method in (_CLAIMED, FULL_METHOD):
+            label = learning.methods[s.method].label
             text = (
-                f"Interquartile range over seeds of the best error: {number(s['range_mm'], 'mm')} "
-                f"with '{label}' (median {number(s['median_mm'], 'mm')}), "
-                f"{number(s['alone_mm'], 'mm')} alone (median "
-                f"{number(s['alone_median_mm'], 'mm')}); smaller by {interval(s['smaller_by'])} mm "
+                f"Interquartile range over seeds of the best error: {number(s.range_mm, 'mm')} "
+                f"with '{label}' (median {number(s.median_mm, 'mm')}), "
+                f"{number(s.alone_mm, 'mm')} alone (median "
+                f"{number(s.alone_median_mm, 'mm')}); smaller by {interval(s.smaller_by)} mm "
                 "(agrees: the interval lies above zero; note: it holds zero)."
             )
-            out.append(article.PageFinding(verdict(s["smaller_by"]), text))
+            out.append(article.PageFinding(verdict(s.smaller_by), text))
     return out
 
 
-def _collapsed(methods: Mapping[str, Any]) -> list[article.PageFinding]:
+def _collapsed(methods: Mapping[str, MethodResult]) -> list[article.PageFinding]:
     """What the paper does not report: seeds that never learn to drive."""
-    seeds = [f"{lost(m)} with '{m['label']}'" for m in methods.values() if lost(m)]
+    seeds = [f"{lost(m)} with '{m.label}'" for m in methods.values() if lost(m)]
     if not seeds:
         return []
     return [
@@ -191,13 +192,13 @@ def _collapsed(methods: Mapping[str, Any]) -> list[article.PageFinding]:
     ]
 
 
-def _smooth(methods: Mapping[str, Any]) -> list[article.PageFinding]:
+def _smooth(methods: Mapping[str, MethodResult]) -> list[article.PageFinding]:
     """The claim: with both parts the actor loss falls smoothly."""
     if not {_ALONE, _CLAIMED} <= methods.keys():
         return []
     shares = []
     for name in (_ALONE, _CLAIMED):
-        steps = np.diff(methods[name]["curves"]["actor_loss"]["median"])
+        steps = np.diff(methods[name].curves["actor_loss"].median)
         shares.append(float((steps > 0.0).mean()) if steps.size else None)
     alone, both = shares
     known = None if alone is None or both is None or alone == both else both < alone

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
-from ddpg_mpc_pid.page import NOTHING, number, percent
-from ddpg_mpc_pid.section_driving import ended
+from ddpg_mpc_pid.page import NOTHING, ended, number, percent
+from ddpg_mpc_pid.results import AwayResult, TimingResult
 from ddpg_mpc_pid.tracks import LABELS
 from steersman import article
 
@@ -16,26 +13,26 @@ _SAVED = 0.7813
 _NEAR = 0.05
 
 
-def away_section(found: Mapping[str, Any]) -> article.Section:
+def away_section(found: AwayResult) -> article.Section:
     """The paper's words on MPC-PID away from the track and speed it was tuned for."""
-    rows, home = [], found["tuned"]
+    rows, home = [], found.tuned
     counts = dict.fromkeys(LABELS, 0)
     agent_held = agent_all = elsewhere = 0
-    for test in found["tests"]:
-        row = {"track": test["track"].replace("_", " "), "speed [m/s]": test["speed"]}
-        for name, run in test["mpc_pid"].items():
-            good = run["completed"]
-            row[LABELS[name]] = f"{number(run['ale_mm'])} mm" if good else ended(run)
-        agent = test["agent"]
-        median = number(agent["median"].get("ale_mm"), "mm") if agent["completed"] else NOTHING
-        row["agent, median; seeds"] = f"{median}; {agent['completed']} of {agent['seeds']}"
+    for test in found.tests:
+        row = {"track": test.track.replace("_", " "), "speed [m/s]": test.speed}
+        for name, run in test.mpc_pid.items():
+            good = run.completed
+            row[LABELS[name]] = f"{number(run.ale_mm)} mm" if good else ended(run)
+        agent = test.agent
+        median = number(agent.median.ale_mm, "mm") if agent.completed else NOTHING
+        row["agent, median; seeds"] = f"{median}; {agent.completed} of {agent.seeds}"
         rows.append(row)
-        if test["track"] == home["track"] and abs(test["speed"] - home["speed"]) < _NEAR:
+        if test.track == home.track and abs(test.speed - home.speed) < _NEAR:
             continue
         elsewhere += 1
-        agent_held, agent_all = agent_held + agent["completed"], agent_all + agent["seeds"]
-        for name, run in test["mpc_pid"].items():
-            counts[name] += run["completed"]
+        agent_held, agent_all = agent_held + agent.completed, agent_all + agent.seeds
+        for name, run in test.mpc_pid.items():
+            counts[name] += run.completed
     lost = elsewhere - counts["nominal"]
     others = "; ".join(f"{LABELS[n]}: {counts[n]}" for n in LABELS if n != "nominal")
     findings = [
@@ -55,8 +52,8 @@ def away_section(found: Mapping[str, Any]) -> article.Section:
     return article.Section(
         "MPC-PID away from home",
         [
-            f"Tuned on the {home['track'].replace('_', ' ')} at {number(home['speed'], 'm/s')}. "
-            f"Speeds are capped in corners to {found['cap']:g} m/s^2. Mean |d|, or where the car "
+            f"Tuned on the {home.track.replace('_', ' ')} at {number(home.speed, 'm/s')}. "
+            f"Speeds are capped in corners to {found.cap:g} m/s^2. Mean |d|, or where the car "
             "left the corridor.",
         ],
         findings,
@@ -64,26 +61,29 @@ def away_section(found: Mapping[str, Any]) -> article.Section:
     )
 
 
-def timing_section(found: Mapping[str, Any]) -> article.Section:
+def timing_section(found: TimingResult) -> article.Section:
     """The paper's 78 %, for every pair of implementations."""
-    names = {"name": "implementation", "p50_us": "p50 [us]", "p99_us": "p99 [us]"}
-    names |= {"max_us": "max [us]", "steps": "steps measured", "lap_s": "lap [s]"}
     rows = [
-        {heading: row[name] for name, heading in names.items() if name in row}
-        | {"lap": "extrapolated" if row.get("extrapolated") else "", "note": row["note"]}
-        for row in found["rows"]
+        {
+            "implementation": row.name,
+            "p50 [us]": row.p50_us,
+            "p99 [us]": row.p99_us,
+            "max [us]": row.max_us,
+            "steps measured": row.steps,
+            "lap [s]": row.lap_s,
+            "lap": "extrapolated" if row.extrapolated else "",
+            "note": row.note,
+        }
+        for row in found.rows
     ]
-    laps = {row["name"]: row["lap_s"] for row in found["rows"] if row.get("lap_s")}
+    laps = {row.name: row.lap_s for row in found.rows if row.lap_s}
     agents = [name for name in laps if name.startswith("policy")]
     baselines = [name for name in laps if name.startswith("MPC")]
-    savings = [
-        {"policy": p, "against": m, "saved [1]": 1.0 - laps[p] / laps[m]}
-        for p in agents
-        for m in baselines
-    ]
+    saved = {(p, m): 1.0 - laps[p] / laps[m] for p in agents for m in baselines}
+    savings = [{"policy": p, "against": m, "saved [1]": share} for (p, m), share in saved.items()]
     findings = []
     if savings:
-        shares = [float(row["saved [1]"]) for row in savings]
+        shares = list(saved.values())
         all_or_none = {len(shares): True, 0: False}
         findings = [
             article.PageFinding(
@@ -99,7 +99,7 @@ def timing_section(found: Mapping[str, Any]) -> article.Section:
         "Computing time (the paper's 78 %)",
         [
             f"The controllers alone, in one run, on the observations of one drive; a lap has "
-            f"{found['lap_steps']} control steps.",
+            f"{found.lap_steps} control steps.",
         ],
         findings,
         [

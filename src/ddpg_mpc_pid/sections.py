@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path as FilePath
-from typing import Any
 
 import numpy as np
 
 from ddpg_mpc_pid.page import interval, number, ratio
 from ddpg_mpc_pid.plan import FULL_METHOD
+from ddpg_mpc_pid.results import StudyResult
 from ddpg_mpc_pid.section_driving import (
     circle_section,
     monza_section,
@@ -24,36 +24,36 @@ TITLE = "The paper's experiments on the embedded simulator"
 _SETTLED, _HALF = 2.0 / 3.0, 0.5
 
 
-def sections(results: Mapping[str, Any]) -> list[article.Section]:
+def sections(results: StudyResult) -> list[article.Section]:
     """All sections, from what ``results.json`` holds."""
     return [
         setup_section(results),
         learning_section(results),
         coefficient_section(results),
-        circle_section(results["circle"]),
-        robustness_section(results["robustness"]),
-        monza_section(results["monza"]),
-        away_section(results["away"]),
-        timing_section(results["timing"]),
+        circle_section(results.circle),
+        robustness_section(results.robustness),
+        monza_section(results.monza),
+        away_section(results.away),
+        timing_section(results.timing),
         ablation_section(results),
     ]
 
 
-def write_page(results: Mapping[str, Any], out: FilePath) -> FilePath:
+def write_page(results: StudyResult, out: FilePath) -> FilePath:
     """Write the page of the study, and its figures into the folder ``plots`` beside it.
 
     Raises:
         SteersmanError: the extra ``report`` is not installed.
         DataError: the files cannot be written.
     """
-    source = f"Commit {', '.join(results['made_by'])}."
+    source = f"Commit {', '.join(results.made_by)}."
     return article.write_article(sections(results), out, TITLE, source)
 
 
-def setup_section(results: Mapping[str, Any]) -> article.Section:
+def setup_section(results: StudyResult) -> article.Section:
     """What was run, and in what it differs from the published method."""
-    plan = results["plan"]
-    made = ", ".join(results["made_by"])
+    plan = results.plan
+    made = ", ".join(results.made_by)
     return article.Section(
         "What was run",
         [
@@ -68,9 +68,9 @@ def setup_section(results: Mapping[str, Any]) -> article.Section:
     )
 
 
-def coefficient_section(results: Mapping[str, Any]) -> article.Section:
+def coefficient_section(results: StudyResult) -> article.Section:
     """The paper's figure of c_track and c_diff."""
-    methods = results["learning"]["methods"]
+    methods = results.learning.methods
     shown = [methods[name] for name in (FULL_METHOD, "normalised") if name in methods]
     unit = "mean over the steps since the last validation"
     figures = [
@@ -79,7 +79,7 @@ def coefficient_section(results: Mapping[str, Any]) -> article.Section:
     ]
     findings = []
     for method in shown:
-        track: Sequence[float] = method["curves"]["c_track"]["median"]
+        track: Sequence[float] = method.curves["c_track"].median
         if not track:
             continue
         agrees = track[0] > _HALF > track[-1]
@@ -89,13 +89,13 @@ def coefficient_section(results: Mapping[str, Any]) -> article.Section:
         findings.append(
             article.PageFinding(
                 agrees,
-                f"'{method['label']}': c_track {trend} from {number(first)} to {number(last)}, "
+                f"'{method.label}': c_track {trend} from {number(first)} to {number(last)}, "
                 f"between {number(min(track))} and {number(max(track))} (the paper: first the "
                 "larger share, later the smaller).",
             )
         )
-    if FULL_METHOD in methods and methods[FULL_METHOD]["curves"]["c_track"]["median"]:
-        last = methods[FULL_METHOD]["curves"]["c_track"]["median"][-1]
+    if FULL_METHOD in methods and methods[FULL_METHOD].curves["c_track"].median:
+        last = methods[FULL_METHOD].curves["c_track"].median[-1]
         findings.append(
             article.PageFinding(
                 None,
@@ -114,24 +114,23 @@ def coefficient_section(results: Mapping[str, Any]) -> article.Section:
     )
 
 
-def ablation_section(results: Mapping[str, Any]) -> article.Section:
+def ablation_section(results: StudyResult) -> article.Section:
     """What the paper leaves open, one by one against the full method."""
-    methods = results["learning"]["methods"]
+    methods = results.learning.methods
     full = methods.get(FULL_METHOD)
-    chosen = {k: m for k, m in methods.items() if m["ablation"] or k in (FULL_METHOD, "direct")}
+    chosen = {k: m for k, m in methods.items() if m.ablation or k in (FULL_METHOD, "direct")}
     findings = []
     for name, method in chosen.items():
         if full is None or name == FULL_METHOD:
             continue
-        mine, base = method["best_iqm"], full["best_iqm"]
-        factor = ratio(mine["value"], base["value"])
-        apart = mine["high"] < base["low"] or mine["low"] > base["high"]
+        mine, base = method.best_iqm, full.best_iqm
+        factor = ratio(mine.value, base.value)
         findings.append(
             article.PageFinding(
                 None,
-                f"'{method['label']}': best error {interval(mine)} mm against {interval(base)} mm "
+                f"'{method.label}': best error {interval(mine)} mm against {interval(base)} mm "
                 f"of the full method, {number(factor)} times; the intervals "
-                f"{'are apart' if apart else 'overlap'}.",
+                f"{'are apart' if mine.apart(base) else 'overlap'}.",
             )
         )
     title, error = "Mean error on the validation set", "validation_error_mm"

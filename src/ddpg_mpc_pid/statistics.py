@@ -13,6 +13,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ddpg_mpc_pid.results import SeedInterval
+
 REPETITIONS = 2000
 # Ends of the 95 % intervals.
 _LEVEL = 0.95
@@ -58,17 +60,17 @@ def bootstrap(
     *groups: ArrayLike,
     repetitions: int = REPETITIONS,
     seed: int = 0,
-) -> dict[str, float]:
+) -> SeedInterval:
     """95 % percentile interval of ``statistic(*groups)``, each group resampled within itself.
 
     Returns:
-        ``value``, that of the groups themselves, and ``low`` and ``high``, the interval's ends.
+        The value of the groups themselves, and the interval's ends; None where there is no data.
 
     With five seeds in a group the interval is rough: it cannot reach beyond what was seen.
     """
     arrays = [np.asarray(g, dtype=np.float64) for g in groups]
     if any(not a.size for a in arrays):
-        return {"value": math.nan, "low": math.nan, "high": math.nan}
+        return SeedInterval(value=None, low=None, high=None)
     rng = np.random.default_rng(seed)
     draws = np.array(
         [statistic(*(a[rng.integers(a.size, size=a.size)] for a in arrays))
@@ -76,7 +78,7 @@ def bootstrap(
     )  # fmt: skip
     draws = draws[np.isfinite(draws)]
     low, high = np.quantile(draws, _ENDS) if draws.size else (math.nan, math.nan)
-    return {"value": float(statistic(*arrays)), "low": float(low), "high": float(high)}
+    return SeedInterval(value=float(statistic(*arrays)), low=float(low), high=float(high))
 
 
 def first_reach(at: Sequence[float], errors: Sequence[float], threshold: float) -> float:

@@ -1,93 +1,72 @@
-"""The whole study: stage after stage, each written to a file of its own, and their results."""
+"""The whole study: stage after stage, each a line of a journal, and their results."""
 
 from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
 import steersman as sm
-from ddpg_mpc_pid.drives import circle, robustness
+from ddpg_mpc_pid.drives import ErrorDrives, circle, circle_tests, robustness, waypoint_errors
 from ddpg_mpc_pid.learning_curves import learning_curves
 from ddpg_mpc_pid.plan import DEPARTURES, METHODS, Plan
+from ddpg_mpc_pid.results import (
+    AwayResult,
+    AwayTest,
+    CircleResult,
+    CircleTest,
+    LearningResult,
+    MonzaResult,
+    StudyResult,
+    StudyTraining,
+    TimingResult,
+)
 from ddpg_mpc_pid.timing import timing
-from ddpg_mpc_pid.tracks import WRONG, away, monza
+from ddpg_mpc_pid.tracks import CAP, TUNED, WRONG, away, monza
 from ddpg_mpc_pid.trainings import AT_ONCE, Progress, jobs, run_trainings
 
-_GUARD = "plan.json"
-_DIGITS = 6
+_GUARD, _JOURNAL = "plan.json", "stages.jsonl"
+# Curves are many numbers; more digits would only be noise.
+_DIGITS, _CURVE_DIGITS = 6, 4
 Say = Callable[[str], None]
 
-# The stages that drive, in their order. Computing time comes when no training runs beside it.
-STAGES: dict[str, Callable[[Plan, FilePath], dict[str, Any]]] = {
-    "circle": circle,
-    "robustness": robustness,
-    "monza": monza,
-    "away": away,
-    "timing": timing,
-}
 # Measured on a laptop-class core, two trainings at a time: seconds for each update with the
 # networks of the preset, and for what surrounds a training; minutes for the drives.
 _UPDATE, _AROUND, _DRIVES = 0.0072, 8.0, 3.0
+# About what a lap takes [s].
+_LAP = 600.0
 
 
-# Curves are many numbers; more digits would only be noise.
-_CURVE_DIGITS = 4
+class Stage(NamedTuple):
+    """A part of the study that is done on its own."""
+
+    work: Callable[[], Any]
+    size: float
+    """About the simulated time [s]."""
 
 
-class Folder(NamedTuple):
-    """Where a reproduction lives, and of which plan it is."""
+class StageRecord(sm.StoredResult):
+    """What a stage found, as a line of the journal."""
 
-    root: FilePath
-    digest: str
-
-    def file(self, stage: str) -> FilePath:
-        """The file of a stage."""
-        return self.root / "stages" / f"{stage}.json"
-
-    def finished(self, stage: str) -> dict[str, Any] | None:
-        """What a stage recorded; None if it is still to do.
-
-        Raises:
-            sm.DataError: the file is of another plan, or damaged.
-        """
-        file = self.file(stage)
-        if not file.exists():
-            return None
-        record = _read(file)
-        if record.get("plan") != self.digest:
-            raise sm.DataError(f"{file}: made by another plan; delete it, or give another --out")
-        return record
-
-    def run(self, stage: str, work: Callable[[], Any], say: Say) -> dict[str, Any]:
-        """The record of a stage, worked out now unless it is there."""
-        record = self.finished(stage)
-        if record is not None:
-            say(f"{stage}: finished already")
-            return record
-        say(stage)
-        begun = time.perf_counter()
-        result = plain(work())
-        record = {
-            "plan": self.digest,
-            "seconds": round(time.perf_counter() - begun, 2),
-            "commit": sm.provenance()["commit"],
-            "versions": sm.provenance()["versions"],
-            "result": result,
-        }
-        sm.files.write_text(self.file(stage), json.dumps(record, allow_nan=False) + "\n")
-        return record
+    stage: str
+    seconds: float
+    """Computing time."""
+    commit: str | None
+    versions: dict[str, str]
+    result: Any
 
 
-def open_folder(root: FilePath, plan: Plan, *, other_version: bool = False) -> Folder:
-    """The folder of a reproduction, made or gone on with.
+def open_journal(
+    root: FilePath, plan: Plan, *, other_version: bool = False
+) -> sm.Journal[StageRecord]:
+    """The finished stages of a reproduction, begun or gone on with.
 
     Raises:
-        sm.DataError: it belongs to another plan or, unless ``other_version``, was begun by another
-            version of the program.
+        sm.DataError: the folder belongs to another plan or, unless ``other_version``, was begun by
+            another version of the program.
     """
     digest, origin = plan.digest(), sm.provenance()
     file = sm.files.make_folder(root) / _GUARD
@@ -106,7 +85,13 @@ def open_folder(root: FilePath, plan: Plan, *, other_version: bool = False) -> F
                 f"{root}: begun with {name} {begun.get(name)}, now it is {origin[name]}; "
                 "--other-version goes on all the same and records both"
             )
-    return Folder(root, digest)
+    line = sm.LineFormat(
+        "a stage of this study; delete the file to do all stages again",
+        StageRecord.model_validate_json,
+        StageRecord.plain,
+        lambda record: record.stage,
+    )
+    return sm.Journal(root / _JOURNAL, line)
 
 
 def _read(file: FilePath) -> dict[str, Any]:
@@ -121,6 +106,8 @@ def _read(file: FilePath) -> dict[str, Any]:
 
 def plain(value: Any, digits: int = _DIGITS) -> Any:
     """Data for JSON: numbers rounded to so many digits, what is not finite as None."""
+    if isinstance(value, sm.StoredResult):
+        value = value.model_dump()
     if isinstance(value, dict):
         return {str(k): plain(v, digits) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
@@ -152,6 +139,56 @@ def estimate(plan: Plan) -> StudyEstimate:
     return StudyEstimate(len(configs), max(updates), (training + around) / AT_ONCE / 60.0 + drives)
 
 
+def stages(plan: Plan, runs: FilePath) -> dict[str, Stage]:
+    """The stages that drive, each of which needs the trainings and nothing else."""
+    drivers, agents = len(list(plan.trainings())) + 2, plan.seeds
+    whole = (plan.monza_seconds or _LAP, plan.away_seconds or _LAP)
+    found: dict[str, Stage] = {
+        f"circle, {test}": Stage(partial(circle, plan, runs, test), drivers * plan.circle_seconds)
+        for test in circle_tests()
+    }
+    for redraw, words in ((True, "every step"), (False, "once")):
+        for reach in plan.error_ranges:
+            work = partial(waypoint_errors, plan, runs, redraw, reach)
+            size = (agents + 1) * plan.circle_seconds
+            found[f"waypoint errors to {reach:g} m, drawn {words}"] = Stage(work, size)
+    found["monza"] = Stage(partial(monza, plan, runs), (agents + 2) * whole[0])
+    for track in plan.away_tracks:
+        for speed in plan.away_speeds:
+            away_work = partial(away, plan, runs, track, speed)
+            found[f"away, {track} at {speed:.3g} m/s"] = Stage(away_work, (agents + 4) * whole[1])
+    return found
+
+
+def done(
+    todo: Mapping[str, Stage],
+    journal: sm.Journal[StageRecord],
+    say: Say,
+    workers: sm.Workers | None = None,
+) -> list[StageRecord]:
+    """The records of stages, worked out now unless the journal has them; one by one by default."""
+    for name in todo:
+        if name in journal.results:
+            say(f"{name}: finished already")
+    work = [sm.Job(name, (name, stage.work), stage.size) for name, stage in todo.items()]
+    with workers or sm.Workers("local", 1) as these:
+        found = these.run(_recorded, work, journal=journal, listener=lambda name, _: say(name))
+    return list(found.values())
+
+
+def _recorded(payload: tuple[str, Callable[[], Any]], tell: Callable[[Any], None]) -> StageRecord:
+    name, work = payload
+    tell(None)
+    begun = time.perf_counter()
+    result = work()
+    return StageRecord(
+        stage=name,
+        seconds=round(time.perf_counter() - begun, 2),
+        **sm.provenance(),
+        result=plain(result),
+    )
+
+
 @sm.files.alone("root")
 def reproduce(
     plan: Plan,
@@ -160,36 +197,56 @@ def reproduce(
     say: Say,
     *,
     other_version: bool = False,
-) -> dict[str, Any]:
+    engine: str | None = None,
+    at_once: int | None = None,
+) -> StudyResult:
     """Do what is not done yet, and write and return ``results.json``.
 
     Interrupted anywhere, the same call goes on from there: trainings from their last checkpoint,
-    driving stages from the last that was finished.
+    the other stages from the last that was finished.
+
+    Args:
+        plan: what is trained and driven.
+        root: folder of the study.
+        progress: called with the trainings' progress.
+        say: called with the name of each stage that begins.
+        other_version: go on although another version of the program began.
+        engine: "local" or "ray"; the results do not depend on it.
+        at_once: trainings, and stages that drive, at a time; None: two trainings, and a stage for
+            each core. Computing times are measured alone.
 
     Raises:
         DataError: the folder belongs to another plan or version.
         SteersmanError: a training failed for another reason than that it diverged.
     """
-    folder = open_folder(root, plan, other_version=other_version)
-    runs = root / "runs"
-    train = partial(run_trainings, plan, runs, progress)
-    records = {"trainings": folder.run("trainings", train, say)}
-    for name, stage in STAGES.items():
-        records[name] = folder.run(name, partial(stage, plan, runs), say)
-    trained = records["trainings"]["result"]
-    found = {name: records[name]["result"] for name in STAGES}
-    results = {
-        "format": 1,
+    journal, runs = open_journal(root, plan, other_version=other_version), root / "runs"
+    train = Stage(partial(run_trainings, plan, runs, progress, engine, at_once), 1.0)
+    trained = done({"trainings": train}, journal, say)
+    driven = done(stages(plan, runs), journal, say, sm.Workers(engine, at_once))
+    timed = done({"timing": Stage(partial(timing, plan, runs), 1.0)}, journal, say)
+    found = {record.stage: record.result for record in driven}
+    tests = [CircleTest(**found[f"circle, {test}"]) for test in circle_tests()]
+    errors = [ErrorDrives(**v) for name, v in found.items() if name.startswith("waypoint errors")]
+    ranges = len(plan.error_ranges)
+    records = {name: StudyTraining(**value) for name, value in trained[0].result.items()}
+    results = StudyResult(
         **sm.provenance(),
-        "made_by": sorted({str(record["commit"]) for record in records.values()}),
-        "seconds": {name: record["seconds"] for name, record in records.items()},
-        "plan": _plan(plan),
-        "learning": plain(learning_curves(plan, trained), _CURVE_DIGITS),
-        **found,
-    }
-    sm.files.write_text(
-        root / "results.json", json.dumps(results, allow_nan=False, separators=(",", ":")) + "\n"
+        made_by=sorted({str(record.commit) for record in (*trained, *driven, *timed)}),
+        seconds={r.stage: r.seconds for r in (*trained, *driven, *timed)},
+        plan=_plan(plan),
+        learning=LearningResult(**plain(learning_curves(plan, records), _CURVE_DIGITS)),
+        circle=CircleResult(tests=tests),
+        robustness=robustness(plan, errors[:ranges], errors[ranges:]),
+        monza=MonzaResult(**found["monza"]),
+        away=AwayResult(
+            tuned=TUNED,
+            cap=CAP,
+            tests=[AwayTest(**value) for name, value in found.items() if name.startswith("away,")],
+        ),
+        timing=TimingResult(**timed[0].result),
     )
+    text = json.dumps(results.plain(), allow_nan=False, separators=(",", ":"))
+    sm.files.write_text(root / "results.json", text + "\n")
     return results
 
 

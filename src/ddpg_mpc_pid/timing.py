@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 import steersman as sm
 from ddpg_mpc_pid.drives import policy, throttle
 from ddpg_mpc_pid.plan import FULL_METHOD, Plan
+from ddpg_mpc_pid.results import TimingResult, TimingRow
 from ddpg_mpc_pid.tracks import THROTTLE, length
 from ddpg_mpc_pid.trainings import policies
 
@@ -30,7 +31,7 @@ _DT = 0.05
 ABSENT = "not measured: CasADi is not installed (pip install casadi)"
 
 
-def timing(plan: Plan, runs: FilePath) -> dict[str, Any]:
+def timing(plan: Plan, runs: FilePath) -> TimingResult:
     """Times of one control step [us] and of a lap [s], for every implementation."""
     files = policies(plan, runs, [FULL_METHOD])[FULL_METHOD]
     driver: dict[str, Any] = policy(next(iter(files.values()))) if files else {"kind": "mpc_pid"}
@@ -38,17 +39,15 @@ def timing(plan: Plan, runs: FilePath) -> dict[str, Any]:
     config = sm.configure("drive", words | length(plan))
     episode = sm.drive(config)
     seen = sm.observations(episode, config.path, config.sensor, plan.timed_steps)
-    rows: list[dict[str, Any]] = []
+    lap = len(episode)
+    rows: list[TimingRow] = []
     for horizon in plan.horizons:
         times = _controller(sm.make("controller", "mpc_pid", horizon=horizon), config, seen)
-        rows.append(_row(f"MPC-PID, N = {horizon}", times, len(episode)))
+        rows.append(_row(f"MPC-PID, N = {horizon}", times, lap))
     if files:
-        rows += _policies(next(iter(files.values())), plan, config, seen, len(episode))
-    for horizon in plan.horizons:
-        row = usual_mpc(horizon, seen[: plan.solves], config)
-        solved = row.pop("times", None)
-        rows.append(row if solved is None else row | _row(row["name"], solved, len(episode), True))
-    return {"paper": PAPER, "lap_steps": len(episode), "lap_end": episode.end, "rows": rows}
+        rows += _policies(next(iter(files.values())), plan, config, seen, lap)
+    rows += [usual_mpc(horizon, seen[: plan.solves], config, lap) for horizon in plan.horizons]
+    return TimingResult(paper=PAPER, lap_steps=lap, lap_end=episode.end, rows=rows)
 
 
 def _controller(
@@ -79,24 +78,21 @@ def _calls(work: Callable[[Any], Any], inputs: Any) -> NDArray[np.float64]:
     return 1e6 * times
 
 
-def _row(
-    name: str, times: NDArray[np.float64], lap: int, extrapolated: bool = False
-) -> dict[str, Any]:
-    return {
-        "name": name,
-        "p50_us": float(np.median(times)),
-        "p99_us": float(np.percentile(times, 99)),
-        "max_us": float(times.max()),
-        "steps": len(times),
-        "lap_s": float(1e-6 * times.mean() * lap),
-        "extrapolated": extrapolated or len(times) < lap,
-        "note": "",
-    }
+def _row(name: str, times: NDArray[np.float64], lap: int, **words: Any) -> TimingRow:
+    return TimingRow(
+        name=name,
+        p50_us=float(np.median(times)),
+        p99_us=float(np.percentile(times, 99)),
+        max_us=float(times.max()),
+        steps=len(times),
+        lap_s=float(1e-6 * times.mean() * lap),
+        **{"extrapolated": len(times) < lap, **words},
+    )
 
 
 def _policies(
     file: FilePath, plan: Plan, config: sm.RunConfig, seen: Sequence[sm.Observation], lap: int
-) -> list[dict[str, Any]]:
+) -> list[TimingRow]:
     """The same policy in ONNX Runtime, compiled, and through Stable-Baselines3."""
     controller: Any = sm.make("controller", "policy", file=str(file))
     state = controller.init(config.vehicle, _DT)
@@ -109,14 +105,23 @@ def _policies(
     predict = sb3_predict(state.features, [len(weights["b1"]), len(weights["b2"])])
     some = raw[: min(plan.timed_steps, 3000)] * weights["scale"].astype(np.float32)
     onnx, ours = _controller(controller, config, seen), state._replace(run=network)
+    own = _controller(controller, config, seen, ours)
+    differs = f"differs from ONNX Runtime by at most {gap:.1e} of full action"
+    in_runtime, in_ours = (
+        _calls(lambda x: state.run(x[None]), raw),
+        _calls(lambda x: network(x[None]), raw),
+    )
     return [
         _row("policy, ONNX Runtime", onnx, lap),
-        _row("policy, compiled", _controller(controller, config, seen, ours), lap)
-        | {"note": f"differs from ONNX Runtime by at most {gap:.1e} of full action"},
-        _row("of which network, ONNX Runtime", _calls(lambda x: state.run(x[None]), raw), lap),
-        _row("of which network, compiled", _calls(lambda x: network(x[None]), raw), lap),
-        _row("network, Stable-Baselines3 predict", _calls(predict, some), lap)
-        | {"note": "without making its input"},
+        _row("policy, compiled", own, lap, note=differs),
+        _row("of which network, ONNX Runtime", in_runtime, lap),
+        _row("of which network, compiled", in_ours, lap),
+        _row(
+            "network, Stable-Baselines3 predict",
+            _calls(predict, some),
+            lap,
+            note="without making its input",
+        ),
     ]
 
 
@@ -165,11 +170,13 @@ def sb3_predict(features: int, hidden: Sequence[int]) -> Callable[[Any], Any]:
     return predict
 
 
-def usual_mpc(horizon: int, seen: Sequence[sm.Observation], config: sm.RunConfig) -> dict[str, Any]:
-    """Times of every solve [us], or a note why there are none."""
+def usual_mpc(
+    horizon: int, seen: Sequence[sm.Observation], config: sm.RunConfig, lap: int
+) -> TimingRow:
+    """Times of every solve, or a note why there are none."""
     name = f"MPC in CasADi + IPOPT, N = {horizon}"
     if find_spec("casadi") is None:
-        return {"name": name, "note": ABSENT}
+        return TimingRow(name=name, note=ABSENT)
     solve = _problem(horizon, config.vehicle, sm.make("controller", "mpc_pid"))
     solve(seen[0])
     times = np.empty(len(seen))
@@ -178,8 +185,7 @@ def usual_mpc(horizon: int, seen: Sequence[sm.Observation], config: sm.RunConfig
         begun = time.perf_counter()
         failed += not solve(observation)
         times[k] = time.perf_counter() - begun
-    out: dict[str, Any] = {"name": name, "times": 1e6 * times}
-    return out | ({"failed": failed} if failed else {})
+    return _row(name, 1e6 * times, lap, extrapolated=True, failed=failed or None)
 
 
 def _problem(horizon: int, car: sm.Vehicle, gains: Any) -> Any:

@@ -20,6 +20,7 @@ from ddpg_mpc_pid.drives import (
     throttle,
 )
 from ddpg_mpc_pid.plan import FULL_METHOD, Plan
+from ddpg_mpc_pid.results import AwayTest, CornerError, DrivenLap, MonzaResult, TunedFor
 from ddpg_mpc_pid.trainings import policies
 
 THROTTLE = 0.4
@@ -28,6 +29,7 @@ _POINTS = 700
 WRONG = {"mass": 1.3, "yaw_inertia": 1.3, "c_f": 0.7, "c_r": 0.7}
 # Corners are taken with at most this [m/s^2], well below roll-over (14.9).
 CAP = 12.0
+TUNED = TunedFor(track="training_circuit", speed=30.0 / 3.6)
 LABELS = {
     "nominal": "MPC-PID, true parameters",
     "wrong": "MPC-PID, wrong parameters",
@@ -41,51 +43,40 @@ def length(plan: Plan) -> dict[str, Any]:
     return {"laps": 1} if plan.monza_seconds is None else {"duration": plan.monza_seconds}
 
 
-def monza(plan: Plan, runs: FilePath) -> dict[str, Any]:
+def monza(plan: Plan, runs: FilePath) -> MonzaResult:
     """The lap with every agent of the full method, and with MPC-PID."""
     path = sm.make("path", "monza")
     words = {"path": "monza", "speed": throttle(THROTTLE), **length(plan)}
     agents = policies(plan, runs, [FULL_METHOD])[FULL_METHOD]
     episodes = {seed: drive(policy(file), **words) for seed, file in agents.items()}
     rows = {seed: kept(episode) for seed, episode in episodes.items()}
-    out: dict[str, Any] = {
-        "throttle": THROTTLE,
-        "agent": over_seeds(list(rows.values())),
-        "agents": {str(seed): row for seed, row in rows.items()},
-    }
-    corners: dict[str, list[dict[str, Any]]] = {}
-    for name, controller in (("mpc_pid", MPC_PID), ("scheduled", SCHEDULED)):
-        episode = drive(controller, **words)
-        out[name] = kept(episode)
-        corners[name] = per_corner(episode, path)
+    others = {"mpc_pid": drive(MPC_PID, **words), "scheduled": drive(SCHEDULED, **words)}
+    corners = {name: per_corner(episode, path) for name, episode in others.items()}
+    line = None
     if rows:
         chosen = median_seed(rows)
         episode = episodes[chosen]
         corners["agent"] = per_corner(episode, path)
-        out["line"] = {
-            "seed": chosen,
-            **{
-                name: thinned(episode[name], _POINTS, 2)
-                for name in ("x", "y", "path_x", "path_y", "s", "lateral_error")
-            },
-        }
-    out["corners"] = corners
-    return out
+        columns = ("x", "y", "path_x", "path_y", "s", "lateral_error")
+        line = DrivenLap(seed=chosen, **{c: thinned(episode[c], _POINTS, 2) for c in columns})
+    return MonzaResult(
+        throttle=THROTTLE,
+        agent=over_seeds(list(rows.values())),
+        agents={str(seed): row for seed, row in rows.items()},
+        **{name: kept(episode) for name, episode in others.items()},
+        corners=corners,
+        line=line,
+    )
 
 
-def per_corner(episode: sm.Episode, path: Any) -> list[dict[str, Any]]:
+def per_corner(episode: sm.Episode, path: Any) -> list[CornerError]:
     """Mean and largest |d| in each named corner; None where the car never came."""
     s, d = episode["s"], np.abs(1e3 * episode["lateral_error"])
     out = []
     for corner in path.corners():
         inside = d[(s >= corner.s_start) & (s < corner.s_end)]
-        out.append(
-            {
-                "corner": corner.name,
-                "mean_mm": float(inside.mean()) if inside.size else None,
-                "max_mm": float(inside.max()) if inside.size else None,
-            }
-        )
+        mean, largest = (inside.mean(), inside.max()) if inside.size else (None, None)
+        out.append(CornerError(corner=corner.name, mean_mm=mean, max_mm=largest))
     return out
 
 
@@ -99,29 +90,17 @@ def controllers(speed: float) -> dict[str, dict[str, Any]]:
     }
 
 
-def away(plan: Plan, runs: FilePath) -> dict[str, Any]:
-    """Every track at every speed: the variants of MPC-PID, and the full method's agents."""
+def away(plan: Plan, runs: FilePath, track: str, speed: float) -> AwayTest:
+    """A track at a speed: the variants of MPC-PID, and the full method's agents."""
+    words: dict[str, Any] = {
+        "path": {"kind": track, "radius": 50.0} if track == "circle" else track,
+        "speed": {"kind": "constant_speed", "speed": speed, "a_lat_max": CAP},
+        **({"laps": 1} if plan.away_seconds is None else {"duration": plan.away_seconds}),
+    }
     agents = policies(plan, runs, [FULL_METHOD])[FULL_METHOD]
-    tests = []
-    for track in plan.away_tracks:
-        for speed in plan.away_speeds:
-            words: dict[str, Any] = {
-                "path": {"kind": track, "radius": 50.0} if track == "circle" else track,
-                "speed": {"kind": "constant_speed", "speed": speed, "a_lat_max": CAP},
-            }
-            if plan.away_seconds is None:
-                words["laps"] = 1
-            else:
-                words["duration"] = plan.away_seconds
-            rows = {name: _run(c, words) for name, c in controllers(speed).items()}
-            seeds = [_run(policy(file), words) for file in agents.values()]
-            tests.append(
-                {"track": track, "speed": speed, "mpc_pid": rows, "agent": over_seeds(seeds)}
-            )
-    return {"tuned": {"track": "training_circuit", "speed": 30.0 / 3.6}, "cap": CAP, "tests": tests}
-
-
-def _run(controller: dict[str, Any], words: dict[str, Any]) -> dict[str, Any]:
-    row = kept(drive(controller, **words))
-    names = ("ale_mm", "max_mm", "steer_std", "speed", "distance", "end", "completed")
-    return {name: row[name] for name in names}
+    return AwayTest(
+        track=track,
+        speed=speed,
+        mpc_pid={name: kept(drive(c, **words)) for name, c in controllers(speed).items()},
+        agent=over_seeds([kept(drive(policy(file), **words)) for file in agents.values()]),
+    )

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import csv
-import math
 from collections.abc import Callable, Sequence
 from pathlib import Path as FilePath
-from typing import Any
 
 import steersman as sm
 from ddpg_mpc_pid.plan import Plan
+from ddpg_mpc_pid.results import StudyTraining
 
 AT_ONCE = 2
 # Every message about a training that diverged ends with this advice: that is a result, not a
@@ -17,7 +16,7 @@ AT_ONCE = 2
 DIVERGED = "agent.learning_rate"
 # Called with: trainings done, trainings in all, share of all steps done, what happened.
 Progress = Callable[[int, int, float, str], None]
-_KEPT = (
+KEPT = (
     "steps",
     "seconds",
     "validation_error_mm",
@@ -37,8 +36,14 @@ def jobs(plan: Plan, runs: FilePath) -> list[sm.TrainingJob]:
     return [sm.TrainingJob(t.name, t.config, runs / t.name) for t in plan.trainings()]
 
 
-def run_trainings(plan: Plan, runs: FilePath, progress: Progress) -> dict[str, Any]:
-    """Train what is not trained yet; how each training ended, by name.
+def run_trainings(
+    plan: Plan,
+    runs: FilePath,
+    progress: Progress,
+    engine: str | None = None,
+    at_once: int | None = None,
+) -> dict[str, StudyTraining]:
+    """Train what is not trained yet, ``at_once`` at a time; the record of each training by name.
 
     Raises:
         SteersmanError: a training failed for another reason than that it diverged.
@@ -57,30 +62,25 @@ def run_trainings(plan: Plan, runs: FilePath, progress: Progress) -> dict[str, A
             text = f"{event.job.name}: {event.steps:.0f} steps, error {error:.3g} mm"
             progress(done, len(every), sum(steps.values()) / total, text)
 
-    failed = sm.train_all(todo, AT_ONCE, report, resume=True)
+    failed = sm.train_all(todo, at_once or AT_ONCE, report, engine=engine, resume=True)
     faults = {name: text for name, text in failed.items() if DIVERGED not in text}
     if faults:
         name, text = next(iter(faults.items()))
         raise sm.SteersmanError(f"training {name}: {text}; the same command goes on")
-    return {job.name: {"diverged": failed.get(job.name), **_seen(job.out)} for job in every}
+    return {job.name: _record(job.out, failed.get(job.name)) for job in every}
 
 
-def _seen(out: FilePath) -> dict[str, Any]:
-    """The record of one training, as columns."""
+def _record(out: FilePath, diverged: str | None) -> StudyTraining:
     file = out / "progress.csv"
     rows: list[dict[str, str]] = []
     if file.exists():
         with file.open(encoding="utf-8", newline="") as stream:
             rows = list(csv.DictReader(stream))
-    return {
-        "policy": (out / "policy.onnx").exists(),
-        "curve": {name: [_number(row[name]) for row in rows] for name in _KEPT},
-    }
-
-
-def _number(text: str) -> float | None:
-    value = float(text)
-    return value if math.isfinite(value) else None
+    return StudyTraining(
+        diverged=diverged,
+        policy=(out / "policy.onnx").exists(),
+        curve={name: [float(row[name]) for row in rows] for name in KEPT},
+    )
 
 
 def policies(plan: Plan, runs: FilePath, methods: Sequence[str]) -> dict[str, dict[int, FilePath]]:

@@ -38,6 +38,10 @@ if TYPE_CHECKING:
     from steersman.config import register as register
     from steersman.config import required as required
     from steersman.controllers.base import ControllerComponent
+    from steersman.engine.jobs import Workers as Workers
+    from steersman.engine.journal import Journal as Journal
+    from steersman.engine.journal import LineFormat as LineFormat
+    from steersman.engine.work import Job as Job
     from steersman.episode import Episode as Episode
     from steersman.errors import ConfigError as ConfigError
     from steersman.errors import ControllerError as ControllerError
@@ -67,6 +71,7 @@ if TYPE_CHECKING:
     from steersman.rollout import RunConfig as RunConfig
     from steersman.sensing import observations as observations
     from steersman.speed import SpeedComponent
+    from steersman.stored import StoredResult as StoredResult
     from steersman.studies.demo import PAPER_CIRCLE as PAPER_CIRCLE
     from steersman.types import Command as Command
     from steersman.types import Decision as Decision
@@ -109,6 +114,10 @@ _FRONT_DOOR = {
     "paths.xodr.ways": ("lane_starts",),  # where cars may be put on a map (carla_standin)
     # What a study of one's own needs (ddpg_mpc_pid): trainings side by side, which are resumed; the
     # figures of a drive; what a controller was given on it; what made the results; the paper.
+    "engine.jobs": ("Workers",),
+    "engine.work": ("Job",),
+    "engine.journal": ("Journal", "LineFormat"),
+    "stored": ("StoredResult",),
     "learning.parallel": ("train_all", "TrainingJob", "TrainingEvent"),
     "learning.checkpoint": ("is_finished",),
     "metrics.base": ("summarise",),

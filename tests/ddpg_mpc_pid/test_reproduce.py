@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -17,7 +18,16 @@ import steersman as sm
 from ddpg_mpc_pid import drives, section_driving, section_learning, timing, trainings
 from ddpg_mpc_pid.learning_curves import learning_curves
 from ddpg_mpc_pid.plan import DEPARTURES, METHODS, THRESHOLDS, Plan
-from ddpg_mpc_pid.study import Folder, open_folder, plain
+from ddpg_mpc_pid.results import (
+    CircleResult,
+    CostSaving,
+    LearningResult,
+    SeedInterval,
+    StudyDrive,
+    StudyResult,
+    StudyTraining,
+)
+from ddpg_mpc_pid.study import Stage, done, open_journal, plain, stages
 from ddpg_mpc_pid.tracks import per_corner
 from steersman.cli import app
 from steersman.config import dump
@@ -100,51 +110,65 @@ def test_plans_differ_by_their_digest() -> None:
 # ---------------------------------------------------------------------------------- stages
 
 
+def one(work: Callable[[], Any]) -> dict[str, Stage]:
+    return {"one": Stage(work, 1.0)}
+
+
 def test_a_finished_stage_is_not_done_again(tmp_path: FilePath) -> None:
-    folder = open_folder(tmp_path, study.quick())
     calls: list[int] = []
 
     def work() -> dict[str, Any]:
         calls.append(1)
         return {"x": np.float64(1.23456789), "y": math.inf, "z": [True, None, "a", 3]}
 
-    first = folder.run("one", work, silent)
-    assert first["result"] == {"x": 1.23457, "y": None, "z": [True, None, "a", 3]}
-    assert folder.run("one", work, silent) == first
+    for said in (["one"], ["one: finished already"]):
+        heard: list[str] = []
+        (record,) = done(one(work), open_journal(tmp_path, study.quick()), heard.append)
+        assert record.result == {"x": 1.23457, "y": None, "z": [True, None, "a", 3]}
+        assert heard == said
     assert calls == [1]
 
 
 def test_a_stage_that_fails_leaves_nothing(tmp_path: FilePath) -> None:
-    folder = open_folder(tmp_path, study.quick())
+    journal = open_journal(tmp_path, study.quick())
     with pytest.raises(ZeroDivisionError):
-        folder.run("one", lambda: 1 / 0, silent)
-    assert folder.finished("one") is None
+        done(one(lambda: 1 / 0), journal, silent)
+    assert not open_journal(tmp_path, study.quick()).results
 
 
 def test_results_of_two_plans_or_versions_are_not_mixed(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plan = study.quick()
-    open_folder(tmp_path, plan)
-    open_folder(tmp_path, plan)
+    open_journal(tmp_path, plan)
+    open_journal(tmp_path, plan)
     with pytest.raises(DataError, match="another plan"):
-        open_folder(tmp_path, study.full())
+        open_journal(tmp_path, study.full())
     origin = {"commit": "other", "versions": {}}
     monkeypatch.setattr(sm, "provenance", lambda: origin)
     with pytest.raises(DataError, match=r"begun with commit .*--other-version"):
-        open_folder(tmp_path, plan)
-    folder = open_folder(tmp_path, plan, other_version=True)
-    assert folder.run("one", dict, silent)["commit"] == "other"
-    with pytest.raises(DataError, match="another plan"):
-        Folder(tmp_path, "0").finished("one")
+        open_journal(tmp_path, plan)
+    (record,) = done(one(dict), open_journal(tmp_path, plan, other_version=True), silent)
+    assert record.commit == "other"
 
 
 def test_a_damaged_stage_says_so(tmp_path: FilePath) -> None:
-    folder = open_folder(tmp_path, study.quick())
-    folder.run("one", dict, silent)
-    folder.file("one").write_text("{", encoding="utf-8")
-    with pytest.raises(DataError, match="delete it"):
-        folder.finished("one")
+    done(one(dict), open_journal(tmp_path, study.quick()), silent)
+    (tmp_path / "stages.jsonl").write_text("{\n", encoding="utf-8")
+    with pytest.raises(DataError, match="delete the file"):
+        open_journal(tmp_path, study.quick())
+
+
+def test_stages_at_once_find_the_same(tmp_path: FilePath) -> None:
+    plan, runs = study.quick(), tmp_path / "runs"
+    todo = {k: s._replace(size=1e4) for k, s in stages(plan, runs).items() if k != "monza"}
+    some = dict(list(todo.items())[::5])
+    found = [
+        done(some, open_journal(tmp_path / name, plan), silent, sm.Workers("local", jobs))
+        for name, jobs in (("one", 1), ("two", 2))
+    ]
+    assert [r.result for r in found[0]] == [r.result for r in found[1]]
+    assert {r.stage for r in found[0]} == set(some)
 
 
 def test_plain_data_stays() -> None:
@@ -171,10 +195,9 @@ def test_a_diverged_training_is_a_result(
     fake(monkeypatch, {"ddpg/seed_0": "mean Q is 1e9; try a smaller agent.learning_rate"})
     plan = study.quick()
     out = trainings.run_trainings(plan, tmp_path / "runs", silent)
-    assert "mean Q" in out["ddpg/seed_0"]["diverged"]
-    assert out["both/seed_0"] == {
-        "diverged": None, "policy": False, "curve": {n: [] for n in out["both/seed_0"]["curve"]},
-    }  # fmt: skip
+    assert "mean Q" in (out["ddpg/seed_0"].diverged or "")
+    nothing = {name: [] for name in trainings.KEPT}
+    assert out["both/seed_0"] == StudyTraining(diverged=None, policy=False, curve=nothing)
 
 
 def test_any_other_failure_stops_the_study(
@@ -195,14 +218,14 @@ def test_every_alarm_is_told_from_a_fault() -> None:
 # ---------------------------------------------------------------------------------- curves
 
 
-def record(errors: list[float], diverged: str | None = None) -> dict[str, Any]:
+def record(errors: list[float]) -> StudyTraining:
     count = len(errors)
-    columns = {name: [0.5] * count for name in trainings._KEPT}
+    columns = {name: [0.5] * count for name in trainings.KEPT}
     columns["steps"] = [100.0 * (k + 1) for k in range(count)]
     columns["seconds"] = [2.0 * (k + 1) for k in range(count)]
     columns["off_track_resets"] = [float(k) for k in range(count)]
     columns["validation_error_mm"] = errors
-    return {"diverged": diverged, "policy": True, "curve": columns}
+    return StudyTraining(diverged=None, policy=True, curve=columns)
 
 
 def small() -> Plan:
@@ -217,34 +240,37 @@ def test_savings_count_runs_that_never_arrive() -> None:
         "both/seed_1": record([90.0, 80.0]),
     }
     out = learning_curves(small(), trained)
-    rows = {(r["threshold_m"], r["method"]): r for r in out["savings"]}
+    rows = {(r.threshold_m, r.method): r for r in out.savings}
     assert len(rows) == len(THRESHOLDS)
     row = rows[0.1, "both"]
-    assert (row["alone_reached"], row["reached"], row["seeds"]) == (1, 2, [2, 2])
+    assert (row.alone_reached, row.reached, row.seeds) == (1, 2, [2, 2])
     # Alone: 300 steps and never (charged 400); with the demonstration: 100 and 100.
-    assert row["steps"]["saving"]["value"] == pytest.approx(1.0 - 100.0 / 350.0)
-    assert row["steps"]["saving"]["low"] <= row["steps"]["saving"]["value"]
-    assert row["steps"]["alone_median"] == math.inf
-    assert rows[0.01, "both"]["reached"] == 1
-    method = out["methods"]["both"]
-    assert method["best_mm"] == [5.0, 80.0]
-    assert method["curves"]["validation_error_mm"]["median"][0] == 90.0
-    assert method["curves"]["validation_error_mm"]["n"] == [2.0, 2.0, 1.0, 1.0]
+    saved = row.steps.saving
+    assert saved is not None
+    assert saved.value == pytest.approx(1.0 - 100.0 / 350.0)
+    assert (saved.low or 0.0) <= saved.value
+    assert row.steps.alone_median is None  # that of a seed that never gets there
+    assert rows[0.01, "both"].reached == 1
+    method = out.methods["both"]
+    assert method.best_mm == [5.0, 80.0]
+    assert method.curves["validation_error_mm"].median[0] == 90.0
+    assert method.curves["validation_error_mm"].n == (2.0, 2.0, 1.0, 1.0)
 
 
 def test_spread_is_the_interquartile_range_over_seeds() -> None:
     trained = {f"ddpg/seed_{k}": record([100.0 * k + 50.0]) for k in range(5)}
     trained |= {f"both/seed_{k}": record([10.0]) for k in range(5)}
-    (row,) = learning_curves(small()._replace(seeds=5), trained)["spread"]
-    assert (row["alone_mm"], row["range_mm"], row["median_mm"]) == (200.0, 0.0, 10.0)
-    assert row["smaller_by"]["value"] == 200.0
-    assert row["smaller_by"]["low"] <= 200.0 <= row["smaller_by"]["high"]
+    (row,) = learning_curves(small()._replace(seeds=5), trained).spread
+    assert (row.alone_mm, row.range_mm, row.median_mm) == (200.0, 0.0, 10.0)
+    found = row.smaller_by
+    assert found.value == 200.0
+    assert (found.low or 0.0) <= 200.0 <= (found.high or 0.0)
 
 
 def test_nobody_reaches_it_nobody_saves() -> None:
     trained = {f"{m}/seed_{s}": record([900.0]) for m in ("ddpg", "both") for s in (0, 1)}
     out = learning_curves(small(), trained)
-    assert all(row["steps"]["saving"] is None for row in out["savings"])
+    assert all(row.steps.saving is None for row in out.savings)
 
 
 # ---------------------------------------------------------------------------------- drives
@@ -261,26 +287,26 @@ def test_the_least_heading_error_is_the_side_slip_of_a_perfect_drive() -> None:
                 duration=10.0,
             )
         )
-        assert row["steady_aoe_deg"] == pytest.approx(bound, abs=0.1)
-        assert row["course_deg"] < 0.2
+        assert row.steady_aoe_deg == pytest.approx(bound, abs=0.1)
+        assert (row.course_deg or 0.0) < 0.2
     assert drives.steady_heading_error(40.0) is None
 
 
 def test_the_worst_seed_is_the_one_that_left_the_road() -> None:
-    good = {"ale_mm": 5.0, "completed": True}
-    bad = {"ale_mm": 1.0, "completed": False}
-    out = drives.over_seeds([good, {"ale_mm": 9.0, "completed": True}, bad])
-    assert (out["completed"], out["worst"], out["median"]) == (2, bad, {"ale_mm": 5.0})
-    assert drives.median_seed({0: bad, 1: good, 2: {"ale_mm": 9.0, "completed": True}}) == 2
-    assert drives.over_seeds([])["seeds"] == 0
+    good, worse = (StudyDrive(ale_mm=error, completed=True) for error in (5.0, 9.0))
+    bad = StudyDrive(ale_mm=1.0, end="off_track")
+    out = drives.over_seeds([good, worse, bad])
+    assert (out.completed, out.worst, out.median.ale_mm) == (2, bad, 5.0)
+    assert drives.median_seed({0: bad, 1: good, 2: worse}) == 2
+    assert drives.over_seeds([]).seeds == 0
 
 
 def test_errors_of_corners_are_those_between_their_ends() -> None:
     path: Any = sm.make("path", "monza")
     episode = sm.drive(path=path, duration=3.0)
     rows = per_corner(episode, path)
-    assert [row["corner"] for row in rows] == [c.name for c in path.corners()]
-    assert rows[-1]["mean_mm"] is None
+    assert [row.corner for row in rows] == [c.name for c in path.corners()]
+    assert rows[-1].mean_mm is None
 
 
 def test_recorded_states_are_observed_as_they_were(tmp_path: FilePath) -> None:
@@ -294,32 +320,43 @@ def test_recorded_states_are_observed_as_they_were(tmp_path: FilePath) -> None:
 
 def test_without_casadi_the_usual_mpc_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(timing, "find_spec", lambda _: None)
-    row = timing.usual_mpc(10, [], sm.RunConfig())
-    assert "not measured" in row["note"]
+    row = timing.usual_mpc(10, [], sm.RunConfig(), 100)
+    assert "not measured" in row.note
 
 
 def test_the_usual_mpc_plans_what_mpc_pid_plans() -> None:
     pytest.importorskip("casadi")
     config = sm.configure("drive", path="circle", duration=2.0)
     seen = sm.observations(sm.drive(config), config.path, config.sensor, 20)
-    row = timing.usual_mpc(10, seen, config)
-    assert len(row["times"]) == 20
-    assert "failed" not in row
+    row = timing.usual_mpc(10, seen, config, 20)
+    assert row.steps == 20
+    assert row.failed is None
 
 
 # --------------------------------------------------------------------------------- at once
 
 
 @pytest.fixture(scope="module")
-def smoke(tmp_path_factory: pytest.TempPathFactory) -> tuple[FilePath, dict[str, Any]]:
+def smoke(tmp_path_factory: pytest.TempPathFactory) -> tuple[FilePath, StudyResult]:
     root = tmp_path_factory.mktemp("reproduce")
-    return root, study.reproduce(study.quick(), root, silent, silent, other_version=True)
+    found = study.reproduce(study.quick(), root, silent, silent, other_version=True, at_once=1)
+    return root, found
 
 
-def test_the_smoke_run_measures_everything(smoke: tuple[FilePath, dict[str, Any]]) -> None:
+def forget(root: FilePath, stage: str) -> None:
+    """Cut a stage out of the journal, as if it had never been done."""
+    file = root / "stages.jsonl"
+    lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
+    left = [line for line in lines if json.loads(line)["stage"] != stage]
+    assert len(left) == len(lines) - 1
+    file.write_text("".join(left), encoding="utf-8")
+
+
+def test_the_smoke_run_measures_everything(smoke: tuple[FilePath, StudyResult]) -> None:
     root, results = smoke
     kept = json.loads((root / "results.json").read_text())
-    assert kept.keys() == results.keys() > {"circle", "robustness", "monza", "away", "timing"}
+    assert kept == results.plain()
+    assert kept.keys() > {"circle", "robustness", "monza", "away", "timing"}
     assert len(kept["circle"]["tests"]) == 8
     assert kept["learning"]["methods"]["ddpg"]["seeds"] == 1
     coefficients = kept["learning"]["methods"]["adaptive"]["curves"]
@@ -331,21 +368,21 @@ def test_the_smoke_run_measures_everything(smoke: tuple[FilePath, dict[str, Any]
 
 
 def test_a_second_call_does_nothing_again(
-    smoke: tuple[FilePath, dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+    smoke: tuple[FilePath, StudyResult], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     root, results = smoke
-    (root / "stages" / "monza.json").unlink()
+    forget(root, "monza")
     asked = fake(monkeypatch, {})
     said: list[str] = []
-    again = study.reproduce(study.quick(), root, silent, said.append, other_version=True)
+    again = study.reproduce(study.quick(), root, silent, said.append, other_version=True, at_once=1)
     assert asked == []
     assert said.count("monza") == 1
-    assert "circle: finished already" in said
-    assert again["learning"] == json.loads(json.dumps(results["learning"]))
+    assert "circle, throttle 0.4: finished already" in said
+    assert again.learning == results.learning
 
 
 def test_trainings_that_are_finished_are_not_started(
-    smoke: tuple[FilePath, dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+    smoke: tuple[FilePath, StudyResult], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     root, _ = smoke
     asked = fake(monkeypatch, {})
@@ -355,7 +392,7 @@ def test_trainings_that_are_finished_are_not_started(
 
 
 def test_the_compiled_network_is_the_exported_one(
-    smoke: tuple[FilePath, dict[str, Any]],
+    smoke: tuple[FilePath, StudyResult],
 ) -> None:
     from steersman.controllers.policy import load_network
 
@@ -370,11 +407,10 @@ def test_the_compiled_network_is_the_exported_one(
 # ---------------------------------------------------------------------------------- report
 
 
-def test_sections_are_made_of_the_numbers(smoke: tuple[FilePath, dict[str, Any]]) -> None:
-    kept = json.loads((smoke[0] / "results.json").read_text())
-    made = study.sections(kept)
+def test_sections_are_made_of_the_numbers(smoke: tuple[FilePath, StudyResult]) -> None:
+    made = study.sections(StudyResult.read(smoke[0] / "results.json"))
     assert len(made) == 9
-    assert made == study.sections(json.loads(json.dumps(plain(smoke[1]))))
+    assert made == study.sections(smoke[1])
     text = json.dumps(made, default=vars)
     assert "NaN" not in text
     assert "None" not in text
@@ -382,8 +418,8 @@ def test_sections_are_made_of_the_numbers(smoke: tuple[FilePath, dict[str, Any]]
     assert len(files) == len(set(files))
 
 
-def saving(low: float, high: float) -> dict[str, Any]:
-    return {"value": 0.5 * (low + high), "low": low, "high": high}
+def saving(low: float, high: float) -> SeedInterval:
+    return SeedInterval(value=0.5 * (low + high), low=low, high=high)
 
 
 @pytest.mark.parametrize(
@@ -396,12 +432,18 @@ def saving(low: float, high: float) -> dict[str, Any]:
     ],
 )
 def test_a_saving_is_claimed_only_apart_from_zero(
-    found: dict[str, Any] | None, known: bool | None, words: str
+    smoke: tuple[FilePath, StudyResult],
+    found: SeedInterval | None,
+    known: bool | None,
+    words: str,
 ) -> None:
-    costs = {cost: {"saving": found} for cost in ("steps", "seconds", "off_track_resets")}
-    row = {"threshold_m": 0.1, "method": "both", "reached": 5, "alone_reached": 4, "seeds": [5, 5]}
-    learning = {"methods": {"both": {"label": "+ both"}}, "savings": [row | costs]}
-    (out,) = section_learning._saving_findings(learning)
+    cost = CostSaving(alone_median=1.0, median=1.0, horizon=1.0, saving=found)
+    learning = smoke[1].learning
+    row = next(s for s in learning.savings if s.threshold_m == 0.1 and s.method == "both")
+    row = row.model_copy(update={"steps": cost, "seconds": cost, "off_track_resets": cost})
+    (out,) = section_learning._saving_findings(
+        LearningResult(**{**dict(learning), "savings": [row]})
+    )
     assert out.agrees is known
     assert words in out.text
 
@@ -413,20 +455,23 @@ def test_the_circle_is_judged_by_the_numbers() -> None:
     agent = {"seeds": 2, "completed": 2, "median": median, "worst": worst, "least_aoe_deg": 0.93}
     paper = {"ale_mm": 2.83, "aoe_deg": 0.922, "steer_std": 0.11}
     label = METHODS["adaptive"].label
-    test = {"test": "9.9 m/s", "paper": paper, "drivers": {label: agent}}
-    good = section_driving.circle_section({"tests": [test]})
-    assert [f.agrees for f in good.findings] == [True, True]
+
+    def section(agent: dict[str, Any]) -> Any:
+        test = {"test": "9.9 m/s", "paper": paper, "drivers": {label: agent}}
+        return section_driving.circle_section(CircleResult.model_validate({"tests": [test]}))
+
+    assert [f.agrees for f in section(agent).findings] == [True, True]
     lost = agent | {"completed": 0, "worst": worst | {"completed": False, "end": "off_track"}}
-    bad = section_driving.circle_section({"tests": [test | {"drivers": {label: lost}}]})
+    bad = section(lost)
     assert [f.agrees for f in bad.findings] == [False]
     assert "off track after 600 m" in bad.findings[0].text
 
 
 def test_the_command_joins_study_and_report(
-    smoke: tuple[FilePath, dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+    smoke: tuple[FilePath, StudyResult], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     root, results = smoke
-    monkeypatch.setattr(study, "reproduce", lambda *_, **__: json.loads(json.dumps(plain(results))))
+    monkeypatch.setattr(study, "reproduce", lambda *_, **__: results)
     done = CliRunner().invoke(app, ["reproduce", "--quick", "--out", str(root)])
     assert done.exit_code == 0, done.output
     assert (root / "report.html").stat().st_size < 1_000_000
@@ -434,13 +479,13 @@ def test_the_command_joins_study_and_report(
 
 
 def test_ctrl_c_in_a_drive_ends_the_command_and_leaves_the_stage_to_do(
-    smoke: tuple[FilePath, dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+    smoke: tuple[FilePath, StudyResult], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     root, _ = smoke
-    kept = [root / "stages" / "monza.json", root / "results.json"]
+    kept = [root / "stages.jsonl", root / "results.json"]
     before = [file.read_bytes() for file in kept]
-    for file in kept:
-        file.unlink()
+    forget(root, "monza")
+    (root / "results.json").unlink()
     original, calls = Simulation.step, iter(range(1000))
 
     def step(self: Any, command: Any) -> Any:
@@ -451,11 +496,12 @@ def test_ctrl_c_in_a_drive_ends_the_command_and_leaves_the_stage_to_do(
     with monkeypatch.context() as patched:
         patched.setattr(Simulation, "step", step)
         done = CliRunner().invoke(
-            app, ["reproduce", "--quick", "--other-version", "--out", str(root)]
+            app, ["reproduce", "--quick", "--other-version", "--jobs", "1", "--out", str(root)]
         )
     assert done.exit_code == 130
     assert "the same command goes on" in done.stderr
-    assert not any(file.exists() for file in kept)
+    assert not (root / "results.json").exists()
+    assert "monza" not in open_journal(root, study.quick(), other_version=True).results
     for file, content in zip(kept, before, strict=True):
         file.write_bytes(content)
 
@@ -475,6 +521,6 @@ def test_an_interrupted_command_says_how_to_go_on(
 
 def test_results_of_the_first_version_still_become_sections() -> None:
     file = FilePath(__file__).parents[2] / "results" / "paper" / "results.json"
-    made = study.sections(json.loads(file.read_text(encoding="utf-8")))
+    made = study.sections(StudyResult.read(file))
     assert len(made) == 9
     assert sum(len(section.findings) for section in made) > 20

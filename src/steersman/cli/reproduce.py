@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
-from typing import Annotated, Any
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Annotated
 
 import typer
 
@@ -38,10 +39,12 @@ def reproduce(
             help="Go on although another version began; results.json names all of them.",
         ),
     ] = False,
+    jobs: settings.Jobs = None,
+    engine: settings.Engine = None,
 ) -> None:
     """Run the paper's experiments on the embedded simulator, and put its figures beside them.
 
-    Trains two agents at a time, drives all tests, and writes results.json, plots/ and
+    Trains two agents at a time (or --jobs), drives all tests, and writes results.json, plots/ and
     report.html, which puts what was measured beside the paper. What is finished is not done again.
     """
     import ddpg_mpc_pid as study
@@ -55,7 +58,16 @@ def reproduce(
         f"{max(work.minutes, 1.0):.0f} min on 2 cores, if nothing is done yet"
     )
     try:
-        results = _run(plan, folder, other_version=other_version)
+        with _progress() as progress:
+            results = study.reproduce(
+                plan,
+                folder,
+                progress,
+                note,
+                other_version=other_version,
+                engine=engine,
+                at_once=jobs,
+            )
     except KeyboardInterrupt:
         note(f"interrupted; the same command goes on from {folder}")
         raise typer.Exit(INTERRUPTED) from None
@@ -63,17 +75,18 @@ def reproduce(
     write(f"results: {folder / 'results.json'}\nreport: {page}\n")
 
 
-def _run(plan: Any, folder: Any, *, other_version: bool) -> dict[str, Any]:
-    import ddpg_mpc_pid as study
-
+@contextmanager
+def _progress() -> Iterator[Callable[[int, int, float, str], None]]:
+    """A function of the trainings' progress that draws a bar, or now and then a line."""
     if not animated():
-        return study.reproduce(plan, folder, _lines(), note, other_version=other_version)
+        yield _lines()
+        return
     with steps_bar(_SHARES, "trainings") as update:
 
         def progress(done: int, of: int, share: float, text: str) -> None:
             update(_SHARES * share, f"{done}/{of} trainings; {text}")
 
-        return study.reproduce(plan, folder, progress, note, other_version=other_version)
+        yield progress
 
 
 def _lines() -> Callable[[int, int, float, str], None]:
