@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
+from functools import cache
 from typing import Any, NamedTuple
 
 import steersman as sm
@@ -136,15 +136,9 @@ class Plan(NamedTuple):
     repetitions: int
     """Of the bootstrap."""
 
-    def trainings(self) -> Iterator[Training]:
+    def trainings(self) -> tuple[Training, ...]:
         """Every training; one seed of all methods first, so that an early look shows them all."""
-        for seed in range(max(self.seeds, self.ablation_seeds)):
-            for name in self.methods:
-                method = METHODS[name]
-                if seed < (self.ablation_seeds if method.ablation else self.seeds):
-                    words = (*self.words, *method.words, f"seed={seed}")
-                    last = {word.partition("=")[0]: word for word in words}  # later ones win
-                    yield Training(name, seed, sm.configure("train", "paper", *last.values()))
+        return _trainings(self)
 
     def data(self) -> dict[str, Any]:
         """The plan as plain data, every configuration resolved."""
@@ -155,6 +149,20 @@ class Plan(NamedTuple):
         """SHA-256 of the plan."""
         text = json.dumps(self.data(), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
+
+
+@cache
+def _trainings(plan: Plan) -> tuple[Training, ...]:
+    found = []
+    for seed in range(max(plan.seeds, plan.ablation_seeds)):
+        for name in plan.methods:
+            method = METHODS[name]
+            if seed < (plan.ablation_seeds if method.ablation else plan.seeds):
+                words = (*plan.words, *method.words, f"seed={seed}")
+                last = {word.partition("=")[0]: word for word in words}  # later ones win
+                config = sm.configure("train", "paper", *last.values())
+                found.append(Training(name, seed, config))
+    return tuple(found)
 
 
 def full() -> Plan:

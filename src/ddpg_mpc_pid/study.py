@@ -141,7 +141,7 @@ def estimate(plan: Plan) -> StudyEstimate:
 
 def stages(plan: Plan, runs: FilePath) -> dict[str, Stage]:
     """The stages that drive, each of which needs the trainings and nothing else."""
-    drivers, agents = len(list(plan.trainings())) + 2, plan.seeds
+    drivers, agents = len(plan.trainings()) + 2, plan.seeds
     whole = (plan.monza_seconds or _LAP, plan.away_seconds or _LAP)
     found: dict[str, Stage] = {
         f"circle, {test}": Stage(partial(circle, plan, runs, test), drivers * plan.circle_seconds)

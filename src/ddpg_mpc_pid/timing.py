@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path as FilePath
 from typing import Any
@@ -135,12 +136,21 @@ def read_weights(data: bytes) -> dict[str, NDArray[np.float32]]:
 
 def compiled(weights: dict[str, NDArray[np.float32]]) -> Callable[[Any], float]:
     """The exported network as one compiled function that maps features (1, n) to an action."""
-    import numba
-
     names = ("scale", "low", "high", "w1", "b1", "w2", "b2", "w3", "b3")
     arrays = tuple(np.ascontiguousarray(weights[name].T, np.float32) for name in names)
+    forward = _forward()
 
-    @numba.njit
+    def run(x: Any) -> float:
+        return math.tanh(float(forward(x, arrays)))
+
+    return run
+
+
+@cache
+def _forward() -> Any:
+    import numba
+
+    @numba.njit(cache=True)
     def forward(x: Any, arrays: Any) -> Any:
         scale, low, high, w1, b1, w2, b2, w3, b3 = arrays
         none = np.float32(0.0)
@@ -148,10 +158,7 @@ def compiled(weights: dict[str, NDArray[np.float32]]) -> Callable[[Any], float]:
         second = np.maximum(np.dot(first, w2) + b2, none)
         return (np.dot(second, w3) + b3)[0, 0]
 
-    def run(x: Any) -> float:
-        return math.tanh(float(forward(x, arrays)))
-
-    return run
+    return forward
 
 
 def sb3_predict(features: int, hidden: Sequence[int]) -> Callable[[Any], Any]:

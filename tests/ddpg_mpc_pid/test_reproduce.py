@@ -5,7 +5,8 @@ from __future__ import annotations
 import inspect
 import json
 import math
-from collections.abc import Callable
+import pickle
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -31,8 +32,11 @@ from ddpg_mpc_pid.study import Stage, done, open_journal, plain, stages
 from ddpg_mpc_pid.tracks import per_corner
 from steersman.cli import app
 from steersman.config import dump
+from steersman.engine.work import Outcome, packed, perform
 from steersman.errors import DataError, SteersmanError
 from steersman.learning import progress
+from steersman.learning.progress import TrainRow
+from steersman.learning.train import train
 from steersman.world import Simulation
 
 
@@ -61,7 +65,7 @@ def test_the_full_plan_has_every_method_with_its_seeds() -> None:
     names = [t.name for t in plan.trainings()]
     assert len(names) == len(set(names)) == 6 * 5 + 6 * 3
     assert {t.config.seed for t in plan.trainings()} == set(range(5))
-    first = list(plan.trainings())[: len(METHODS)]
+    first = plan.trainings()[: len(METHODS)]
     assert [t.method for t in first] == list(METHODS)
     for t in plan.trainings():
         updates = t.config.steps * t.config.agent.updates / t.config.agent.vehicles
@@ -159,13 +163,23 @@ def test_a_damaged_stage_says_so(tmp_path: FilePath) -> None:
         open_journal(tmp_path, study.quick())
 
 
-def test_stages_at_once_find_the_same(tmp_path: FilePath) -> None:
-    plan, runs = study.quick(), tmp_path / "runs"
-    todo = {k: s._replace(size=1e4) for k, s in stages(plan, runs).items() if k != "monza"}
+class Elsewhere(sm.Workers):
+    """Every job in a piece of its own, as processes get it: pickled and back."""
+
+    def outcomes(
+        self, work: Any, jobs: Any, *, listener: Any = None, **_: Any
+    ) -> Iterator[list[Outcome]]:
+        for job in jobs:
+            yield pickle.loads(pickle.dumps(perform(packed(work, [job]).data, listener)))
+
+
+def test_stages_find_the_same_in_other_processes(tmp_path: FilePath) -> None:
+    plan = study.quick()
+    todo = {name: s for name, s in stages(plan, tmp_path / "runs").items() if name != "monza"}
     some = dict(list(todo.items())[::5])
     found = [
-        done(some, open_journal(tmp_path / name, plan), silent, sm.Workers("local", jobs))
-        for name, jobs in (("one", 1), ("two", 2))
+        done(some, open_journal(tmp_path / name, plan), silent, workers)
+        for name, workers in (("here", None), ("elsewhere", Elsewhere()))
     ]
     assert [r.result for r in found[0]] == [r.result for r in found[1]]
     assert {r.stage for r in found[0]} == set(some)
@@ -336,10 +350,30 @@ def test_the_usual_mpc_plans_what_mpc_pid_plans() -> None:
 # --------------------------------------------------------------------------------- at once
 
 
+def train_here(
+    trainings: Sequence[sm.TrainingJob],
+    at_once: int | None,
+    listener: Callable[[sm.TrainingEvent], None],
+    *,
+    engine: str | None = None,
+    resume: bool = False,
+) -> dict[str, str]:
+    """``sm.train_all`` one after the other in this process, which has loaded PyTorch once."""
+    for job in trainings:
+
+        def tell(row: TrainRow, job: sm.TrainingJob = job) -> None:
+            listener(sm.TrainingEvent(job, steps=row.steps, row=row))
+
+        train(job.config, job.out, tell, resume=resume)
+    return {}
+
+
 @pytest.fixture(scope="module")
 def smoke(tmp_path_factory: pytest.TempPathFactory) -> tuple[FilePath, StudyResult]:
     root = tmp_path_factory.mktemp("reproduce")
-    found = study.reproduce(study.quick(), root, silent, silent, other_version=True, at_once=1)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(sm, "train_all", train_here)
+        found = study.reproduce(study.quick(), root, silent, silent, other_version=True, at_once=1)
     return root, found
 
 
