@@ -23,7 +23,7 @@ from steersman.outcome import Interrupted, PlantFailure, RunError
 from steersman.paths.analytic import Circle, Straight
 from steersman.paths.base import PathComponent
 from steersman.plants.simulator import Simulator, SimulatorConfig
-from steersman.rollout import RunConfig, attempt, run
+from steersman.rollout import RunConfig, Start, attempt, run
 from steersman.sensing import WaypointSensor
 from steersman.speed import ConstantSpeed, ConstantThrottle
 from steersman.types import Command, Decision, Observation, Pose, Status, VehicleState
@@ -75,7 +75,7 @@ def test_starts_in_the_steady_turn(speed: float, direction: str) -> None:
 
 
 def test_starts_where_told() -> None:
-    episode = drive(GOOD, Posed(), start=30.0, duration=0.2)
+    episode = drive(GOOD, Posed(), start=Start(s=30.0), duration=0.2)
     assert episode["s"][0] == pytest.approx(30.0)
     assert episode["x"][0] == pytest.approx(Posed().at(30.0).x)
 
@@ -333,7 +333,7 @@ def test_a_controller_that_fails_early_fails_at_its_step(at: int) -> None:
 @pytest.mark.parametrize("path", [Straight(distance=200.0), Circle()])
 def test_a_start_beyond_the_path_is_refused(path: PathComponent) -> None:
     with pytest.raises(ConfigError, match=rf"start: .* is not allowed.*{path.length:g} \[m\]"):
-        drive(GOOD, path, start=path.length)
+        drive(GOOD, path, start=Start(s=path.length))
 
 
 def test_laps_of_an_open_path_are_refused() -> None:

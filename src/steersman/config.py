@@ -214,12 +214,24 @@ def merge(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
     {'path': {'kind': 'circle', 'radius': 50}}
     >>> merge({"path": {"kind": "circle", "radius": 50}}, {"path": {"kind": "straight"}})
     {'path': {'kind': 'straight'}}
+
+    Raises:
+        ConfigError: fields are laid over a number, which would be lost.
     """
     if "kind" in change:
         return dict(change)
     out = dict(base)
     for key, value in change.items():
-        out[key] = merge(_fields(out.get(key)), value) if isinstance(value, Mapping) else value
+        if isinstance(value, Mapping):
+            before = out.get(key)
+            if isinstance(before, int | float) and "kind" not in value:
+                names = " and ".join(map(str, value))
+                raise ConfigError(
+                    f"given as {before}, and {names} of it too; give fields alone", (str(key),)
+                )
+            out[key] = merge(_fields(before), value)
+        else:
+            out[key] = value
     return out
 
 

@@ -5,8 +5,8 @@ A disturbance alters arrays of the fleet between the compiled steps, at two mome
 - ``act``: the step begins. It may alter the vehicle's parameters (``world.vehicles.rows[i]``:
   friction, side force, ...) and what the steering actuator takes (``fleet.bounds[i]``).
 - ``sense``: what is observed after the step is about to be measured. It may set the errors of the
-  measured pose and velocities (``fleet.errors[i]``) and of the waypoints (``fleet.shifts[i]``), or
-  what arrives at all (``fleet.arrives[i]``).
+  measured pose and velocities (``fleet.errors[i]``, columns of a state row) and of the waypoints
+  (``fleet.shifts[i]``), or what arrives at all (``fleet.arrives[i]``).
 
 So it acts alike in rollouts, environments, benchmark and tuning. Sensor errors, wind and faults of
 this package are disturbances of this kind; one of another package is a registered component
@@ -15,6 +15,7 @@ this package are disturbances of this kind; one of another package is a register
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Any
@@ -23,7 +24,9 @@ import numpy as np
 
 from steersman.config import Component, param, register
 from steersman.kernels import vehicle as car
-from steersman.kernels.world import Fleet, World
+from steersman.kernels.fleet import Fleet, World
+from steersman.kernels.observe import V_X_SCALE
+from steersman.kernels.world import DROPPED
 
 
 class Disturber:
@@ -62,17 +65,31 @@ class DisturbanceComponent(Component):
 class _Bias(Disturber):
     errors = True
 
-    def __init__(self, config: SensorBias) -> None:
-        self._config = config
+    def __init__(self, config: SensorBias, n: int) -> None:
+        values = config.v_x_scale, config.v_x, config.v_y, config.yaw_rate, config.heading
+        self._values, self._drawn = np.array(values), config.drawn
+        self._own = np.tile(self._values, (n, 1))
+
+    def begin(self, world: World, fleet: Fleet, i: int, rng: np.random.Generator) -> None:
+        if self._drawn:
+            self._own[i] = rng.uniform(-1.0, 1.0, self._values.size) * self._values
 
     def sense(
         self, world: World, fleet: Fleet, i: int, time: float, rng: np.random.Generator
     ) -> None:
-        config, errors = self._config, fleet.errors[i]
-        errors[car.VX] += config.v_x
-        errors[car.VY] += config.v_y
-        errors[car.YAW_RATE] += config.yaw_rate
-        errors[car.PSI] += config.heading
+        errors = fleet.errors[i]
+        scale, v_x, v_y, yaw_rate, heading = self._own[i].tolist()
+        errors[car.VX] += v_x
+        errors[V_X_SCALE] += scale
+        errors[car.VY] += v_y
+        errors[car.YAW_RATE] += yaw_rate
+        errors[car.PSI] += heading
+
+    def snapshot(self) -> dict[str, Any]:
+        return {"own": self._own}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        self._own[:] = saved["own"]
 
 
 @register("disturbance", "sensor_bias")
@@ -80,10 +97,80 @@ class SensorBias(DisturbanceComponent):
     """Constant errors of measured heading and velocities."""
 
     v_x: float = param(0.0, "m/s", "Added to the measured longitudinal velocity.")
+    v_x_scale: float = param(
+        0.0, "-", "So is this times the true one: a wrong rolling radius.", gt=-1, lt=1
+    )
     v_y: float = param(0.0, "m/s", "Added to the measured lateral velocity.")
     yaw_rate: float = param(0.0, "rad/s", "Added to the measured yaw rate.")
     heading: float = param(0.0, "rad", "Added to the measured yaw.")
+    drawn: bool = param(
+        False, "-", "Each drive draws its errors, uniformly from minus to plus the values."
+    )
 
     def make(self, n: int, seed: int) -> Disturber:
         """The errors at work."""
-        return _Bias(self)
+        return _Bias(self, n)
+
+
+class _Drift(Disturber):
+    errors = True
+
+    def __init__(self, config: PositionDrift, n: int) -> None:
+        self._config, self._now = config, np.zeros((n, 2))
+
+    def begin(self, world: World, fleet: Fleet, i: int, rng: np.random.Generator) -> None:
+        self._now[i] = rng.normal(0.0, self._config.deviation, 2)
+
+    def sense(
+        self, world: World, fleet: Fleet, i: int, time: float, rng: np.random.Generator
+    ) -> None:
+        if time > 0.0:
+            keep = math.exp(-world.dt / self._config.time)
+            spread = self._config.deviation * math.sqrt(1.0 - keep * keep)
+            self._now[i] = keep * self._now[i] + rng.normal(0.0, spread, 2)
+        fleet.errors[i, [car.X, car.Y]] += self._now[i]
+
+    def snapshot(self) -> dict[str, Any]:
+        return {"now": self._now}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        self._now[:] = saved["now"]
+
+
+@register("disturbance", "position_drift")
+class PositionDrift(DisturbanceComponent):
+    """Slow error of the measured position, in x and in y, as of satellite navigation.
+
+    A first-order Gauss-Markov process (Groves, Principles of GNSS, Inertial, and Multisensor
+    Integrated Navigation Systems, 2nd ed., app. B.4): e_k+1 = e_k exp(-dt / time) + w_k, with
+    the stationary deviation from the start on.
+    """
+
+    deviation: float = param(0.2, "m", "SD in x and in y.", ge=0)
+    time: float = param(10.0, "s", "Correlation time.", gt=0)
+
+    def make(self, n: int, seed: int) -> Disturber:
+        """The error at work."""
+        return _Drift(self, n)
+
+
+class _Dropouts(Disturber):
+    def __init__(self, config: Dropouts) -> None:
+        self._share = config.share
+
+    def sense(
+        self, world: World, fleet: Fleet, i: int, time: float, rng: np.random.Generator
+    ) -> None:
+        if time > 0.0 and rng.uniform() < self._share:
+            fleet.arrives[i] = DROPPED
+
+
+@register("disturbance", "dropouts")
+class Dropouts(DisturbanceComponent):
+    """Observations get lost, each on its own; the last one is there again, with its own time."""
+
+    share: float = param(0.05, "-", "Share of the observations that get lost.", ge=0, lt=1)
+
+    def make(self, n: int, seed: int) -> Disturber:
+        """The losses at work."""
+        return _Dropouts(self)

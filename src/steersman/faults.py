@@ -17,7 +17,7 @@ from steersman.controllers.base import ControllerComponent, Wrapper
 from steersman.controllers.supervisor import Supervisor
 from steersman.disturbances import Disturber
 from steersman.kernels import world as kernel
-from steersman.kernels.world import Fleet, World
+from steersman.kernels.fleet import Fleet, World
 from steersman.types import Decision, Observation, Status
 from steersman.vehicles import Vehicle
 

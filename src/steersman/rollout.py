@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Annotated
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import field_validator, model_validator
 
 from steersman import episode as ending
 from steersman.config import Of, Settings, param
@@ -41,6 +41,22 @@ from steersman.world import Simulation
 LONGEST = 7200.0
 
 
+class Start(Settings):
+    """Where a run starts; in a configuration a number stands for ``s`` alone."""
+
+    s: float = param(0.0, "m", "Arc length.", ge=0)
+    offset: float = param(0.0, "m", "Distance from the path, left positive.")
+    heading: float = param(
+        0.0, "rad", "Direction of the velocity (at rest: yaw) less the path's tangent."
+    )
+
+    def pose(self, path: PathComponent) -> Pose:
+        """Centre of mass and direction of the velocity."""
+        at = path.at(self.s)
+        x, y = at.x - self.offset * math.sin(at.psi), at.y + self.offset * math.cos(at.psi)
+        return Pose(x, y, at.psi + self.heading)
+
+
 class RunConfig(Settings):
     """One closed loop: controller, vehicle, path, speed and length of the run."""
 
@@ -69,8 +85,23 @@ class RunConfig(Settings):
     )
     laps: float | None = param(None, "-", "Laps of a closed path, instead of a duration.", gt=0)
     corridor: float = param(1.5, "m", "Half width of the corridor; leaving it ends the run.", gt=0)
-    start: float = param(0.0, "m", "Arc length at which the run starts.", ge=0)
+    start: Start = param(Start(), "-", "Where the run starts; a number is the arc length [m].")
     seed: int = param(0, "-", "Seed of everything random.", ge=0)
+
+    @field_validator("start", mode="before")
+    @classmethod
+    def _arc_length(cls, value: object) -> object:
+        return {"s": value} if isinstance(value, float | int) else value
+
+    @model_validator(mode="after")
+    def _beside(self) -> RunConfig:
+        if abs(self.start.offset) >= self.corridor:
+            raise ConfigError(
+                f"{self.start.offset:g} is not allowed; the corridor's half width is "
+                f"{self.corridor:g} [m]",
+                ("start", "offset"),
+            )
+        return self
 
     @model_validator(mode="after")
     def _length(self) -> RunConfig:
@@ -139,7 +170,7 @@ class _Drive:
             ConfigError: the path has no laps, or ends before the start.
         """
         self.config, path = config, config.path
-        self.goal, self.limit = _goal(path, config.start, config.duration, config.laps)
+        self.goal, self.limit = _goal(path, config.start.s, config.duration, config.laps)
         profile = config.speed.profile()
         more = () if config.fault is None else (config.fault,)
         disturbances = [one.make(1, config.seed) for one in (*config.disturbances, *more)]
@@ -158,9 +189,9 @@ class _Drive:
         self._more: list[tuple[float, ...]] = []
         self._fine: list[FloatArray] = []
         try:
-            at = path.at(config.start)
-            speed = config.speed.start_speed(path, config.start)
-            simulation.begin(0, 0, config.start, Pose(at.x, at.y, at.psi), speed, profile)
+            start = config.start
+            speed = config.speed.start_speed(path, start.s)
+            simulation.begin(0, 0, start.s, start.pose(path), speed, profile)
             simulation.limit(0, self.limit, self.goal)
         except BaseException:
             simulation.close()

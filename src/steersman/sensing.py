@@ -10,13 +10,16 @@ import numpy as np
 from steersman.config import Component, param, register
 from steersman.disturbances import Disturber
 from steersman.episode import Episode
+from steersman.errors import ConfigError
 from steersman.kernels import observe as kernel
 from steersman.kernels import vehicle as car
-from steersman.kernels.world import Fleet, World
+from steersman.kernels.fleet import Fleet, World
 from steersman.protocols import Path
 from steersman.types import FloatArray, Observation, VehicleState
 
 NO_SHIFT = np.zeros((0, 2))
+# Times that differ by less are the same, but for rounding [s].
+_SAME = 1e-9
 
 
 class Tracking(NamedTuple):
@@ -102,12 +105,30 @@ class WaypointSensor(Component):
     heading_noise: float = param(0.0, "rad", "SD of the error of the vehicle's yaw.", ge=0)
     speed_noise: float = param(0.0, "m/s", "SD of the errors of v_x and of v_y.", ge=0)
     yaw_rate_noise: float = param(0.0, "rad/s", "SD of the error of the yaw rate.", ge=0)
+    latency: float = param(
+        0.0, "s", "Age of the observation that arrives; whole control periods.", ge=0, le=0.5
+    )
 
     @property
     def deviations(self) -> tuple[float, ...]:
         """SDs of the first columns of a state row: x, y [m], yaw [rad], v_x, v_y, yaw rate."""
         position, speed = self.position_noise, self.speed_noise
         return position, position, self.heading_noise, speed, speed, self.yaw_rate_noise
+
+    def periods(self, dt: float) -> int:
+        """The latency in control periods of ``dt`` [s].
+
+        Raises:
+            ConfigError: it is no whole number of them.
+        """
+        count = round(self.latency / dt)
+        if abs(count * dt - self.latency) > _SAME:
+            raise ConfigError(
+                f"{self.latency:g} is not allowed; give whole control periods of {dt:g} s, "
+                f"e.g. {count * dt:g} [s]",
+                ("sensor", "latency"),
+            )
+        return count
 
     def fit_weights(self) -> FloatArray:
         """Weights (3, count) of the least-squares parabola: value, slope, second derivative."""
@@ -188,6 +209,6 @@ class SensorErrors(Disturber):
     ) -> None:
         """Draw the errors of this moment."""
         if self.errors:
-            fleet.errors[i] += rng.normal(0.0, self._deviations)
+            fleet.errors[i, : kernel.N_MEASURED] += rng.normal(0.0, self._deviations)
         if self._sensor.redraw and fleet.shifts.shape[1]:
             fleet.shifts[i] = fleet.levels[i] * self._sensor.draw(rng)

@@ -18,6 +18,8 @@ from steersman.types import FloatArray
 
 # How often the driving cycle is repeated.
 _CYCLES = 20
+# Time for which stop and go is laid out [s].
+_LONGEST = 7200.0
 
 
 class SpeedComponent(Component):
@@ -87,6 +89,24 @@ class ConstantSpeed(SpeedTracking):
     def breakpoints(self) -> tuple[FloatArray, FloatArray]:
         """A single breakpoint."""
         return np.zeros(1), np.array([self.speed])
+
+
+@register("speed", "stop_and_go")
+class StopAndGo(SpeedTracking):
+    """The car stands, drives on, holds its speed and brakes to a stop, again and again."""
+
+    speed: float = param(10.0, "m/s", "Speed between the stops.", gt=0)
+    stand: float = param(3.0, "s", "Standstill, also at the start.", gt=0)
+    hold: float = param(10.0, "s", "Time at the speed.", gt=0)
+    change: float = param(2.0, "m/s^2", "Acceleration, and deceleration to the stop.", gt=0)
+
+    def breakpoints(self) -> tuple[FloatArray, FloatArray]:
+        """Trapezoids for as long as a run may last."""
+        ramp = self.speed / self.change
+        corners = np.cumsum([self.stand, ramp, self.hold, ramp])
+        starts = np.arange(math.ceil(_LONGEST / corners[-1])) * corners[-1]
+        times = (starts[:, None] + [0.0, *corners[:3]]).ravel()
+        return times, np.tile([0.0, 0.0, self.speed, self.speed], starts.size)
 
 
 @register("speed", "nedc")

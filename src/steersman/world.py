@@ -17,9 +17,9 @@ from steersman.kernels import observe
 from steersman.kernels import path as paths
 from steersman.kernels import vehicle as car
 from steersman.kernels import world as kernel
+from steersman.kernels.fleet import Fleet, World, empty_fleet
 from steersman.kernels.speed import SpeedTable
 from steersman.kernels.step import Lesson
-from steersman.kernels.world import Fleet, World
 from steersman.paths.base import PathComponent
 from steersman.paths.segments import stack
 from steersman.plants.base import PlantComponent
@@ -76,7 +76,8 @@ class Simulation:
             memory: width of the learner's memory.
 
         Raises:
-            ConfigError: the plant drives one vehicle, and more are wanted.
+            ConfigError: the plant drives one vehicle, and more are wanted; the sensor's latency
+                is no whole number of control periods.
             PlantError: it cannot be reached.
         """
         self.n, self.dt, self.sensor, self.lesson = n, plant.dt, sensor, lesson
@@ -94,19 +95,22 @@ class Simulation:
             dt=plant.dt,
             corridor=corridor,
         )
-        errors = any(one.errors for one in self._disturbers)
-        self.fleet: Fleet = kernel.empty_fleet(
+        errors, late = any(one.errors for one in self._disturbers), sensor.periods(plant.dt)
+        self.fleet: Fleet = empty_fleet(
             n,
             sensor.count,
-            errors=observe.N_MEASURED if errors else 0,
+            errors=observe.N_MEASURED + 1 if errors else 0,
             shifts=sensor.count if sensor.error_range > 0.0 else 0,
+            late=late + 1 if late else 0,
             fine=self.world.substeps if fine else 0,
             memory=memory,
             features=0 if lesson is None else len(lesson.scale),
         )
         self.fleet.delay[:] = plant.delay_of(vehicle)
+        # Whether something acts between the compiled steps, or measurements are late.
+        self._watched = bool(self._disturbers) or late > 0
         self.rngs = [np.random.default_rng(seed) for _ in range(n)]
-        self._times = np.zeros(n)
+        self._times = np.zeros((n, late + 1))  # of the measurements on their way, newest first
         self.mover: Mover = make_mover(plant, vehicle, roads, n, shared)
 
     def begin(self, i: int, road: int, s: float, pose: Pose, v: float, profile: Profile) -> None:
@@ -134,6 +138,7 @@ class Simulation:
         fleet.memory[i], fleet.inputs[i] = 0.0, 0.0
         fleet.sent[i] = 0.0
         fleet.ended[i] = kernel.RUNNING
+        self._times[i] = self.dt * -np.arange(self._times.shape[1])
         for one in self._disturbers:
             one.begin(world, fleet, i, rng)
 
@@ -147,6 +152,20 @@ class Simulation:
         self._sense(i, self.time(i))
         kernel.look(self.world, self.fleet, i)
 
+    def measure(self, i: int, step: int, state: FloatArray, tracking: FloatArray) -> None:
+        """Measure vehicle ``i`` as if a drive had brought it there; in the order of the steps.
+
+        Args:
+            i: the vehicle, after :meth:`begin`.
+            step: control steps driven.
+            state: its row (N_STATE,).
+            tracking: its place on the road (N_TRACKING,).
+        """
+        fleet = self.fleet
+        fleet.state[i], fleet.tracking[i] = state, tracking
+        fleet.clock[i, kernel.CLOCK_STEPS] = step
+        self.look(i)
+
     def step(self, actions: FloatArray) -> None:
         """One control step of all vehicles; the caller begins anew those whose drive ended.
 
@@ -154,7 +173,7 @@ class Simulation:
             PlantError: the plant failed.
         """
         fleet = self.fleet
-        for i in range(self.n) if self._disturbers else ():
+        for i in range(self.n) if self._watched else ():
             fleet.bounds[i] = -1.0, 1.0
             for one in self._disturbers:
                 one.act(self.world, fleet, i, self.time(i))
@@ -162,14 +181,16 @@ class Simulation:
         self.mover.step(self.world, self.fleet, self.lesson, actions)
 
     def _sense(self, i: int, time: float) -> None:
-        fleet = self.fleet
+        fleet, times = self.fleet, self._times[i]
         if fleet.errors.shape[1]:
             fleet.errors[i] = 0.0
         fleet.arrives[i] = kernel.MEASURED
         for one in self._disturbers:
             one.sense(self.world, fleet, i, time, self.rngs[i])
+        if time > 0.0:
+            times[1:] = times[:-1]
         if fleet.arrives[i] != kernel.DROPPED:
-            self._times[i] = time
+            times[0] = time
 
     def time(self, i: int) -> float:
         """Time since the drive of vehicle ``i`` began [s]."""
@@ -178,7 +199,7 @@ class Simulation:
     def observation(self, i: int) -> Observation:
         """What a controller of vehicle ``i`` gets now."""
         row = self.fleet.rows[i].copy()  # controllers may keep it
-        time = float(self._times[i]) if self._disturbers else self.time(i)
+        time = float(self._times[i, -1]) if self._watched else self.time(i)
         return to_observation(row, time, self.sensor.spacing)
 
     def arrays(self) -> dict[str, Any]:

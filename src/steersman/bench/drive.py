@@ -121,7 +121,7 @@ def driven_share(run: RunConfig, episode: Episode) -> float:
 
 
 def _start(run: RunConfig) -> float:
-    return 0.0 if run.path.closed else run.start
+    return 0.0 if run.path.closed else run.start.s
 
 
 def charged_rms(errors: FloatArray, share: float, corridor: float) -> float:

@@ -15,6 +15,8 @@ S, D, HEADING, COURSE, KAPPA, PATH_X, PATH_Y = range(7)
 N_TRACKING = 7
 # Columns of a state row that sensors measure: pose and velocities, the first ones.
 N_MEASURED = 6
+# Column of the error of v_x that is in proportion to it, behind the errors of those.
+V_X_SCALE = 6
 # Columns of an observation row before the waypoints (x0, y0, x1, y1, ... in the vehicle's frame).
 O_D, O_HEADING, O_VX, O_VY, O_RATE, O_STEER, O_KAPPA = range(7)
 O_PREVIEW = 7

@@ -11,8 +11,9 @@ from steersman.kernels import observe as obs
 from steersman.kernels import reward as rew
 from steersman.kernels.compiled import kernel
 from steersman.kernels.encode import EncodingTable
+from steersman.kernels.fleet import Fleet, World
 from steersman.kernels.reward import RewardTable
-from steersman.kernels.world import Fleet, World, advance
+from steersman.kernels.world import advance
 from steersman.types import FloatArray
 
 

@@ -9,24 +9,21 @@ arrays of the fleet between the steps.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
 
 import numpy as np
 
 from steersman.kernels import observe as obs
-from steersman.kernels import reward as rew
 from steersman.kernels import vehicle as car
 from steersman.kernels.compiled import kernel
-from steersman.kernels.path import CLOSED, LENGTH, PathTable
-from steersman.kernels.speed import SpeedTable, pedals
+from steersman.kernels.fleet import Fleet, World
+from steersman.kernels.path import CLOSED, LENGTH
+from steersman.kernels.speed import pedals
 from steersman.kernels.vehicle import VehicleTable
 from steersman.types import FloatArray
 
 # Reasons to end a drive; GOAL_REACHED is the end of an open road or the laps that were asked for.
 RUNNING, LEFT_CORRIDOR, ROLLED, GOAL_REACHED, TIME_UP = range(5)
 FAILED = LEFT_CORRIDOR, ROLLED
-# Commands that the delay line can hold.
-DELAY_LINE = 16
 # What arrives of an observation: the measurement; the last numbers again, at the present time or
 # at their own; or NaN.
 MEASURED, FROZEN, DROPPED, NOTHING = range(4)
@@ -34,122 +31,6 @@ MEASURED, FROZEN, DROPPED, NOTHING = range(4)
 CLOCK_STEPS, CLOCK_INTEGRAL, CLOCK_LIMIT, CLOCK_DISTANCE, CLOCK_GOAL = range(5)
 # Distances and times that differ by less are the same, but for rounding [m], [s].
 _SAME = 1e-9
-
-
-class World(NamedTuple):
-    """What does not change during a step."""
-
-    vehicles: VehicleTable
-    paths: PathTable
-    speed: SpeedTable
-    weights: FloatArray
-    """(3, waypoints) of the fit through shifted waypoints, see :func:`observe.sense`."""
-    spacing: float
-    """Distance between waypoints [m]."""
-    h: float
-    """Integration step [s]."""
-    substeps: int
-    dt: float
-    """Control period [s]."""
-    corridor: float
-    """Half width of the corridor [m]."""
-
-
-class Fleet(NamedTuple):
-    """What changes: a row for each vehicle."""
-
-    state: FloatArray
-    tracking: FloatArray
-    rows: FloatArray
-    """(N, O_PREVIEW + 2 waypoints) observations."""
-    delayed: FloatArray
-    """(N, DELAY_LINE) the last steering commands, newest first."""
-    delay: Any
-    """(N,) int64 steering delay in substeps."""
-    path: Any
-    """(N,) int64 number of the path."""
-    clock: FloatArray
-    """(N, 5): control steps driven, speed controller's integral, time limit [s], distance driven
-    along the path [m], distance at which the drive ends [m]."""
-    ended: Any
-    """(N,) int64 reason the drive ended with this step, or RUNNING."""
-    errors: FloatArray
-    """(N, N_MEASURED or 0) errors of the next measured pose and velocities, added to the state."""
-    shifts: FloatArray
-    """(N, waypoints or 0, 2) errors of the next waypoints in the vehicle's frame [m]."""
-    levels: FloatArray
-    """(N,) factor on the waypoints' errors [-]."""
-    arrives: Any
-    """(N,) int64 what arrives of the next observation: MEASURED, FROZEN, DROPPED or NOTHING."""
-    bounds: FloatArray
-    """(N, 2) the least and the largest steering command that the actuator takes [-]."""
-    sent: FloatArray
-    """(N,) steering command that the actuator got in this step [-]."""
-    fine: FloatArray
-    """(N, substeps or 0, 2) a_x and a_y at this step's integration steps [m/s^2]."""
-    memory: FloatArray
-    """(N, any) what a learner's features remember; so are the next five a learner's."""
-    inputs: FloatArray
-    """(N, features)."""
-    demo: FloatArray
-    """(N,) steering that the demonstrator proposes now."""
-    base: FloatArray
-    """(N,) steering of the base controller now, which the actions correct."""
-    executed: FloatArray
-    """(N,) steering command of this step, before the actuator's faults."""
-    reward: FloatArray
-    """(N, 4): reward, r_track, c_track, c_diff of this step."""
-    judged: FloatArray
-    """Scratch: the step of the vehicle in turn as the reward's terms see it."""
-    work: FloatArray
-    """Scratch of the integration."""
-    command: FloatArray
-    """Scratch: the command of the vehicle in turn."""
-    measured: FloatArray
-    """Scratch: the measured state."""
-    place: FloatArray
-    """Scratch: the tracking row of the measured state."""
-
-
-def empty_fleet(
-    n: int,
-    waypoints: int,
-    *,
-    errors: int = 0,
-    shifts: int = 0,
-    fine: int = 0,
-    memory: int = 0,
-    features: int = 0,
-) -> Fleet:
-    """A fleet of ``n`` vehicles, all zero; the other numbers are the widths of its arrays."""
-    return Fleet(
-        state=np.zeros((n, car.N_STATE)),
-        tracking=np.zeros((n, obs.N_TRACKING)),
-        rows=np.zeros((n, obs.O_PREVIEW + 2 * waypoints)),
-        delayed=np.zeros((n, DELAY_LINE)),
-        delay=np.zeros(n, dtype=np.int64),
-        path=np.zeros(n, dtype=np.int64),
-        clock=np.zeros((n, 5)),
-        ended=np.zeros(n, dtype=np.int64),
-        errors=np.zeros((n, errors)),
-        shifts=np.zeros((n, shifts, 2)),
-        levels=np.ones(n),
-        arrives=np.zeros(n, dtype=np.int64),
-        bounds=np.tile([-1.0, 1.0], (n, 1)),
-        sent=np.zeros(n),
-        fine=np.zeros((n, fine, 2)),
-        memory=np.zeros((n, memory)),
-        inputs=np.zeros((n, features)),
-        demo=np.zeros(n),
-        base=np.zeros(n),
-        executed=np.zeros(n),
-        reward=np.zeros((n, 4)),
-        judged=np.zeros(rew.N_JUDGED),
-        work=np.zeros((3, car.N_MOTION)),
-        command=np.zeros(3),
-        measured=np.zeros(car.N_STATE),
-        place=np.zeros(obs.N_TRACKING),
-    )
 
 
 @kernel
@@ -196,8 +77,29 @@ def drive(  # noqa: PLR0917 - numba takes no keyword-only arguments
 
 @kernel
 def look(world: World, fleet: Fleet, n: int) -> None:
-    """Measure the observation of vehicle ``n``, whose tracking row is up to date."""
-    row = fleet.rows[n]
+    """Renew the observation of vehicle ``n``, whose tracking row is up to date.
+
+    With latency it is one measured some control periods ago; at the start of a drive, the first.
+    """
+    late = fleet.late[n]
+    if late.shape[0] == 0:
+        _measure(world, fleet, n, fleet.rows[n])
+        return
+    oldest = late.shape[0] - 1
+    first = fleet.clock[n, CLOCK_STEPS] == 0.0
+    for j in range(late.shape[1]):
+        for i in range(oldest, 0, -1):
+            late[i, j] = late[i - 1, j]
+    _measure(world, fleet, n, late[0])
+    for j in range(late.shape[1]):
+        for i in range(1, oldest + 1 if first else 0):
+            late[i, j] = late[0, j]
+        fleet.rows[n, j] = late[oldest, j]
+
+
+@kernel
+def _measure(world: World, fleet: Fleet, n: int, row: FloatArray) -> None:
+    """Measure vehicle ``n``; what does not arrive leaves the row as it is."""
     arrives = fleet.arrives[n]
     if arrives in (FROZEN, DROPPED):
         return
@@ -211,6 +113,7 @@ def look(world: World, fleet: Fleet, n: int) -> None:
             fleet.measured[i] = state[i]
         for i in range(obs.N_MEASURED):
             fleet.measured[i] += fleet.errors[n, i]
+        fleet.measured[car.VX] += fleet.errors[n, obs.V_X_SCALE] * state[car.VX]
         obs.track(world.paths, fleet.path[n], fleet.measured, tracking[obs.S], fleet.place)
         state, tracking = fleet.measured, fleet.place
     obs.sense(

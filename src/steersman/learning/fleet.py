@@ -15,8 +15,8 @@ from steersman.kernels import speed as speed_kernel
 from steersman.kernels import step as lessons
 from steersman.kernels import vehicle as car
 from steersman.kernels import world as kernel
+from steersman.kernels.fleet import Fleet
 from steersman.kernels.vehicle import GRAVITY
-from steersman.kernels.world import Fleet
 from steersman.learning.demonstration import (
     Demonstrator,
     demonstrated_action,

@@ -10,7 +10,7 @@ import numpy as np
 from steersman.config import Component, param, resolve
 from steersman.disturbances import Disturber
 from steersman.errors import ConfigError
-from steersman.kernels import world as kernel
+from steersman.kernels.fleet import DELAY_LINE
 from steersman.protocols import Path, Plant
 from steersman.types import FloatArray
 from steersman.vehicles import Vehicle
@@ -102,7 +102,7 @@ class PlantComponent(Component):
         """
         delay = self.steering_delay + more
         count = round(delay / self.h)
-        longest = (kernel.DELAY_LINE - 2) * self.substeps()
+        longest = (DELAY_LINE - 2) * self.substeps()
         if count > longest:
             limit = longest * self.h
             raise ConfigError(f"plant.steering_delay: {delay} s is too long; at most {limit:g} s")

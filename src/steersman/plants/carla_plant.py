@@ -24,7 +24,7 @@ import numpy as np
 from steersman.errors import PlantError
 from steersman.kernels import vehicle as car
 from steersman.kernels.actuator import slew
-from steersman.kernels.world import DELAY_LINE
+from steersman.kernels.fleet import DELAY_LINE
 from steersman.plants.carla_frame import CarlaFrame, Placement, a_step_before, unwrapped
 from steersman.plants.carla_physics import offset_of, steering, vehicle_of
 from steersman.plants.carla_server import whose

@@ -17,8 +17,8 @@ from steersman.kernels import step as lessons
 from steersman.kernels import vehicle as car
 from steersman.kernels import world as kernel
 from steersman.kernels.compiled import kernel as compiled
+from steersman.kernels.fleet import Fleet, World
 from steersman.kernels.step import Lesson
-from steersman.kernels.world import Fleet, World
 from steersman.plants.base import PlantComponent
 from steersman.plants.simulator import place
 from steersman.protocols import Path, Plant

@@ -14,8 +14,8 @@ import numpy as np
 from steersman.config import param
 from steersman.kernels import vehicle as car
 from steersman.kernels.actuator import slew, slew_lagged
+from steersman.kernels.fleet import DELAY_LINE
 from steersman.kernels.steady_turn import steady_turn
-from steersman.kernels.world import DELAY_LINE
 from steersman.plants.base import ComputedPlant, PlantComponent
 from steersman.types import Command, FloatArray, Pose, VehicleState
 from steersman.vehicles import Vehicle

@@ -10,6 +10,7 @@ from steersman.config import param, register
 from steersman.disturbances import Disturber
 from steersman.kernels import vehicle as car
 from steersman.kernels import world as kernel
+from steersman.kernels.fleet import DELAY_LINE
 from steersman.kernels.steady_turn import steady_turn
 from steersman.plants.base import ComputedPlant, PlantComponent
 from steersman.plants.wind import Wind
@@ -66,7 +67,7 @@ class Simulator(ComputedPlant):
         """Prepare the simulator; ``reset`` before the first step."""
         super().__init__(config, vehicle)
         self._state = np.zeros(car.N_STATE)
-        self._delayed = np.zeros(kernel.DELAY_LINE)
+        self._delayed = np.zeros(DELAY_LINE)
         self._work = np.zeros((3, car.N_MOTION))
 
     def reset(self, pose: Pose, speed: float, curvature: float) -> VehicleState:

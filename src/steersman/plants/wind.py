@@ -16,7 +16,7 @@ import numpy as np
 from steersman.config import Settings, param
 from steersman.disturbances import Disturber
 from steersman.kernels import vehicle as car
-from steersman.kernels.world import Fleet, World
+from steersman.kernels.fleet import Fleet, World
 
 _AIR_DENSITY = 1.2
 

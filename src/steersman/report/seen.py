@@ -1,12 +1,13 @@
 """What a drive's record does not hold, rebuilt from its configuration: road, car, waypoints.
 
 An episode keeps the configuration and the seed of its run, and the state at every control step.
-From these the sensor tells once more, number by number, what it told the controller then. Where
+From these the sensor measures again, number by number, what the controller saw then. Where
 the configuration is not there, or names files that are gone, the page shows less.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -16,11 +17,14 @@ from steersman.config import build, resolve
 from steersman.episode import Episode
 from steersman.errors import SteersmanError
 from steersman.faults import Fault
-from steersman.kernels.world import MEASURED, NOTHING
 from steersman.paths.base import PathComponent
-from steersman.sensing import Tracking, WaypointSensor
-from steersman.types import FloatArray, Observation, VehicleState
-from steersman.vehicles import CarlaModel3, Vehicle
+from steersman.plants.simulator import SimulatorConfig
+from steersman.profiles import stack_profiles
+from steersman.sensing import WaypointSensor, state_row
+from steersman.speed import ConstantSpeed
+from steersman.types import FloatArray, Pose, VehicleState
+from steersman.vehicles import LONGEST_STEP, CarlaModel3, Vehicle
+from steersman.world import Simulation
 
 # Distance between points of a road, and how many there are at most [m].
 _STEP, _MOST = 0.5, 20_000
@@ -88,49 +92,58 @@ def road_line(path: PathComponent) -> RoadLine:
 def waypoints(episode: Episode, path: PathComponent | None) -> FloatArray | None:
     """What the controller saw of the road, shape (rows, waypoints, 2), in the vehicle's frame [m].
 
-    None where it cannot be told. Sensors draw their errors from the run's seed in the order of the
-    control steps, so all of them are asked again, with the states of the record.
+    None where it cannot be told. Sensors and disturbances draw their errors from the run's seed in
+    the order of the control steps, so all of it is measured again, at the states of the record.
     """
     sensor, seed = _part(episode, "sensor"), recorded(episode).get("seed", 0)
     if path is None or not isinstance(sensor, WaypointSensor) or not isinstance(seed, int):
         return None
+    if not len(episode):
+        return np.empty((0, sensor.count, 2))
     try:
-        through = _Way(episode)
+        simulation = _sensing(episode, path, sensor, seed)
     except SteersmanError:
         return None
-    rng = np.random.default_rng(seed)
-    state = sensor.init(rng)
-    places = np.stack([episode[name] for name in _TRACKING], axis=1).tolist()
+    places = np.stack([episode[name] for name in _TRACKING], axis=1)
     out = np.empty((len(episode), sensor.count, 2))
     for row, (vehicle, place) in enumerate(zip(_states(episode), places, strict=True)):
-        told = sensor.observe(state, vehicle, Tracking(*place), path, rng)
-        out[row] = through.arrives(told)
+        simulation.measure(0, row, state_row(vehicle), place)
+        out[row] = simulation.observation(0).preview
     return out
 
 
-class _Way:
-    """The way from the sensor to the controller, with what broke on it."""
+def _sensing(
+    episode: Episode, path: PathComponent, sensor: WaypointSensor, seed: int
+) -> Simulation:
+    """The world of the record at its start, with what disturbs its sensor.
 
-    def __init__(self, episode: Episode) -> None:
-        """As the record has it; raises ``ConfigError`` where its fault is none that there is."""
-        config = recorded(episode)
-        old = config.get("controller")  # where earlier versions had the fault
-        holder = old if isinstance(old, Mapping) and old.get("kind") == "faulty" else config
-        fault = holder.get("fault")
-        self._fault = build(Fault, fault) if isinstance(fault, Mapping) else None
-        self._dt, self._seed = episode.dt, (int(holder.get("seed", 0)),)
-        self._last = np.zeros((0, 2))
-
-    def arrives(self, told: Observation) -> FloatArray:
-        """The waypoints that arrive at the controller when these are sent."""
-        code = MEASURED
-        if self._fault is not None:
-            code = self._fault.arrives(told.time, self._dt, self._seed)
-        if code == MEASURED:
-            self._last = told.preview
-        elif code == NOTHING:
-            self._last = np.full_like(told.preview, np.nan)
-        return self._last
+    Raises:
+        SteersmanError: a disturbance or fault of the record is none that there is.
+    """
+    config = recorded(episode)
+    old = config.get("controller")  # where earlier versions had the fault
+    holder = old if isinstance(old, Mapping) and old.get("kind") == "faulty" else config
+    made: list[Any] = [resolve("disturbance", one) for one in config.get("disturbances", ())]
+    disturbers = [one.make(1, seed) for one in made]
+    if isinstance(holder.get("fault"), Mapping):
+        disturbers.append(build(Fault, holder["fault"]).make(1, int(holder.get("seed", 0))))
+    plant = SimulatorConfig(
+        dt=episode.dt, integration_step=episode.dt / math.ceil(episode.dt / LONGEST_STEP)
+    )
+    speed = ConstantSpeed(speed=float(np.hypot(episode["v_x"][0], episode["v_y"][0])))
+    simulation = Simulation(
+        plant,
+        vehicle_of(episode)[0],
+        sensor,
+        (path,),
+        stack_profiles([speed.profile()], [path]),
+        corridor=math.inf,
+        disturbances=disturbers,
+        seed=seed,
+    )
+    place = Pose(*(float(episode[name][0]) for name in ("x", "y", "psi")))
+    simulation.begin(0, 0, float(episode["s"][0]), place, speed.speed, speed.profile())
+    return simulation
 
 
 def _states(episode: Episode) -> list[VehicleState]:
