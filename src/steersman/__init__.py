@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from steersman import files as files
+    from steersman.api.benching import bench as bench
+    from steersman.api.benching import compare as compare
     from steersman.api.driving import attempt as attempt
     from steersman.api.driving import configure as configure
     from steersman.api.driving import drive as drive
@@ -23,8 +25,6 @@ if TYPE_CHECKING:
     from steersman.api.learning import imitate as imitate
     from steersman.api.learning import train as train
     from steersman.api.loading import load as load
-    from steersman.api.studies import bench as bench
-    from steersman.api.studies import compare as compare
     from steersman.api.studies import falsify as falsify
     from steersman.api.studies import identify as identify
     from steersman.api.studies import tune as tune
@@ -92,7 +92,8 @@ __version__ = "0.1.0"
 _FRONT_DOOR = {
     "api.driving": ("drive", "attempt", "configure", "make"),
     "api.learning": ("train", "imitate"),
-    "api.studies": ("tune", "bench", "compare", "falsify", "identify"),
+    "api.studies": ("tune", "falsify", "identify"),
+    "api.benching": ("bench", "compare"),
     "api.loading": ("load",),
     "config": (
         *("register", "param", "required", "Of", "Component", "Settings"),

@@ -284,8 +284,8 @@ def _for_one_car(
     """The tree made fit for a plant that has one car: what the user gave stays."""
     where = tree.get("problem", {}) if COMMANDS[command].presets else tree
     plant = where.get("plant") if isinstance(where, Mapping) else None
-    if plant is None:  # the embedded simulator
-        return tree
+    if plant is None or (isinstance(plant, Mapping) and "kind" not in plant):
+        return tree  # the embedded simulator, perhaps with fields of it
     own = {key(word) for word in given}
     changes = [change for change in _changes(command, tree, plant) if key(change) not in own]
     if changes and notify is not None:

@@ -132,6 +132,41 @@ def make_folder(folder: FilePath) -> FilePath:
     return folder
 
 
+def out_folder(name: str) -> FilePath:
+    """The folder for results, made if need be and proved to be writable before anything runs.
+
+    Raises:
+        DataError: it cannot be made or written.
+    """
+    if not name.strip():
+        raise DataError("--out: expected the name of a folder, given nothing")
+    folder = FilePath(name)
+    if folder.exists() and not folder.is_dir():
+        raise DataError(f"{folder}: is a file, expected a folder")
+    make_folder(folder)
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except OSError as error:
+        raise DataError(f"{folder}: cannot be written ({error.strerror})") from None
+
+
+def out_file(name: str, option: str = "--out") -> FilePath:
+    """The file for a result, in a folder that is proved to be writable before anything runs.
+
+    ``option`` is what the user gave the name with.
+
+    Raises:
+        DataError: it is a folder, a device or the like, or its folder cannot be written.
+    """
+    file = FilePath(name)
+    if not name.strip() or file.is_dir():
+        raise DataError(f"{option}: expected the name of a file, given {name!r}")
+    refuse_special(file)
+    out_folder(str(file.parent))
+    return file
+
+
 @contextmanager
 def only_one(folder: FilePath) -> Iterator[None]:
     """Keep other processes, which ask too, from working in ``folder`` at the same time.

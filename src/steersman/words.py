@@ -30,6 +30,7 @@ _SUPERVISED = "supervised/"
 # What the folder of a training or tuning holds for a controller.
 RESULTS = ("policy.onnx", "tuned.yaml")
 # Names of files that every tuning, training or drive writes: the folder's name says more.
+_MOST_SEEDS = 10_000
 _COMMON = ("tuned", "policy", "config", "episode")
 
 
@@ -179,3 +180,29 @@ def distinct(found: Iterable[tuple[str, str]]) -> None:
                 f"{seen[name]!r} and {word!r} are both called {name!r}; write name={word}"
             )
         seen[name] = word
+
+
+def seed_list(given: str | Iterable[int]) -> list[int]:
+    """Seeds from a list, or from a text with numbers and ranges.
+
+    >>> seed_list("0..2,7")
+    [0, 1, 2, 7]
+
+    Raises:
+        ConfigError: the text is neither, or names a seed twice.
+    """
+    if not isinstance(given, str):
+        return list(given)
+    seeds: list[int] = []
+    for part in given.strip().strip("[]").split(","):
+        first, dots, last = (piece.strip() for piece in part.partition(".."))
+        ends = (first, last) if dots else (first, first)
+        if not all(end.isascii() and end.isdecimal() for end in ends):
+            raise ConfigError(f"{given!r} is not a list of seeds; write 0..4 or 0,3,7", ("seeds",))
+        low, high = int(ends[0]), int(ends[1])
+        if not low <= high < low + _MOST_SEEDS:
+            raise ConfigError(f"{part.strip()} is not a range of seeds", ("seeds",))
+        seeds += range(low, high + 1)
+    if len(set(seeds)) < len(seeds):
+        raise ConfigError(f"{given!r} names a seed twice", ("seeds",))
+    return seeds

@@ -22,8 +22,8 @@ import typer
 from tests.loops import random_policy
 from typer.testing import Result
 
-from steersman import commands, policies, tuned
-from steersman.cli import output, seeds, settings
+from steersman import commands, files, policies, tuned
+from steersman.cli import output, seeds
 from steersman.config import build, components, families, read_yaml, resolve, to_yaml
 from steersman.episode import load_episode
 from steersman.errors import ConfigError, DataError
@@ -520,9 +520,9 @@ class TestSettings:
         def refuse(**_: Any) -> None:
             raise PermissionError(13, "Permission denied")
 
-        monkeypatch.setattr(settings.tempfile, "TemporaryFile", refuse)
+        monkeypatch.setattr(files.tempfile, "TemporaryFile", refuse)
         with pytest.raises(DataError, match=r"cannot be written \(Permission denied\)"):
-            settings.out_folder(str(tmp_path))
+            files.out_folder(str(tmp_path))
 
 
 class TestOutput:

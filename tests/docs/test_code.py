@@ -17,7 +17,8 @@ import typer
 from typer.testing import CliRunner
 
 import steersman as sm
-from steersman.cli import app, settings
+from steersman import files
+from steersman.cli import app
 from steersman.cli.outcome import _UsageError
 
 from . import world
@@ -74,12 +75,11 @@ def call(words: list[str], monkeypatch: pytest.MonkeyPatch) -> tuple[int, str]:
     if words[0] in SERVER:
         return parse(words), "see --help"
     with monkeypatch.context() as patch:
-        patch.setattr(settings, "tell_plant", lambda _: None)  # which asks a server
         if words[0] not in RUN or "--out" in words:
-            patch.setattr(settings, "out_folder", stop)
-            patch.setattr(f"steersman.cli.{words[0]}.tell_compiling", stop, raising=False)
-        if "plant=carla" in words:
-            patch.setattr(settings, "tell_plant", stop)
+            patch.setattr(files, "out_folder", stop)
+        for place in ("driving", "studies", "benching"):  # which connects to a server
+            tell = stop if "plant=carla" in words else (lambda *_: None)
+            patch.setattr(f"steersman.api.{place}.announce", tell)
         if _missing_map(words):
             patch.setattr("steersman.rollout.attempt", stop)
         try:

@@ -6,18 +6,19 @@ import json
 from collections.abc import Callable
 from os import PathLike
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from steersman.commands import Notify, Word, configuration
 from steersman.config import Component, dump, resolve
-from steersman.errors import DataError
+from steersman.errors import ConfigError, DataError
 
 if TYPE_CHECKING:
     from steersman.episode import Episode
     from steersman.outcome import Attempt
+    from steersman.plants.base import PlantComponent
 
 
-_Folder = str | PathLike[str]
+Folder: TypeAlias = str | PathLike[str]
 
 
 def configure(command: str, *words: Word, notify: Notify | None = None, **settings: Any) -> Any:
@@ -58,7 +59,7 @@ def make(family: str, word: Any, **fields: Any) -> Component:
 
 def drive(
     *words: Word,
-    out: _Folder | None = None,
+    out: Folder | None = None,
     overwrite: bool = False,
     progress: Callable[[float], None] | None = None,
     **settings: Any,
@@ -161,3 +162,36 @@ def drive_metrics(episode: Episode) -> dict[str, Any]:
     from steersman.metrics.base import summarise
 
     return {**summarise(episode), "plant": episode.meta["plant"]}
+
+
+def announce(plant: PlantComponent, notify: Notify | None) -> None:
+    """Say on whose server is driven, if on one; a stand-in's numbers are never CARLA's.
+
+    Raises:
+        PlantError: the server does not answer.
+    """
+    if notify is not None and not plant.embedded:
+        notify(f"driven on: {plant.source()}")
+
+
+def workers_for(
+    plant: PlantComponent, engine: str | None, jobs: int | None
+) -> tuple[str, int | None]:
+    """The engine, and the jobs at a time; a plant that is not embedded has one car.
+
+    Raises:
+        ConfigError: there is no such engine, or the plant cannot do it.
+    """
+    from steersman.engine.jobs import engine_name
+
+    try:
+        name = engine_name(engine)
+    except ConfigError as error:
+        raise ConfigError(error.what, ("--engine",)) from None
+    if plant.embedded:
+        return name, jobs
+    if engine not in {None, "local"}:
+        raise ConfigError(f"{engine} is not allowed; plant={plant.kind}: local", ("--engine",))
+    if jobs not in {None, 1}:
+        raise ConfigError(f"{jobs} is not allowed; plant={plant.kind} has one car: 1", ("--jobs",))
+    return "local", 1

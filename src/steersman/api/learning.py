@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from os import PathLike
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
+from steersman.api.driving import Folder
 from steersman.commands import Notify, Word, configuration
 
 if TYPE_CHECKING:
@@ -16,12 +16,9 @@ if TYPE_CHECKING:
     from steersman.learning.train import TrainResult
 
 
-_Folder = str | PathLike[str]
-
-
 def train(
     *words: Word,
-    out: _Folder,
+    out: Folder,
     reward: Callable[[Judged], float] | None = None,
     overwrite: bool = False,
     resume: bool = False,
@@ -68,7 +65,7 @@ def train(
 
 def imitate(
     *words: Word,
-    out: _Folder,
+    out: Folder,
     overwrite: bool = False,
     resume: bool = False,
     progress: Callable[[ImitationRow], None] | None = None,

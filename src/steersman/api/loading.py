@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-from os import PathLike
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
+from steersman.api.driving import Folder
 from steersman.config import build, read_yaml, resolve
 from steersman.errors import DataError
 
@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from steersman.stored import StoredResult
 
 
-_Folder = str | PathLike[str]
 _YAML = (".yaml", ".yml")
 # What a folder of a command holds, in the order in which it is looked for.
 _LOADED = (
@@ -23,7 +22,7 @@ _LOADED = (
 )
 
 
-def load(file: _Folder) -> Any:
+def load(file: Folder) -> Any:
     """What a command wrote: from its folder, or from one of its files.
 
     A drive gives its Episode, a policy or a tuning the controller, a YAML file the configuration

@@ -2,32 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from importlib.util import find_spec
-from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from steersman.cli import settings
-from steersman.cli.outcome import INTERRUPTED
-from steersman.cli.output import (
-    TOLD,
-    animated,
-    note,
-    share_bar,
-    show,
-    show_json,
-    table,
-    tell_compiling,
-)
-from steersman.errors import ConfigError, how_to_install
+from steersman.cli.outcome import goes_on
+from steersman.cli.output import note, show, show_json, suite_progress, table
 
 if TYPE_CHECKING:
-    from steersman.bench.maps import Map
     from steersman.bench.results import BenchResult, IntervalEstimate
-    from steersman.bench.suite import Suite
 
 EXAMPLES = (
     "\b\n"
@@ -45,9 +29,7 @@ EXAMPLES = (
 
 
 def bench(
-    out: Annotated[
-        str, typer.Option("--out", metavar="DIR", help="Folder for rows, results and report.")
-    ],
+    out: settings.Out,
     words: Annotated[
         list[str] | None,
         typer.Argument(
@@ -78,7 +60,7 @@ def bench(
     ] = None,
     jobs: settings.Jobs = None,
     engine: settings.Engine = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print results.json.")] = False,
+    as_json: settings.AsJson = False,
 ) -> None:
     """Drive every controller through the same scenarios, and compare them.
 
@@ -86,119 +68,28 @@ def bench(
     report.html. A controller that leaves the road is charged the corridor's half width for all
     that it did not drive.
     """
-    from steersman.bench.entrants import entrants
-    from steersman.bench.results import RESULTS
-    from steersman.bench.suites import write_suite
-    from steersman.bench.summary import results
-    from steersman.cli.seeds import parse
-    from steersman.commands import split
+    import steersman as sm
 
     named = [word for text in controllers or [] for word in text.split(",") if word.strip()]
-    numbers = parse(seeds)
-    name, assignments = split(words or [])
-    suite = name or "standard"
-    plan, read = _plan(suite, assignments, maps)
-    engine, jobs = settings.workers_for(plan.plant, engine, jobs)
-    found = entrants(named)
-    settings.tell_plant(plan.plant)
-    folder = settings.out_folder(out)
-    tell_compiling()
-    scenarios = plan.scenarios(numbers)
-    _tell(plan, scenarios, plan.left_out(numbers))
-    rows = _drive(scenarios, found, folder, jobs, engine)
-    outcome = results(suite, plan, numbers, rows, found, read)
-    outcome.write(folder / RESULTS)
-    write_suite(plan, folder)
-    _extras(folder, outcome, rows, scenarios, found)
+    with goes_on(out), suite_progress() as progress:
+        outcome = sm.bench(
+            *named,
+            suite=words or "standard",
+            seeds=seeds,
+            maps=maps,
+            out=out,
+            engine=engine,
+            jobs=jobs,
+            progress=progress,
+            notify=note,
+        )
     if as_json:
         show_json(outcome.plain())
     else:
-        _show(outcome, folder)
+        _show(outcome, out)
 
 
-def _plan(suite: str, assignments: Sequence[str], folder: str | None) -> tuple[Suite, list[Map]]:
-    """The suite, with the courses over the maps in a folder if there is one."""
-    from steersman.bench.maps import ALONE, read_maps, with_maps
-    from steersman.bench.suites import laid_over
-    from steersman.bench.suites import suite as read_suite
-
-    if folder is None:
-        if suite == ALONE:
-            raise ConfigError("the suite 'maps' needs a folder of OpenDRIVE maps: --maps DIR")
-        return read_suite(suite, assignments), []
-    base = None if suite == ALONE else read_suite(suite)
-    found = read_maps(FilePath(folder))
-    for each in found:
-        note(each.described())
-    return laid_over(with_maps(base, found), assignments), found
-
-
-def _tell(plan: Any, scenarios: Any, left_out: dict[str, int]) -> None:
-    """Which scenarios the plant cannot do.
-
-    Raises:
-        ConfigError: it can do none.
-    """
-    kind = plan.plant.kind
-    if not scenarios:
-        raise ConfigError(f"plant={kind} can do none of its scenarios", ("suite",))
-    if left_out:
-        names = ", ".join(left_out)
-        note(f"plant={kind} cannot do {sum(left_out.values())} scenarios, left out: {names}")
-
-
-def _extras(folder: FilePath, outcome: BenchResult, rows: Any, scenarios: Any, found: Any) -> None:
-    """The table and the page, each if its extra is installed."""
-    from steersman.bench.replay import median_cases, worst_cases
-    from steersman.bench.results import write_table
-
-    if write_table(rows, folder) is None:
-        note(f"no results.parquet: it needs {how_to_install('bench')}")
-    if find_spec("jinja2") is None:
-        note(f"no report.html: it needs {how_to_install('report')}")
-        return
-    from steersman.report.benchmark import write_benchmark
-
-    cases = [*worst_cases(rows, scenarios, found), *median_cases(rows, scenarios, found)]
-    write_benchmark(outcome, cases, folder / "report.html")
-
-
-def _drive(
-    scenarios: Any, found: Any, folder: FilePath, jobs: int | None, engine: str | None
-) -> Any:
-    from steersman.bench.runner import bench as run
-
-    title = f"{len(scenarios)} scenarios x {len(found)} controllers"
-    try:
-        with suite_progress(title) as progress:
-            return run(scenarios, found, folder, engine=engine, jobs=jobs, progress=progress)
-    except KeyboardInterrupt:
-        note(f"interrupted; the same command goes on from {folder}")
-        raise typer.Exit(INTERRUPTED) from None
-
-
-@contextmanager
-def suite_progress(title: str) -> Iterator[Callable[[float, float], None]]:
-    """A function of (simulated seconds done, in all) that draws a bar, or now and then a line."""
-    note(title)
-    if animated():
-        with share_bar("driving") as update:
-            assert update is not None  # it is where stderr is a terminal
-            yield lambda done, total: update(done / max(total, 1.0))
-        return
-    shown = 0.0
-
-    def line(done: float, total: float) -> None:
-        nonlocal shown
-        if done >= shown + TOLD * total or done >= total:
-            shown = done
-            share = 100.0 * done / max(total, 1.0)
-            note(f"{share:.0f} % of {total / 60.0:.0f} simulated minutes")
-
-    yield line
-
-
-def _show(outcome: BenchResult, folder: FilePath) -> None:
+def _show(outcome: BenchResult, folder: str) -> None:
     summary = outcome.summary
     best = summary.best_classical
     columns = ("clean", "disturbed", "failed", "steering", "step", "ratio")

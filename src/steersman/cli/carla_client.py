@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from steersman import files
 from steersman.cli import settings
 from steersman.cli.outcome import USER_ERROR
 from steersman.cli.output import folded, note, show, show_json, table, write
@@ -53,7 +54,7 @@ def doctor(
     clean: Annotated[
         bool, typer.Option("--clean", help="Destroy all vehicles on the server first.")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
+    as_json: settings.AsJson = False,
 ) -> None:
     """Check a CARLA server: connection, version, what was left behind, repeatability.
 
@@ -80,7 +81,7 @@ def doctor(
 def calibrate(
     out: Annotated[str, typer.Option("--out", metavar="FILE.yaml", help="The vehicle file.")],
     words: Annotated[list[str] | None, _WORDS] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the fits as JSON.")] = False,
+    as_json: settings.AsJson = False,
 ) -> None:
     """Fit a vehicle file to what a car does on a server.
 
@@ -89,7 +90,7 @@ def calibrate(
     yaw inertia. The file is used with vehicle=file vehicle.file=FILE.yaml.
     """
     plant, vehicle = _parts(words)
-    file = settings.out_file(out)
+    file = files.out_file(out)
     if file.suffix not in {".yaml", ".yml"}:
         raise ConfigError(f"{out!r} is not allowed; a name that ends in .yaml is", ("--out",))
 
@@ -140,7 +141,7 @@ def fetch_map(
     """
     plant, _ = _parts(words)
     config = _carla(plant)
-    file = settings.out_file(to)
+    file = files.out_file(to)
 
     from steersman.files import write_text
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from steersman.cli import settings
 from steersman.cli.output import note, show, show_json, table, tell_compiling, write
 from steersman.errors import ConfigError, one_line, suggestion
 
@@ -43,7 +44,7 @@ def list_components(
     kind: Annotated[
         str | None, typer.Argument(metavar="[KIND]", help="Only these, e.g. controller.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: settings.AsJson = False,
 ) -> None:
     """List the components that can be named in a configuration."""
     from steersman import policies, tuned
@@ -73,7 +74,7 @@ def show_component(
         str, typer.Argument(metavar="KIND", help=f"E.g. controller; or {', '.join(_COMMANDS)}")
     ],
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="E.g. mpc_pid.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: settings.AsJson = False,
 ) -> None:
     """Show the fields of a component, or all settings of a command."""
     from steersman.cli.fields import fields_of

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from steersman import files
 from steersman.cli import settings, train
 from steersman.cli.outcome import INTERRUPTED
 from steersman.cli.output import note, show, table, tell_compiling
@@ -38,9 +39,7 @@ model for each speed.
 
 
 def demo(
-    out: Annotated[
-        str, typer.Option("--out", metavar="DIR", help="Folder for everything.")
-    ] = "runs/demo",
+    out: settings.Out = "runs/demo",
     policy: Annotated[
         str | None,
         typer.Option("--policy", metavar="FILE", help="Drive this policy instead of training."),
@@ -59,7 +58,7 @@ def demo(
     from steersman.commands import existing
 
     given = existing(policy) if policy else None
-    folder = settings.out_folder(out)
+    folder = files.out_folder(out)
     tell_compiling()
     try:
         file = given or _train(words or [], folder)

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from steersman import files
 from steersman.cli import recording, settings
 from steersman.cli.outcome import INTERRUPTED
-from steersman.cli.output import note, share_bar, show, show_json, table, tell_compiling
+from steersman.cli.output import note, share_bar, show, show_json, table
 from steersman.errors import SteersmanError
 
 if TYPE_CHECKING:
@@ -34,23 +35,11 @@ EXAMPLES = (
 
 
 def drive(
-    words: Annotated[
-        list[str] | None, typer.Argument(metavar=settings.METAVAR, help=settings.HELP)
-    ] = None,
-    out: Annotated[
-        str | None,
-        typer.Option("--out", metavar="DIR", help="Write episode, metrics and config there."),
-    ] = None,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace an earlier drive in DIR.")
-    ] = False,
-    report: Annotated[
-        str | None,
-        typer.Option("--report", metavar="FILE.html", help="Write a page that replays the drive."),
-    ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object: config and metrics.")
-    ] = False,
+    words: settings.Words = None,
+    out: settings.OptionalOut = None,
+    overwrite: settings.Overwrite = False,
+    report: settings.Report = None,
+    as_json: settings.AsJson = False,
     mcap: Annotated[
         str | None,
         typer.Option("--mcap", metavar="FILE", help="Write a recording with ROS 2 messages."),
@@ -66,13 +55,12 @@ def drive(
     from steersman.rollout import attempt
 
     config = driving.configure("drive", *(words or []))
-    settings.tell_plant(config.plant)
-    folder = None if out is None else settings.out_folder(out)
+    driving.announce(config.plant, note)
+    folder = None if out is None else files.out_folder(out)
     if folder is not None:
         driving.drive_folder(folder, overwrite=overwrite)
     page = None if report is None else _page(report)
     file = recording.recording_file(mcap)
-    tell_compiling()
     error, interrupted = None, False
     try:
         with share_bar("driving") as progress:
@@ -106,7 +94,7 @@ def _page(name: str) -> FilePath:
     from steersman.report.web import template
 
     template("page.html.j2")
-    return settings.out_file(name, "--report")
+    return files.out_file(name, "--report")
 
 
 def _replay(page: FilePath | None, config: RunConfig, episode: Episode) -> None:

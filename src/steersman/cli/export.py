@@ -15,7 +15,7 @@ from typing import Annotated, NamedTuple
 
 import typer
 
-from steersman.cli import settings
+from steersman import files
 from steersman.cli.dataset import home as dataset_home
 from steersman.cli.output import note, write
 from steersman.errors import ConfigError, DataError, SteersmanError, suggestion
@@ -118,12 +118,12 @@ def export(
     if out is None:
         out = chosen.home() or f"{FilePath(run).resolve().stem}_{to}"
     was_there = FilePath(out).exists()
-    folder = settings.out_folder(out)
+    folder = files.out_folder(out)
     try:
-        files = chosen.write(run, folder)
+        written = chosen.write(run, folder)
     except SteersmanError:
         if not was_there:
             with suppress(OSError):  # something may have been written before the fault
                 folder.rmdir()
         raise
-    write(f"{files[0]}\n")
+    write(f"{written[0]}\n")

@@ -7,9 +7,8 @@ from typing import Annotated, Any
 import typer
 
 from steersman.cli import settings
-from steersman.cli.outcome import INTERRUPTED
-from steersman.cli.output import TOLD, note, show, show_json, steps_bar, table, tell_compiling
-from steersman.errors import how_to_install
+from steersman.cli.outcome import goes_on
+from steersman.cli.output import TOLD, note, show, show_json, steps_bar, table
 
 EXAMPLES = (
     "\b\n"
@@ -25,19 +24,15 @@ EXAMPLES = (
 
 
 def falsify(
-    out: Annotated[
-        str, typer.Option("--out", metavar="DIR", help="Folder for the drives and the result.")
-    ],
-    words: Annotated[
-        list[str] | None, typer.Argument(metavar=settings.METAVAR, help=settings.HELP)
-    ] = None,
+    out: settings.Out,
+    words: settings.Words = None,
     trials: Annotated[
         int | None,
         typer.Option("--trials", min=0, help="Drives over everything at once; as trials=N."),
     ] = None,
     jobs: settings.Jobs = None,
     engine: settings.Engine = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print falsify.json.")] = False,
+    as_json: settings.AsJson = False,
 ) -> None:
     """Search for the mildest disturbance that takes a controller off the road.
 
@@ -45,35 +40,26 @@ def falsify(
     Writes config.yaml, drives.jsonl (a line for each drive), falsify.json and report.html.
     """
     import steersman as sm
-    from steersman.report.falsification import sentences, single_rows, write_falsification
+    from steersman.report.falsification import sentences, single_rows
     from steersman.studies.hunt import most_drives
 
     given = [] if trials is None else [f"trials={trials}"]
     config = sm.configure("falsify", *(words or []), *given, notify=note)
-    engine, jobs = settings.workers_for(config.plant, engine, jobs)
-    settings.tell_plant(config.plant)
-    folder = settings.out_folder(out)
-    tell_compiling()
-    try:
-        with steps_bar(most_drives(config), "falsifying", "drives", TOLD) as update:
-            result = sm.falsify(
-                config,
-                out=folder,
-                progress=lambda done, _, found: update(done, found),
-                engine=engine,
-                jobs=jobs,
-            )
-    except KeyboardInterrupt:
-        note(f"interrupted; the same command goes on from {folder}")
-        raise typer.Exit(INTERRUPTED) from None
-    if not write_falsification(result, folder / "report.html"):
-        note(f"no report.html: it needs {how_to_install('report')}")
+    with goes_on(out), steps_bar(most_drives(config), "falsifying", "drives", TOLD) as update:
+        result = sm.falsify(
+            config,
+            out=out,
+            progress=lambda done, _, found: update(done, found),
+            engine=engine,
+            jobs=jobs,
+            notify=note,
+        )
     if as_json:
         show_json(result.plain())
         return
     if result.singles:
         show(_table(single_rows(result)), "")
-    show(*sentences(result), f"written to {folder}")
+    show(*sentences(result), f"written to {out}")
 
 
 def _table(rows: list[dict[str, str]]) -> Any:

@@ -41,10 +41,7 @@ def identify(
     out: Annotated[
         str | None, typer.Option("--out", metavar="FILE.yaml", help="The vehicle file to write.")
     ] = None,
-    page: Annotated[
-        str | None,
-        typer.Option("--report", metavar="FILE.html", help="Write a page with the fit's plots."),
-    ] = None,
+    page: settings.Report = None,
     holdout: Annotated[
         float,
         typer.Option(
@@ -59,7 +56,7 @@ def identify(
         float,
         typer.Option("--ahead", help="Centre of mass ahead of the recorded point [m] (MCAP)."),
     ] = 0.0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: settings.AsJson = False,
 ) -> None:
     """Fit a vehicle to a recording.
 
@@ -68,9 +65,10 @@ def identify(
     from the vehicle that it starts from, and said.
     """
     import steersman as sm
+    from steersman.files import out_file
     from steersman.studies.identify.result import plain
 
-    files = [None if f is None else settings.out_file(f, o) for f, o in _targets(out, page)]
+    files = [None if f is None else out_file(f, o) for f, o in _targets(out, page)]
     tell_compiling()
     found = sm.identify(
         log, vehicle, holdout=holdout, lock=lock, ahead=ahead, out=files[0], notify=note

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
+from steersman import files
 from steersman.cli import settings
 from steersman.cli.outcome import interrupted
-from steersman.cli.output import animated, note, steps_bar, tell_compiling, write
+from steersman.cli.output import animated, note, steps_bar, write
 
 if TYPE_CHECKING:
     from steersman.learning.imitation.config import ImitationConfig
@@ -31,22 +30,10 @@ EXAMPLES = (
 
 
 def imitate(
-    out: Annotated[
-        str, typer.Option("--out", metavar="DIR", help="Folder for policy, record and logs.")
-    ],
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace an earlier training in DIR.")
-    ] = False,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on from the last round in DIR.")
-    ] = False,
-    words: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="[PRESET | CONFIG.yaml] [key=value ...]",
-            help="A training's preset or a YAML file, and settings over it.",
-        ),
-    ] = None,
+    out: settings.Out,
+    overwrite: settings.Overwrite = False,
+    resume: settings.Resume = False,
+    words: settings.PresetWords = None,
 ) -> None:
     """Fit a network to a controller's actions, by DAgger or behaviour cloning.
 
@@ -57,11 +44,11 @@ def imitate(
     if not words and resume and kept.is_file():
         words = [str(kept)]
     import steersman as sm
+    from steersman.api.driving import announce
 
     config = sm.configure("imitate", *(words or []), notify=note)
-    settings.tell_plant(config.problem.plant)
-    folder = settings.out_folder(out)
-    tell_compiling()
+    announce(config.problem.plant, note)
+    folder = files.out_folder(out)
     try:
         result = imitate_with_bar(config, folder, overwrite=overwrite, resume=resume)
     except KeyboardInterrupt:

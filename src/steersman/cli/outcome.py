@@ -102,6 +102,22 @@ def fail(message: str, code: int = USER_ERROR) -> int:
     return code
 
 
+@contextmanager
+def goes_on(folder: str | None) -> Iterator[None]:
+    """End a command that Ctrl-C stopped; with a folder, say that the same command goes on there.
+
+    Raises:
+        typer.Exit: Ctrl-C.
+    """
+    from steersman.cli.output import note
+
+    try:
+        yield
+    except KeyboardInterrupt:
+        note("interrupted" + (f"; the same command goes on from {folder}" if folder else ""))
+        raise typer.Exit(INTERRUPTED) from None
+
+
 def interrupted(folder: FilePath, folders: Sequence[FilePath], goes_on: str) -> typer.Exit:
     """Say what became of a training, or of several, that Ctrl-C stopped; the end to raise.
 

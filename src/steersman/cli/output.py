@@ -157,6 +157,7 @@ def animated() -> bool:
 @contextmanager
 def share_bar(title: str) -> Iterator[Callable[[float], None] | None]:
     """A progress bar on stderr, called with the share done; None where bars cannot move."""
+    tell_compiling()
     if not animated():
         yield None
         return
@@ -190,6 +191,27 @@ def _progress(text: str) -> Progress:
 
 
 @contextmanager
+def suite_progress() -> Iterator[Callable[[float, float], None]]:
+    """A function of (simulated seconds done, in all) that draws a bar, or now and then a line."""
+    if animated():
+        with share_bar("driving") as update:
+            assert update is not None  # it is where stderr is a terminal
+            yield lambda done, total: update(done / max(total, 1.0))
+        return
+    tell_compiling()
+    shown = 0.0
+
+    def line(done: float, total: float) -> None:
+        nonlocal shown
+        if done >= shown + TOLD * total or done >= total:
+            shown = done
+            share = 100.0 * done / max(total, 1.0)
+            note(f"{share:.0f} % of {total / 60.0:.0f} simulated minutes")
+
+    yield line
+
+
+@contextmanager
 def steps_bar(
     total: int, title: str, noun: str = "steps", every: float = 0.0
 ) -> Iterator[Callable[[float, str], None]]:
@@ -197,6 +219,7 @@ def steps_bar(
 
     Elsewhere a line each time, but no sooner than a share ``every`` of the steps after the last.
     """
+    tell_compiling()
     if not animated():
         due = 0.0
 
@@ -221,6 +244,7 @@ def steps_bars(
 
     Elsewhere than in a terminal, a line for whatever is new.
     """
+    tell_compiling()
     if not animated():
 
         def line(title: str, done: float, text: str, new: bool) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from steersman import files
 from steersman.cli import settings
 from steersman.cli.output import note, show, show_json, table
 from steersman.errors import ConfigError
@@ -60,7 +61,7 @@ def export(
 ) -> None:
     """Write a path as an OpenDRIVE road whose lane has the path as its centre."""
     path = _path(words)
-    file = settings.out_file(to, "--to")
+    file = files.out_file(to, "--to")
 
     from steersman.files import write_text
     from steersman.paths.xodr.write import opendrive
@@ -73,7 +74,7 @@ def export(
 
 def roads(
     file: Annotated[str, typer.Argument(metavar="FILE.xodr", help="An OpenDRIVE map.")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: settings.AsJson = False,
 ) -> None:
     """List the roads of an OpenDRIVE map that have lanes to drive on."""
     from steersman.paths.xodr.read import read_network

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from steersman.cli import settings
+from steersman import files
 from steersman.cli.output import note
 from steersman.errors import ConfigError, DataError
 
@@ -35,7 +35,7 @@ def recording_file(name: str | None) -> FilePath | None:
     require()
     if not name.endswith(".mcap"):
         raise ConfigError(f"{name!r} is not allowed; a name that ends in .mcap is", ("--mcap",))
-    return settings.out_file(name, "--mcap")
+    return files.out_file(name, "--mcap")
 
 
 def record(file: FilePath | None, config: RunConfig, episode: Episode) -> None:

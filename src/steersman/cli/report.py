@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from steersman.cli import settings
+from steersman import files
 from steersman.cli.output import note
 from steersman.errors import DataError
 
@@ -31,7 +31,7 @@ def report(
     title: Annotated[str, typer.Option("--title", help="Its heading.")] = "Steersman report",
 ) -> None:
     """Make one HTML page of tables and plots that needs no network."""
-    page = settings.out_file(out)
+    page = files.out_file(out)
 
     from steersman.report import load_runs, write_report
 

@@ -10,9 +10,10 @@ from typing import Annotated
 
 import typer
 
+from steersman import files
 from steersman.cli import settings
 from steersman.cli.outcome import INTERRUPTED
-from steersman.cli.output import animated, note, steps_bar, tell_compiling, write
+from steersman.cli.output import animated, note, steps_bar, write
 
 EXAMPLES = (
     "\b\n"
@@ -26,9 +27,7 @@ _SHARES = 1000
 
 
 def reproduce(
-    out: Annotated[
-        str, typer.Option("--out", metavar="DIR", help="Folder for trainings, results and report.")
-    ],
+    out: settings.Out,
     quick: Annotated[
         bool, typer.Option("--quick", help="Smoke run: every stage, nearly nothing in it.")
     ] = False,
@@ -49,8 +48,7 @@ def reproduce(
     """
     import ddpg_mpc_pid as study
 
-    folder = settings.out_folder(out)
-    tell_compiling()
+    folder = files.out_folder(out)
     plan = study.quick() if quick else study.full()
     work = study.estimate(plan)
     note(

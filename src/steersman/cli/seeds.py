@@ -11,14 +11,13 @@ import typer
 from steersman.cli.outcome import USER_ERROR, fail, interrupted
 from steersman.cli.output import note, show, steps_bars, table, write
 from steersman.errors import ConfigError
+from steersman.words import seed_list
 
 if TYPE_CHECKING:
     from steersman.learning.config import TrainConfig
     from steersman.learning.parallel import TrainingEvent, TrainingJob
     from steersman.learning.progress import TrainRow
     from steersman.learning.train import TrainResult
-
-_MOST = 10_000
 
 
 def split(words: Sequence[str]) -> tuple[list[int] | None, list[str]]:
@@ -39,31 +38,7 @@ def split(words: Sequence[str]) -> tuple[list[int] | None, list[str]]:
     rivals = [word for word in others if word.partition("=")[0].strip() == "seed"]
     if rivals:
         raise ConfigError(f"{given[0]} and {rivals[0]} contradict each other; give one of them")
-    return parse(given[0].partition("=")[2]), others
-
-
-def parse(text: str) -> list[int]:
-    """Seeds from a list or ranges.
-
-    >>> parse("0..2,7")
-    [0, 1, 2, 7]
-
-    Raises:
-        ConfigError: it is neither, or names a seed twice.
-    """
-    seeds: list[int] = []
-    for part in text.strip().strip("[]").split(","):
-        first, dots, last = (piece.strip() for piece in part.partition(".."))
-        ends = (first, last) if dots else (first, first)
-        if not all(end.isascii() and end.isdecimal() for end in ends):
-            raise ConfigError(f"{text!r} is not a list of seeds; write 0..4 or 0,3,7", ("seeds",))
-        low, high = int(ends[0]), int(ends[1])
-        if not low <= high < low + _MOST:
-            raise ConfigError(f"{part.strip()} is not a range of seeds", ("seeds",))
-        seeds += range(low, high + 1)
-    if len(set(seeds)) < len(seeds):
-        raise ConfigError(f"{text!r} names a seed twice", ("seeds",))
-    return seeds
+    return seed_list(given[0].partition("=")[2]), others
 
 
 def train_seeds(

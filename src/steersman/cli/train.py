@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
+from steersman import files
 from steersman.cli import seeds, settings
 from steersman.cli.outcome import interrupted
-from steersman.cli.output import animated, note, steps_bar, tell_compiling, write
+from steersman.cli.output import animated, note, steps_bar, write
 from steersman.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -32,24 +31,12 @@ EXAMPLES = (
 
 
 def train(
-    out: Annotated[
-        str, typer.Option("--out", metavar="DIR", help="Folder for policy, record and logs.")
-    ],
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace an earlier training in DIR.")
-    ] = False,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on from the last checkpoint in DIR.")
-    ] = False,
+    out: settings.Out,
+    overwrite: settings.Overwrite = False,
+    resume: settings.Resume = False,
     jobs: settings.Jobs = None,
     engine: settings.Engine = None,
-    words: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="[PRESET | CONFIG.yaml] [key=value ...]",
-            help="A preset or a YAML file, and settings over it.",
-        ),
-    ] = None,
+    words: settings.PresetWords = None,
 ) -> None:
     """Train an agent and export its policy.
 
@@ -62,12 +49,12 @@ def train(
         if value is not None and chosen is None:
             raise ConfigError(f"{option}: there is one training; it goes with seeds=0..4")
     import steersman as sm
+    from steersman.api.driving import announce
 
     words = words or (_resumed(out, chosen) if resume else [])
     config = sm.configure("train", *words, notify=note)
-    settings.tell_plant(config.problem.plant)
-    folder = settings.out_folder(out)
-    tell_compiling()
+    announce(config.problem.plant, note)
+    folder = files.out_folder(out)
     if chosen is not None:
         seeds.train_seeds(
             config,

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import Field
 
+from steersman.config import Of
+from steersman.controllers.base import ControllerComponent
 from steersman.stored import SourcedResult, StoredResult
 from steersman.studies.objective import TrialCost
 
@@ -58,7 +60,7 @@ class TuningTrials(StoredResult):
 class TuneResult(SourcedResult):
     """The content of ``result.json``."""
 
-    controller: dict[str, Any]
+    controller: Annotated[ControllerComponent, Of("controller")]
     """As tuned."""
     start: dict[str, Any]
     """As it was before."""

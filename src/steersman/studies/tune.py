@@ -93,8 +93,8 @@ def tune(
     *,
     engine: str | None = None,
     jobs: int | None = None,
-) -> ControllerComponent:
-    """Search the controller's declared ranges; returns the best configuration found.
+) -> TuneResult:
+    """Search the controller's declared ranges; ``result.controller`` is the best one found.
 
     Writes ``study.jsonl`` (Optuna's journal, from which an interrupted study goes on and ends as
     if it had not been), ``tuned.yaml`` (the controller, as ``steersman drive`` reads it),
@@ -136,8 +136,7 @@ def tune(
             if progress is not None:
                 progress(number + 1, study.best_value)
     best = _apply(config.controller, study.best_params)
-    _write(config, out, best, study)
-    return best
+    return _write(config, out, best, study)
 
 
 def _drive(config: TuneConfig, controller: ControllerComponent, workers: Workers) -> TrialCost:
@@ -215,15 +214,15 @@ def _present(controller: ControllerComponent) -> dict[str, float]:
     return out
 
 
-def _write(config: TuneConfig, out: FilePath, best: ControllerComponent, study: Any) -> None:
+def _write(config: TuneConfig, out: FilePath, best: ControllerComponent, study: Any) -> TuneResult:
     # As a run's configuration, so that ``steersman drive tuned.yaml`` drives it.
     text = yaml.safe_dump({"controller": dump(best)}, sort_keys=False)
     write_text(out / "tuned.yaml", f"# Tuned on: {config.plant.source()}\n{text}")
     traded = trade(config.controller.kind, _finished(study))
     traded.write(out / "pareto.json")
     figures = {name: getattr(traded.chosen(), name) for name in TrialFigures.model_fields}
-    TuneResult(
-        controller=dump(best) or {},
+    result = TuneResult(
+        controller=best,
         start=dump(config.controller) or {},
         cost_m=study.best_value,
         cost_of_first_trial_m=traded.trials[0].cost_m,
@@ -236,4 +235,6 @@ def _write(config: TuneConfig, out: FilePath, best: ControllerComponent, study: 
         smoothness=config.smoothness,
         seed=config.seed,
         **provenance(),
-    ).write(out / "result.json")
+    )
+    result.write(out / "result.json")
+    return result

@@ -36,9 +36,9 @@ ONE_PATH = "one path, one drive of each: intervals are over its places, not over
 
 
 def compare_drives(
-    found: Sequence[Contestant],
+    found: Sequence[Contestant], over: RunConfig | None = None
 ) -> tuple[DriveCompareResult, dict[str, Episode]]:
-    """Set every drive against the first; controllers drive what the first drive drove.
+    """Set every drive against the first; controllers drive ``over``, or what the first drive drove.
 
     Returns:
         The result, and the drives by name.
@@ -46,7 +46,7 @@ def compare_drives(
     Raises:
         ConfigError: a controller is to drive what the first drive does not record.
     """
-    episodes = _episodes(found)
+    episodes = _episodes(found, over)
     base, *others = found
     comparisons, warnings = [], [ONE_PATH]
     for other in others:
@@ -88,27 +88,28 @@ def _unfinished(name: str, episode: Episode) -> str:
     )
 
 
-def _episodes(found: Sequence[Contestant]) -> dict[str, Episode]:
-    """The drives by name; controllers drive now what the first saved drive drove."""
+def _episodes(found: Sequence[Contestant], over: RunConfig | None) -> dict[str, Episode]:
+    """The drives by name, those of the controllers driven now."""
     out = {}
-    pattern = next(one for one in found if one.episode is not None)
+    if over is None:
+        over = _driven(next(one for one in found if one.episode is not None))
+    scenario = Scenario("", "", CLEAN, "", over.seed, Disturbance(), over)
     for one in found:
         if one.episode is not None:
             out[one.name] = one.episode
         elif one.entrant is not None:
-            out[one.name] = drive(_scenario(pattern), one.entrant)
+            out[one.name] = drive(scenario, one.entrant)
     return out
 
 
-def _scenario(pattern: Contestant) -> Scenario:
+def _driven(pattern: Contestant) -> RunConfig:
     """What a saved drive drove."""
     assert pattern.episode is not None
     meta = pattern.episode.meta
     try:
-        config = build(RunConfig, meta["config"])
+        return build(RunConfig, meta["config"])
     except (ConfigError, KeyError, TypeError) as error:
         raise ConfigError(f"{pattern.source} does not record what was driven ({error})") from None
-    return Scenario("", "", CLEAN, "", config.seed, Disturbance(), config)
 
 
 def differences(one: Mapping[str, Any], two: Mapping[str, Any]) -> list[FieldDifference]:

@@ -1,0 +1,311 @@
+"""Controllers are measured and compared over the same scenarios."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+from steersman import files
+from steersman.api.driving import Folder, announce, workers_for
+from steersman.commands import Notify, check_order, configuration, key, split
+from steersman.config import build, dump, lay_over, override
+from steersman.errors import ConfigError, how_to_install
+from steersman.words import seed_list
+
+if TYPE_CHECKING:
+    from steersman.bench.maps import Map
+    from steersman.bench.results import BenchResult
+    from steersman.bench.suite import Suite
+    from steersman.studies.compare.contestants import Contestant
+    from steersman.studies.compare.results import DriveCompareResult, ScenarioCompareResult
+
+Progress = Callable[[float, float], None]
+
+
+def bench(
+    *controllers: str,
+    suite: str | Sequence[str] = "standard",
+    seeds: Sequence[int] | str = (0,),
+    maps: Folder | None = None,
+    out: Folder | None = None,
+    engine: str | None = None,
+    jobs: int | None = None,
+    progress: Progress | None = None,
+    notify: Notify | None = None,
+    **settings: Any,
+) -> BenchResult:
+    """Drive controllers through the scenarios of a suite; rows and summary.
+
+    ``sm.bench("tuned/lqr", "mine=runs/pid/tuned.yaml", suite="quick")``
+
+    Args:
+        controllers: words, each also as ``name=word``, none: those of the package; and fields of
+            the suite, ``plant.host=...``.
+        suite: ``standard``, ``core``, ``tuning``, ``quick``, ``faults``, ``maps`` or a YAML file;
+            or a list of such a word and settings ``key=value``.
+        seeds: seeds of all draws, a list or ``"0..4"``.
+        maps: folder of OpenDRIVE maps (``*.xodr``): seeded ways over each are added to the suite;
+            the suite ``maps`` holds them alone.
+        out: folder for ``rows.jsonl``, ``results.json``, ``suite.yaml`` and, if their extras are
+            installed, ``results.parquet`` and ``report.html``. The rows are kept, so that the same
+            call goes on after an interruption.
+        engine: ``local`` or ``ray``; None: ``ray`` if ``RAY_ADDRESS`` is set.
+        jobs: drives at a time; None: one for each core.
+        progress: called with the simulated seconds done and in all.
+        notify: called with a sentence about the work that begins, and about what is left out.
+        settings: fields of the suite, e.g. ``corridor``.
+
+    Returns:
+        What is written to ``results.json``.
+
+    Raises:
+        ConfigError: a word or a value is unknown or not allowed.
+        DataError: a file is missing or malformed, or ``out`` cannot be written.
+    """
+    from steersman.bench.entrants import entrants
+    from steersman.bench.results import RESULTS
+    from steersman.bench.runner import bench as run
+    from steersman.bench.suites import write_suite
+    from steersman.bench.summary import results
+
+    tell = notify or _silent
+    named, chosen = suite_settings(controllers)
+    numbers = seed_list(seeds)
+    name, assignments = split([suite] if isinstance(suite, str) else suite)
+    name = name or "standard"
+    plan, read = _plan(name, [*chosen.values(), *assignments], settings, maps, tell)
+    engine, jobs = workers_for(plan.plant, engine, jobs)
+    found = entrants(named)
+    announce(plan.plant, tell)
+    scenarios = plan.scenarios(numbers)
+    if not scenarios:
+        raise ConfigError(f"plant={plan.plant.kind} can do none of its scenarios", ("suite",))
+    with kept(out) as folder:
+        left_out = plan.left_out(numbers)
+        if left_out:
+            what = f"{sum(left_out.values())} scenarios, left out: {', '.join(left_out)}"
+            tell(f"plant={plan.plant.kind} cannot do {what}")
+        tell(f"{len(scenarios)} scenarios x {len(found)} controllers")
+        rows = run(scenarios, found, folder, engine=engine, jobs=jobs, progress=progress)
+        outcome = results(name, plan, numbers, rows, found, read)
+        outcome.write(folder / RESULTS)
+        write_suite(plan, folder)
+        if out is not None:
+            _write_extras(folder, outcome, rows, scenarios, found, tell)
+    return outcome
+
+
+def _plan(
+    suite: str,
+    assignments: Sequence[str],
+    settings: dict[str, Any],
+    maps: Folder | None,
+    tell: Notify,
+) -> tuple[Suite, list[Map]]:
+    """The suite with its settings, and with the courses over the maps in a folder if given."""
+    from steersman.bench.maps import ALONE, read_maps, with_maps
+    from steersman.bench.suites import suite as read_suite
+
+    if suite == ALONE and maps is None:
+        raise ConfigError("the suite 'maps' needs a folder of OpenDRIVE maps: --maps DIR")
+    base = None if suite == ALONE else read_suite(suite)
+    read = [] if maps is None else read_maps(FilePath(maps))
+    for each in read:
+        tell(each.described())
+    plan = with_maps(base, read) if read or base is None else base
+    if not (settings or assignments):
+        return plan, read
+    tree: Any = dump(plan)
+    for name, value in settings.items():
+        tree = lay_over(tree, name, value)
+    return build(type(plan), override(tree, assignments)), read
+
+
+def _write_extras(
+    folder: FilePath, outcome: BenchResult, rows: Any, scenarios: Any, found: Any, tell: Notify
+) -> None:
+    """The table and the page, each if its extra is installed."""
+    from steersman.bench.replay import median_cases, worst_cases
+    from steersman.bench.results import write_table
+
+    if write_table(rows, folder) is None:
+        tell(f"no results.parquet: it needs {how_to_install('bench')}")
+    if has_report(tell):
+        from steersman.report.benchmark import write_benchmark
+
+        cases = [*worst_cases(rows, scenarios, found), *median_cases(rows, scenarios, found)]
+        write_benchmark(outcome, cases, folder / "report.html")
+
+
+def compare(
+    *contestants: str,
+    suite: str | None = None,
+    seeds: Sequence[int] | str | None = None,
+    out: Folder | None = None,
+    engine: str | None = None,
+    jobs: int | None = None,
+    progress: Progress | None = None,
+    notify: Notify | None = None,
+) -> DriveCompareResult | ScenarioCompareResult:
+    """Set drives, trainings, benchmarks or controllers side by side.
+
+    ``sm.compare("tuned/lqr", "policy", "runs/agent", suite="quick")``;
+    ``sm.compare("tuned/lqr", "pid", "path=track.csv", "laps=1")``
+
+    Args:
+        contestants: folders or ``.npz`` files of drives; folders of trainings, tunings or
+            benchmarks; controllers; each also as ``name=word``. The others are set against the
+            first. Also ``suite=...`` and settings of the suite; or settings of one drive
+            (``path=...``), which controllers and policies then all drive.
+        suite: what controllers drive, ``quick`` by default.
+        seeds: seeds of the suite, a list or ``"0..4"``.
+        out: folder for ``compare.json``, ``report.html`` if its extra is installed, and the rows
+            that are driven now.
+        engine: ``local`` or ``ray``; None: ``ray`` if ``RAY_ADDRESS`` is set.
+        jobs: drives at a time; None: one for each core.
+        progress: called with the simulated seconds done and in all.
+        notify: called with a sentence about the work that begins.
+
+    Raises:
+        ConfigError: a word is unknown, or the contestants have nothing in common.
+        DataError: a file is missing or malformed, or ``out`` cannot be written.
+    """
+    from steersman.studies.compare.contestants import contestants as found_by
+    from steersman.studies.compare.contestants import sort_of
+    from steersman.studies.compare.drives import compare_drives
+    from steersman.studies.compare.scenarios import compare_scenarios, plan
+
+    tell = notify or _silent
+    named, chosen = suite_settings(contestants, also=_drive_fields())
+    if suite is not None:
+        chosen["suite"] = f"suite={suite}"
+    numbers = None if seeds is None else seed_list(seeds)
+    found = found_by(named)
+    drive = _one_drive(found, chosen, numbers)
+    shown: dict[str, Any]
+    if drive is not None or sort_of(found) == "drives":
+        given = [] if drive is not None else [*chosen.values(), *(["--seeds"] if seeds else [])]
+        if given:
+            raise ConfigError(
+                f"{given[0]}: drives are compared on what they drove; it goes with controllers"
+            )
+        with _beside(out, found) as folder:
+            outcome: Any
+            outcome, episodes = compare_drives(found, drive)
+            shown = {"episodes": episodes}
+            _write(folder, out, outcome, shown, tell)
+        return outcome  # type: ignore[no-any-return]
+    name = chosen.pop("suite", "").partition("=")[2].strip() or None
+    over = plan(found, name, [*chosen.values()], numbers)
+    engine, jobs = workers_for(over.suite.plant, engine, jobs)
+    drivers = sum(one.entrant is not None for one in found)
+    with _beside(out, found) as folder:
+        if drivers:
+            tell(f"{len(over.scenarios)} scenarios x {drivers} controllers")
+        outcome, cases = compare_scenarios(
+            found, over, folder, engine=engine, jobs=jobs, progress=progress
+        )
+        shown = {"cases": cases}
+        _write(folder, out, outcome, shown, tell)
+    return outcome  # type: ignore[no-any-return]
+
+
+def _one_drive(
+    found: Sequence[Contestant], chosen: dict[str, str], seeds: Sequence[int] | None
+) -> Any:
+    """The drive that settings such as ``path=...`` describe; None without one.
+
+    Raises:
+        ConfigError: a contestant is no controller, or the settings of a suite are given too.
+    """
+    from steersman.bench.suite import Suite
+
+    words = {name: name.partition(".")[0] for name in chosen}
+    own = [name for name, field in words.items() if field not in {"suite", *Suite.model_fields}]
+    if not own:
+        return None
+    first = chosen[own[0]]
+    saved = next((one for one in found if one.entrant is None), None)
+    if saved is not None:
+        raise ConfigError(f"{first}: {saved.source} is driven already; it goes with controllers")
+    if "suite" in words.values() or seeds is not None:
+        raise ConfigError(f"{first}: a suite has paths of its own; leave out suite and --seeds")
+    return configuration("drive", [*chosen.values()])
+
+
+def _drive_fields() -> set[str]:
+    from steersman.rollout import RunConfig
+
+    return {*RunConfig.model_fields} - {"controller"}
+
+
+@contextmanager
+def _beside(out: Folder | None, found: Sequence[Contestant]) -> Iterator[FilePath]:
+    """The folder for results, which none of the contestants lies in."""
+    taken = {one.folder.resolve() for one in found if one.folder is not None}
+    if out is not None and FilePath(out).resolve() in taken:
+        raise ConfigError(f"--out: {out} is one of those compared; give another folder")
+    with kept(out) as folder:
+        yield folder
+
+
+def _write(
+    folder: FilePath, out: Folder | None, outcome: Any, shown: dict[str, Any], tell: Notify
+) -> None:
+    if out is None:
+        return
+    outcome.write(folder / "compare.json")
+    if has_report(tell):
+        from steersman.report.comparison import write_comparison
+
+        write_comparison(outcome, folder / "report.html", **shown)
+
+
+def has_report(tell: Notify) -> bool:
+    """Whether pages can be written; says what they need if not."""
+    found = find_spec("jinja2") is not None
+    if not found:
+        tell(f"no report.html: it needs {how_to_install('report')}")
+    return found
+
+
+def _silent(_: str) -> None:
+    """What is notified where the caller gave no function."""
+
+
+@contextmanager
+def kept(out: Folder | None) -> Iterator[FilePath]:
+    """The folder for what is computed; without a name one that is gone at the end."""
+    if out is not None:
+        yield files.out_folder(str(out))
+        return
+    with tempfile.TemporaryDirectory() as name:
+        yield FilePath(name)
+
+
+def suite_settings(
+    words: Sequence[str], also: set[str] | frozenset[str] = frozenset()
+) -> tuple[list[str], dict[str, str]]:
+    """The words that name something to drive, and by their key those that are settings.
+
+    >>> suite_settings(["pid", "mine=tuned/lqr", "corridor=1"])
+    (['pid', 'mine=tuned/lqr'], {'corridor': 'corridor=1'})
+
+    Args:
+        words: words of ``bench`` or ``compare``.
+        also: names of settings beside those of a suite.
+
+    Raises:
+        ConfigError: a setting undoes another.
+    """
+    from steersman.bench.suite import Suite
+
+    known = {"suite", *Suite.model_fields, *also}
+    found = [word for word in words if "=" in word and key(word).partition(".")[0] in known]
+    check_order(found)
+    named = [word for word in words if word not in found]
+    return named, {key(word): word for word in found}
