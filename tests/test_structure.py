@@ -11,16 +11,10 @@ from pathlib import Path
 SRC = Path(__file__).parents[1] / "src"
 MOST_LINES = 300
 # What is still to be put right; entries only ever leave these lists.
-CIRCLES: frozenset[str] = frozenset(
-    {
-        "steersman.cli.outcome",
-        "steersman.cli.output",
-    }
-)
+CIRCLES: frozenset[str] = frozenset()
 TWICE: frozenset[str] = frozenset()
 LONG: frozenset[str] = frozenset(
     {
-        "steersman/commands.py",
         "steersman/features.py",
         "steersman/kernels/vehicle.py",
         "steersman/kernels/world.py",

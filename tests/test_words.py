@@ -116,6 +116,12 @@ def test_nested_words_of_a_training() -> None:
     assert [road.kind for road in roads] == ["csv", "circle"]
 
 
+def test_a_field_of_the_default_plant_needs_no_name_of_the_plant() -> None:
+    for word in ("problem.plant.dt=0.02", "plant.dt=0.02"):
+        problem = sm.configure("train", "demo", word).problem
+        assert (problem.plant.kind, problem.plant.dt) == ("simulator", 0.02)
+
+
 def test_components_of_your_own_go_as_objects() -> None:
     class Straight(sm.Controller):
         def init(self, vehicle: object, dt: float) -> None:

@@ -11,7 +11,7 @@ from mkdocs.structure.files import File, Files
 from steersman.cli.app import app
 from steersman.cli.components import _COMMANDS, paragraphs
 from steersman.cli.fields import fields_of
-from steersman.commands import settings_of
+from steersman.command_table import settings_of
 from steersman.config import components, families
 
 PAGES = Path(__file__).resolve().parents[1] / "equations"

@@ -6,63 +6,29 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path as FilePath
-from typing import Any, NamedTuple, TypeAlias, TypeVar
+from typing import Any, TypeAlias
 
 from pydantic import BaseModel
 
 from steersman import presets, tuned
 from steersman import words as words_
-from steersman.config import Component, Of, build, lay_over, merge, override, read_yaml, resolve
+from steersman.command_table import (
+    COMMANDS,
+    build_for,
+    check_command,
+    component_fields,
+    settings_of,
+)
+from steersman.config import Component, lay_over, override, read_yaml
 from steersman.errors import ConfigError, DataError, suggestion
 
-M = TypeVar("M", bound=BaseModel)
 Word: TypeAlias = str | BaseModel | Mapping[str, Any]
 Notify: TypeAlias = Callable[[str], None]
 
-_POLICY = "its policy drives with controller=policy controller.file={inside}policy.onnx"
-
-
-class CommandWords(NamedTuple):
-    """A command that is configured by words."""
-
-    config: str
-    """``module:class`` of its configuration."""
-    own: str | None
-    """A field that no other command's configuration has."""
-    elsewhere: str
-    """What to do with such a configuration where another command's is expected."""
-    presets: bool = False
-    """Whether its first word may be a preset of training."""
-
-
-COMMANDS = {
-    "drive": CommandWords("steersman.rollout:RunConfig", None, ""),
-    "train": CommandWords("steersman.learning.config:TrainConfig", "agent", _POLICY, True),
-    "imitate": CommandWords(
-        "steersman.learning.imitation.config:ImitationConfig", "fit", _POLICY, True
-    ),
-    "tune": CommandWords(
-        "steersman.studies.tune:TuneConfig", "smoothness", "what it found is {inside}tuned.yaml"
-    ),
-    "falsify": CommandWords(
-        "steersman.studies.falsify:FalsifyConfig", "ranges", "'steersman falsify {file}' takes it"
-    ),
-    "bench": CommandWords(
-        "steersman.bench.suite:Suite", "courses", "'steersman bench {file}' takes it"
-    ),
-}
 # What an imitation takes from the configuration of a training.
 _SHARED = ("problem", "validation", "seed", "trim", "threads")
-
-
-def settings_of(command: str) -> type[BaseModel]:
-    """The class of a command's configuration."""
-    module, _, name = COMMANDS[command].config.partition(":")
-    found: type[BaseModel] = getattr(importlib.import_module(module), name)
-    return found
 
 
 def configuration(
@@ -106,10 +72,7 @@ def configuration(
     for key, value in more.items():
         tree = lay_over(tree, key, value)
     tree = _for_one_car(command, override(tree, assignments), [*assignments, *more], notify)
-    try:
-        return build(cls, tree)
-    except ConfigError as error:
-        raise _hinted(error, command, tree) from None
+    return build_for(command, tree)
 
 
 def _of_problem(word: str) -> str:
@@ -195,7 +158,7 @@ def _whole(command: str, name: str) -> dict[str, Any] | None:
         return None
     if command == "imitate" and "agent" in tree:
         return {name: tree[name] for name in _SHARED if name in tree}
-    _check_command(str(file), tree, command)
+    check_command(str(file), tree, command)
     return tree
 
 
@@ -203,13 +166,6 @@ def _is_file(name: str) -> bool:
     file = FilePath(name)
     a_place = file.is_file() or (file.is_dir() and name not in presets.names())
     return file.suffix in words_.YAML or file.name != name or a_place
-
-
-def component_fields(command: str) -> dict[str, str]:
-    """The family of each field of a command's configuration that holds one component."""
-    fields = settings_of(command).model_fields.items()
-    marks = {name: [m for m in field.metadata if isinstance(m, Of)] for name, field in fields}
-    return {name: found[0].family for name, found in marks.items() if found}
 
 
 def _families_of(command: str, name: str) -> list[str]:
@@ -254,30 +210,6 @@ def existing(name: str) -> FilePath:
     return file
 
 
-def _hinted(error: ConfigError, command: str, tree: Mapping[str, Any]) -> ConfigError:
-    """The error about an unknown field, with the part that has such a field."""
-    if len(error.where) != 1 or not error.what.startswith("unknown field; allowed"):
-        return error
-    name, cls = error.where[0], settings_of(command)
-    for field, family in component_fields(command).items():
-        default = cls.model_fields[field].get_default(call_default_factory=True)
-        value = merge({field: default}, {field: tree[field]})[field] if field in tree else default
-        found = resolve(family, value, optional=True)
-        if found is not None and name in type(found).model_fields:
-            return ConfigError(f"unknown field; did you mean '{field}.{name}'?", error.where)
-    return error
-
-
-def _check_command(name: str, tree: Mapping[str, Any], command: str) -> None:
-    """Refuse the configuration of another command, and say what to do with it."""
-    for other, entry in COMMANDS.items():
-        if other != command and entry.own is not None and entry.own in tree:
-            folder = FilePath(name).parent
-            inside = "" if folder == FilePath() else f"{folder}/"
-            what = entry.elsewhere.format(inside=inside, file=name)
-            raise DataError(f"{name}: is the configuration of 'steersman {other}'; {what}")
-
-
 def _for_one_car(
     command: str, tree: dict[str, Any], given: Sequence[str], notify: Notify | None
 ) -> dict[str, Any]:
@@ -297,11 +229,11 @@ def _for_one_car(
 
 def _changes(command: str, tree: Mapping[str, Any], plant: Any) -> list[str]:
     """Assignments that make the configuration one of a single car."""
-    if command in {"train", "imitate"}:
-        from steersman.learning.config import TrainConfig, for_one_car
-        from steersman.learning.imitation.config import ImitationConfig
+    if COMMANDS[command].presets:
+        from steersman.learning.config import for_one_car
 
-        return for_one_car(TrainConfig if command == "train" else ImitationConfig, tree, plant)
+        kind: Any = settings_of(command)
+        return for_one_car(kind, tree, plant)
     if command == "falsify":
         from steersman.studies.falsify import for_one_car as search_for_one_car
 

@@ -27,10 +27,10 @@ from steersman.registry import components
 YAML = (".yaml", ".yml")
 _CONTROLLER, _POLICY = "controller", "policy"
 _SUPERVISED = "supervised/"
+_MOST_SEEDS = 10_000
 # What the folder of a training or tuning holds for a controller.
 RESULTS = ("policy.onnx", "tuned.yaml")
 # Names of files that every tuning, training or drive writes: the folder's name says more.
-_MOST_SEEDS = 10_000
 _COMMON = ("tuned", "policy", "config", "episode")
 
 

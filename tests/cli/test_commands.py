@@ -548,11 +548,13 @@ class TestOutput:
     def test_compiling_is_told_once_in_a_terminal(
         self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
     ) -> None:
-        output.tell_compiling()  # no terminal: nobody waits and wonders
+        output.tell_compiling()  # no terminal, no line
         numba.njit(lambda x: x + 1)(1)
         assert capsys.readouterr().err == ""
         monkeypatch.setattr(sys, "stderr", Terminal(sys.stderr))
+        output._listen_for_compiling().told = False  # whatever the tests before compiled
         output.tell_compiling()
+        output.tell_compiling()  # each bar of a command calls it
         numba.njit(lambda x: x + 2)(1)
         numba.njit(lambda x: x + 3)(1)
         assert capsys.readouterr().err.count("compiling") == 1

@@ -131,6 +131,21 @@ def test_drives_are_compared_along_their_path(steersman: Steersman, tmp_path: Fi
     assert "one path, one drive of each" in page
 
 
+def test_controllers_drive_one_drive_that_is_described(
+    steersman: Steersman, tmp_path: FilePath
+) -> None:
+    (tmp_path / "track.csv").write_text("x,y\n0,0\n50,0\n50,50\n0,50\n")
+    given = ("tuned/lqr", "tuned/stanley", "path=track.csv", "duration=12", "--json")
+    outcome = json.loads(steersman("compare", *given).stdout)
+    (pair,) = outcome["comparisons"]
+    assert outcome["sort"] == "drives"
+    assert pair["differ"] == []  # nothing but the controllers
+    assert pair["along"]["figures"]
+    for more in ("suite=quick", "--seeds=0"):
+        wrong = steersman("compare", *given[:-1], *more.split())
+        assert "path=track.csv: a suite has paths of its own; leave out" in wrong.stderr
+
+
 def test_who_leaves_the_road_is_not_flattered(steersman: Steersman) -> None:
     """Both are compared where both drove, so it is said who drove no farther, and why."""
     circle = ("path=circle", "speed=constant_speed", "duration=20")

@@ -48,7 +48,7 @@ def work(out: Path, engine: str) -> dict[str, Any]:
     ]
     return {
         "rows": [row.plain() for row in rows],
-        "tuned": best.model_dump(),
+        "tuned": best.controller.model_dump(),
         "failed": failed,
         "policies": policies,
         "validated": sorted((e.job.name, e.steps) for e in events if e.row is not None),

@@ -37,16 +37,17 @@ def run_cost(controller: Any, **changes: Any) -> float:
 
 
 def test_the_result_is_never_worse_than_the_start(tmp_path: FilePath) -> None:
-    best = tune(study(), tmp_path)
+    result = tune(study(), tmp_path)
+    best = result.controller
     assert run_cost(best) <= run_cost("pid")
-    result = TuneResult.read(tmp_path / "result.json")
+    assert TuneResult.read(tmp_path / "result.json") == result
     assert result.trials == 6
     assert result.cost_m == pytest.approx(run_cost(best))
     assert result.cost_of_first_trial_m == pytest.approx(run_cost("pid"))
 
 
 def test_tuned_values_stay_in_their_ranges_and_read_back(tmp_path: FilePath) -> None:
-    best = tune(study(), tmp_path)
+    best = tune(study(), tmp_path).controller
     for name, (low, high, _) in best.search.items():
         value: Any = best
         for part in name.split("."):
@@ -161,7 +162,7 @@ def trade_of(folder: FilePath) -> TuningTrials:
 
 
 def test_the_objective_is_told_apart_for_each_trial(tmp_path: FilePath) -> None:
-    best = tune(study(trials=3), tmp_path)
+    best = tune(study(trials=3), tmp_path).controller
     trade = trade_of(tmp_path)
     assert len(trade.trials) == trade.measured == 3
     for row in trade.trials:
@@ -198,7 +199,8 @@ def test_an_interrupted_study_ends_as_if_it_had_not_been(
         with pytest.raises(KeyboardInterrupt):
             tune(config, tmp_path / "cut")
     monkeypatch.setattr(tuning, "measure", real)
-    assert tune(config, tmp_path / "cut") == whole
+    resumed = tune(config, tmp_path / "cut")
+    assert (resumed.controller, resumed.cost_m) == (whole.controller, whole.cost_m)
     costs = [[r.cost_m for r in trade_of(tmp_path / n).trials] for n in ("whole", "cut")]
     assert costs[0] == costs[1]
 

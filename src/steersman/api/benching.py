@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 from steersman import files
 from steersman.api.driving import Folder, announce, workers_for
+from steersman.command_table import build_for
 from steersman.commands import Notify, check_order, configuration, key, split
-from steersman.config import build, dump, lay_over, override
+from steersman.config import dump, lay_over, override
 from steersman.errors import ConfigError, how_to_install
 from steersman.words import seed_list
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from steersman.bench.results import BenchResult
     from steersman.bench.suite import Suite
     from steersman.studies.compare.contestants import Contestant
-    from steersman.studies.compare.results import DriveCompareResult, ScenarioCompareResult
+    from steersman.studies.compare.results import AnyComparison
 
 Progress = Callable[[float, float], None]
 
@@ -122,7 +123,7 @@ def _plan(
     tree: Any = dump(plan)
     for name, value in settings.items():
         tree = lay_over(tree, name, value)
-    return build(type(plan), override(tree, assignments)), read
+    return build_for("bench", override(tree, assignments)), read
 
 
 def _write_extras(
@@ -150,7 +151,7 @@ def compare(
     jobs: int | None = None,
     progress: Progress | None = None,
     notify: Notify | None = None,
-) -> DriveCompareResult | ScenarioCompareResult:
+) -> AnyComparison:
     """Set drives, trainings, benchmarks or controllers side by side.
 
     ``sm.compare("tuned/lqr", "policy", "runs/agent", suite="quick")``;
@@ -174,44 +175,44 @@ def compare(
         ConfigError: a word is unknown, or the contestants have nothing in common.
         DataError: a file is missing or malformed, or ``out`` cannot be written.
     """
+    from steersman.rollout import RunConfig
     from steersman.studies.compare.contestants import contestants as found_by
     from steersman.studies.compare.contestants import sort_of
     from steersman.studies.compare.drives import compare_drives
     from steersman.studies.compare.scenarios import compare_scenarios, plan
 
     tell = notify or _silent
-    named, chosen = suite_settings(contestants, also=_drive_fields())
+    named, chosen = suite_settings(contestants, also={*RunConfig.model_fields} - {"controller"})
     if suite is not None:
         chosen["suite"] = f"suite={suite}"
     numbers = None if seeds is None else seed_list(seeds)
     found = found_by(named)
+    taken = {one.folder.resolve() for one in found if one.folder is not None}
+    if out is not None and FilePath(out).resolve() in taken:
+        raise ConfigError(f"--out: {out} is one of those compared; give another folder")
     drive = _one_drive(found, chosen, numbers)
-    shown: dict[str, Any]
     if drive is not None or sort_of(found) == "drives":
-        given = [] if drive is not None else [*chosen.values(), *(["--seeds"] if seeds else [])]
-        if given:
+        if drive is None and (chosen or numbers is not None):
+            what = next(iter(chosen.values()), "--seeds")
             raise ConfigError(
-                f"{given[0]}: drives are compared on what they drove; it goes with controllers"
+                f"{what}: drives are compared on what they drove; it goes with controllers"
             )
-        with _beside(out, found) as folder:
-            outcome: Any
-            outcome, episodes = compare_drives(found, drive)
-            shown = {"episodes": episodes}
-            _write(folder, out, outcome, shown, tell)
-        return outcome  # type: ignore[no-any-return]
+        with kept(out) as folder:
+            over_drives, episodes = compare_drives(found, drive)
+            _write(over_drives, folder, out, tell, episodes=episodes)
+        return over_drives
     name = chosen.pop("suite", "").partition("=")[2].strip() or None
     over = plan(found, name, [*chosen.values()], numbers)
     engine, jobs = workers_for(over.suite.plant, engine, jobs)
     drivers = sum(one.entrant is not None for one in found)
-    with _beside(out, found) as folder:
+    with kept(out) as folder:
         if drivers:
             tell(f"{len(over.scenarios)} scenarios x {drivers} controllers")
-        outcome, cases = compare_scenarios(
+        result, cases = compare_scenarios(
             found, over, folder, engine=engine, jobs=jobs, progress=progress
         )
-        shown = {"cases": cases}
-        _write(folder, out, outcome, shown, tell)
-    return outcome  # type: ignore[no-any-return]
+        _write(result, folder, out, tell, cases=cases)
+    return result
 
 
 def _one_drive(
@@ -237,25 +238,10 @@ def _one_drive(
     return configuration("drive", [*chosen.values()])
 
 
-def _drive_fields() -> set[str]:
-    from steersman.rollout import RunConfig
-
-    return {*RunConfig.model_fields} - {"controller"}
-
-
-@contextmanager
-def _beside(out: Folder | None, found: Sequence[Contestant]) -> Iterator[FilePath]:
-    """The folder for results, which none of the contestants lies in."""
-    taken = {one.folder.resolve() for one in found if one.folder is not None}
-    if out is not None and FilePath(out).resolve() in taken:
-        raise ConfigError(f"--out: {out} is one of those compared; give another folder")
-    with kept(out) as folder:
-        yield folder
-
-
 def _write(
-    folder: FilePath, out: Folder | None, outcome: Any, shown: dict[str, Any], tell: Notify
+    outcome: AnyComparison, folder: FilePath, out: Folder | None, tell: Notify, **shown: Any
 ) -> None:
+    """The result and its page, if there is a folder that stays."""
     if out is None:
         return
     outcome.write(folder / "compare.json")
@@ -304,7 +290,7 @@ def suite_settings(
     """
     from steersman.bench.suite import Suite
 
-    known = {"suite", *Suite.model_fields, *also}
+    known = {"suite", "seed", "seeds", *Suite.model_fields, *also}
     found = [word for word in words if "=" in word and key(word).partition(".")[0] in known]
     check_order(found)
     named = [word for word in words if word not in found]

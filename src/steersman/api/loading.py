@@ -86,7 +86,7 @@ def _result(name: str, data: Any) -> type[StoredResult] | None:
 
 
 def _from_yaml(file: FilePath) -> Any:
-    from steersman.commands import COMMANDS, settings_of
+    from steersman.command_table import COMMANDS, settings_of
 
     tree = read_yaml(file)
     if set(tree) == {"controller"}:  # a tuning's

@@ -136,7 +136,7 @@ def check_component(
 
 def _find(kind: str, name: str | None) -> tuple[type[BaseModel], BaseModel | None]:
     """The class; and the component itself, of a word that is not just its kind."""
-    from steersman.commands import settings_of
+    from steersman.command_table import settings_of
     from steersman.config import components, families, lookup, resolve
 
     if kind in _COMMANDS:

@@ -13,11 +13,11 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
+from steersman.cli.output import note
 from steersman.errors import SteersmanError, how_to_install, one_line
 
 USER_ERROR = 2
 INTERRUPTED = 130
-PIPE_CLOSED = 141
 
 # Typer carries a copy of click of its own since 0.22; either way this is the UsageError.
 _UsageError: type[Any] = typer.BadParameter.__mro__[1]
@@ -96,8 +96,6 @@ def _ended_as_interrupted() -> Iterator[None]:
 
 def fail(message: str, code: int = USER_ERROR) -> int:
     """Print the one line; the exit code that goes with it."""
-    from steersman.cli.output import note  # which needs the codes of this module
-
     note(f"error: {one_line(message)}")
     return code
 
@@ -109,8 +107,6 @@ def goes_on(folder: str | None) -> Iterator[None]:
     Raises:
         typer.Exit: Ctrl-C.
     """
-    from steersman.cli.output import note
-
     try:
         yield
     except KeyboardInterrupt:
@@ -126,7 +122,6 @@ def interrupted(folder: FilePath, folders: Sequence[FilePath], goes_on: str) -> 
         folders: the folders of the trainings: it, or those in it.
         goes_on: where ``--resume`` would go on, where there is a checkpoint.
     """
-    from steersman.cli.output import note
     from steersman.learning import checkpoint
 
     if any(checkpoint.exists(each) for each in folders):

@@ -8,12 +8,12 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from textwrap import fill
 from typing import TYPE_CHECKING, Any, Literal, TextIO
 
 import typer
 
-from steersman.cli.outcome import PIPE_CLOSED
 from steersman.errors import DataError
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress
     from rich.table import Table
 
+PIPE_CLOSED = 141  # the exit code of a program whose output no longer goes anywhere
 # Share of the work between two lines of progress, where there are many steps.
 TOLD = 0.05
 # Columns that a progress bar takes beside its words, and the least that its words have.
@@ -130,23 +131,29 @@ def folded(text: str, stream: TextIO) -> str:
 
 def tell_compiling() -> None:
     """From now on say so, once, if kernels have to be compiled: nothing else shows meanwhile."""
-    if not sys.stderr.isatty():
-        return
+    if sys.stderr.isatty():
+        _listen_for_compiling()
+
+
+@cache
+def _listen_for_compiling() -> Any:
+    """The one listener of this process, registered with Numba."""
     from numba.core import event
 
     class Teller(event.Listener):
-        def __init__(self) -> None:
-            self.told = False
+        told = False
 
         def on_start(self, _: Any) -> None:
-            if not self.told:
+            if not self.told and sys.stderr.isatty():
                 self.told = True
                 note("compiling, once for this version: some ten seconds")
 
         def on_end(self, _: Any) -> None:
             pass
 
-    event.register("numba:compile", Teller())  # type: ignore[no-untyped-call]
+    teller = Teller()
+    event.register("numba:compile", teller)  # type: ignore[no-untyped-call]
+    return teller
 
 
 def animated() -> bool:

@@ -39,7 +39,8 @@ def tune(
     from steersman.config import to_yaml
 
     config = sm.configure("tune", *(words or []), *([f"trials={trials}"] if trials else []))
-    driven, said = False, []
+    driven = False
+    said: list[str] = []
     with goes_on(out), steps_bar(config.trials, "tuning", "trials", TOLD) as update:
 
         def tell(done: int, cost: float) -> None:
