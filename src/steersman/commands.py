@@ -169,13 +169,13 @@ def _is_file(name: str) -> bool:
 
 
 def _families_of(command: str, name: str) -> list[str]:
-    """The fields that a word may be for: the first of each family that knows it."""
+    """The fields that a word may be for: the first of each family that has it."""
     first = {family: field for field, family in reversed(component_fields(command).items())}
     return [field for family, field in first.items() if words_.means(family, name)]
 
 
 def _field_for(command: str, name: str) -> str:
-    """The field that a word without "=" is for, by the families that know the word."""
+    """The field that a word without "=" is for, by the families that have the word."""
     found = _families_of(command, name)
     if len(found) == 1:
         return found[0]

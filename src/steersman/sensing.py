@@ -89,8 +89,8 @@ class WaypointSensor(Component):
 
     With waypoint errors, lateral error, heading error and curvature are those of the road as
     estimated from the shifted waypoints, so no controller sees more than the others. Errors of
-    pose and speed are normal and drawn anew at each step; with a wrong pose everything that is
-    told of the road is told from there.
+    pose and speed are normal and drawn anew at each step; the road is measured from
+    the wrong pose.
     """
 
     count: int = param(15, "-", "Number of waypoints, the first beside the car.", ge=4, le=100)

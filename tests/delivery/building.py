@@ -153,8 +153,8 @@ class Library:
         """Tell what was executed."""
         self._function("executed")(ctypes.c_void_p(state.ctypes.data), ctypes.c_float(steer))
 
-    def told(self, state: Any, seen: Observation) -> Observation:
-        """What the corrected controller is to be told."""
+    def trimmed(self, state: Any, seen: Observation) -> Observation:
+        """The observation for the corrected controller."""
         row = self.pack(seen)
         out = np.zeros_like(row)
         pointers = [ctypes.c_void_p(each.ctypes.data) for each in (state, row, out)]
@@ -179,7 +179,7 @@ class InC(ControllerComponent):
         mine, base, its = state
         mine, command = mine.copy(), 0.0
         if base is not None:
-            decision, its = base.step(its, self.library.told(mine, observation))
+            decision, its = base.step(its, self.library.trimmed(mine, observation))
             command = decision.steer
         steer, status = self.library.step(mine, observation, command)
         if base is not None:

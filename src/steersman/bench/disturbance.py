@@ -29,8 +29,8 @@ _USED_GRIP = 0.6
 class Disturbance(Settings):
     """How a run differs from a clean one; the defaults are the clean run.
 
-    The controller's nominal vehicle is the suite's, times ``model``: a disturbed mass
-    is one that no controller knows of.
+    The controller's nominal vehicle is the suite's, times ``model``: controllers compute with
+    the undisturbed mass.
     """
 
     delay: float = param(0.0, "s", "Steering delay.", ge=0)
@@ -73,7 +73,7 @@ class Disturbance(Settings):
 
         ``run.vehicle`` is the undisturbed one.
         """
-        true, believed = self._car(run.vehicle), self.model.nominal(run.vehicle)
+        true, nominal = self._car(run.vehicle), self.model.nominal(run.vehicle)
         noise = {name: getattr(self, name) for name in _NOISES}
         plant: dict[str, Any] = {"steering_delay": run.plant.steering_delay + self.delay}
         if isinstance(run.plant, SimulatorConfig):
@@ -82,7 +82,7 @@ class Disturbance(Settings):
             plant["wind"] = run.plant.wind.model_copy(update=wind) if self.wind else run.plant.wind
         changes: dict[str, Any] = {
             "vehicle": true,
-            "nominal": None if believed == true else believed,
+            "nominal": None if nominal == true else nominal,
             "plant": run.plant.model_copy(update=plant),
             "sensor": run.sensor.model_copy(update={"error_range": self.waypoint_noise, **noise}),
             "fault": self.fault,

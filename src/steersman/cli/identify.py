@@ -34,9 +34,7 @@ def identify(
     ],
     vehicle: Annotated[
         str,
-        typer.Option(
-            "--vehicle", metavar="NAME|FILE.yaml", help="What is believed of the car before."
-        ),
+        typer.Option("--vehicle", metavar="NAME|FILE.yaml", help="The vehicle to start from."),
     ] = "carla_model3",
     out: Annotated[
         str | None, typer.Option("--out", metavar="FILE.yaml", help="The vehicle file to write.")
@@ -117,7 +115,7 @@ def _show(found: Identified, out: str | None, page: str | None) -> None:
     ]
     told = _kept(kept)
     if told:
-        items += ["", "kept as they were, since the recording does not tell them:", told]
+        items += ["", "kept as they were; the recording does not determine them:", told]
     if any(f.name.startswith("map_acceleration") for f in found.figures):
         items += ["", *_map(found)]
     else:
@@ -131,7 +129,7 @@ def _show(found: Identified, out: str | None, page: str | None) -> None:
 
 
 def _map(found: Identified) -> list[Any]:
-    """The throttle map, and how many of its knots are told."""
+    """The throttle map, and how many of its knots the recording determines."""
     vehicle = found.vehicle
     speeds = [f"{v:.3g} m/s" for v in vehicle.map_speed]
     grid = table("throttle", *speeds, right=("throttle", *speeds))
@@ -151,7 +149,7 @@ def _map(found: Identified) -> list[Any]:
     return [
         "net acceleration on a straight [m/s^2], drag included:",
         grid,
-        f"{len(halves)} knots told{middle}; all intervals are in the file and in --json",
+        f"{len(halves)} knots determined{middle}; all intervals are in the file and in --json",
     ]
 
 

@@ -86,7 +86,7 @@ def check(word: str, assignments: Iterable[str] = ()) -> tuple[str, list[str]]:
     """Run the contract of a component.
 
     Args:
-        word: ``family.word`` (``controller.lqr``), or the word alone where one family knows it.
+        word: ``family.word`` (``controller.lqr``), or the word alone where only one family has it.
         assignments: fields of the component, ``key=value``.
 
     Returns:

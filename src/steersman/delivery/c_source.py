@@ -104,7 +104,7 @@ def _signature(p: Parts) -> dict[str, str]:
         return {**empty, "step_indent": pad, "base": "0.0f"}
     head = (
         f"void {prefix}_base_observation(const {prefix}_state *state,\n"
-        f"    const {prefix}_observation *seen, {prefix}_observation *told)"
+        f"    const {prefix}_observation *seen, {prefix}_observation *out)"
     )
     return {
         "step_indent": pad,
@@ -114,10 +114,10 @@ def _signature(p: Parts) -> dict[str, str]:
         "base_comment": "\n * base: the command of the controller that is corrected.",
         "base_clip": ("    base = clip(base, 1.0f);\n"),
         "base_declaration": (
-            "\n/* What the corrected controller is to be told in this period, before step(). */\n"
+            "\n/* The corrected controller's observation in this period; before step(). */\n"
             f"{head};\n"
         ),
-        "base_function": f"{head}\n{{\n    shifted(seen, next_shift(state, seen), told);\n}}\n\n",
+        "base_function": f"{head}\n{{\n    shifted(seen, next_shift(state, seen), out);\n}}\n\n",
         "residual_note": _residual_note(p),
     }
 
@@ -126,10 +126,10 @@ def _residual_note(p: Parts) -> str:
     kind = c_text.comment(str((p.card.base or {}).get("kind")))
     return f""" *
  * CORRECTS ANOTHER CONTROLLER ({kind}; its settings are base in the card), which is
- * the caller's part: in each period ask ..._base_observation() what it is to be told, and give its
- * command, normalised steering in [-1, 1], to step(). Then tell it what step() answered if it
- * remembers its commands: that was executed, and not its own. The correction is at most
- * {p.card.authority:g} of full lock. The other controller's own failures are the caller's to see.
+ * the caller's part: in each period get its observation from ..._base_observation(), and give its
+ * command, normalised steering in [-1, 1], to step(). If it remembers its commands, give it the
+ * command that step() returned, which is the executed one. The correction is at most
+ * {p.card.authority:g} of full lock. Failures of the other controller are for the caller to detect.
 """
 
 
@@ -218,7 +218,7 @@ def _writer(p: Parts, feature: Feature, first: int) -> Writer:
     """What names mean in a feature's C functions; its cells begin at ``first``."""
     prefix = common(p)["PREFIX"]
     numbers = {
-        **{f"seen.{name}": f"told->{name}" for name in _SEEN},
+        **{f"seen.{name}": f"trimmed->{name}" for name in _SEEN},
         **{
             f"self.{name}": decimal(x, f"{feature.kind}.{name}")
             for name, x in numbers_of(feature).items()
@@ -230,21 +230,21 @@ def _writer(p: Parts, feature: Feature, first: int) -> Writer:
     }
     cells = f"(state->memory + {first})" if first else "state->memory"
     whole = {f"self.{name}": getattr(feature, name) for name in own_group(feature).whole}
-    return Writer(feature.kind, numbers, whole, {"seen.preview": "told->preview"}, cells)
+    return Writer(feature.kind, numbers, whole, {"seen.preview": "trimmed->preview"}, cells)
 
 
 def _formulas(p: Parts) -> dict[str, str]:
     """The functions of all features, and the lines that call them."""
     state = f"const {common(p)['prefix']}_state *state"
-    head = f"({state}, const {common(p)['prefix']}_observation *told, float base, int i)"
-    given = "(state, told, base, i)"
+    head = f"({state}, const {common(p)['prefix']}_observation *trimmed, float base, int i)"
+    given = "(state, trimmed, base, i)"
     functions, first = [], 0
     calls: dict[str, list[str]] = {name: [] for name in ("value", *UPDATES)}
     for k, feature in enumerate(p.layout.features):
         writer = _writer(p, feature, first)
         for name, formula in feature.formulas.items():
             function = f"f{k}_{feature.kind}" + ("" if name == "value" else f"_{name}")
-            unused = [f"(void){each};" for each in ("state", "told", "base", "i")]
+            unused = [f"(void){each};" for each in ("state", "trimmed", "base", "i")]
             lines = "".join(f"    {line}\n" for line in [*unused, *writer.body(formula)])
             functions.append(f"static float {function}{head}\n{{\n{lines}}}\n\n")
             if name == "value":

@@ -89,7 +89,7 @@ class Validator:
         return self._driver.source
 
     def close(self) -> None:
-        """Release the plant, for all who share it; may be called twice."""
+        """Release the plant, for all that share it; may be called twice."""
         self._driver.close()
 
     def score_demonstrator(self) -> Score:

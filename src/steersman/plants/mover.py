@@ -38,7 +38,7 @@ class Mover(Protocol):
 
     @property
     def vehicle(self) -> Vehicle:
-        """The nominal vehicle; a plant may know it better once a drive has begun."""
+        """The nominal vehicle; a plant may have better figures once a drive has begun."""
         ...
 
     def begin(
@@ -146,7 +146,7 @@ class Seat:
 
     @property
     def vehicle(self) -> Vehicle:
-        """What the plant knows of its vehicle."""
+        """The vehicle with the plant's own figures."""
         vehicle: Vehicle = self._plant.vehicle
         return vehicle
 
@@ -207,5 +207,5 @@ class Seat:
         self._shared.driver = None
 
     def close(self) -> None:
-        """Release the plant, for all who share it."""
+        """Release the plant, for all that share it."""
         self._plant.close()

@@ -92,8 +92,9 @@ def road_line(path: PathComponent) -> RoadLine:
 def waypoints(episode: Episode, path: PathComponent | None) -> FloatArray | None:
     """What the controller saw of the road, shape (rows, waypoints, 2), in the vehicle's frame [m].
 
-    None where it cannot be told. Sensors and disturbances draw their errors from the run's seed in
-    the order of the control steps, so all of it is measured again, at the states of the record.
+    None where the record does not determine it. Sensors and disturbances draw their errors from
+    the run's seed in the order of the control steps, so all of it is measured again, at the states
+    of the record.
     """
     sensor, seed = _part(episode, "sensor"), recorded(episode).get("seed", 0)
     if path is None or not isinstance(sensor, WaypointSensor) or not isinstance(seed, int):
