@@ -150,7 +150,14 @@ def __getattr__(name: str) -> Any:
     module = import_module(f"steersman.{_MODULES[name]}")
     value = getattr(module, _LONGER.get(name, name))
     globals()[name] = value
+    _join(value, sys.modules.get(f"steersman.{name}"))
     return value
+
+
+def _join(verb: Any, package: ModuleType | None) -> None:
+    """Let a verb have the modules of the package that has its name: ``steersman.bench.suite``."""
+    if hasattr(package, "__path__"):
+        verb.__dict__ = package.__dict__
 
 
 def __dir__() -> list[str]:
@@ -193,6 +200,8 @@ class _FrontDoor(ModuleType):
         # Python binds the package steersman.bench here once it is imported: the verb stays.
         if not (name in _MODULES and isinstance(value, ModuleType)):
             super().__setattr__(name, value)
+        elif name in self.__dict__:
+            _join(self.__dict__[name], value)
 
 
 sys.modules[__name__].__class__ = _FrontDoor

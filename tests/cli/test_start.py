@@ -65,3 +65,23 @@ def test_gymnasium_finds_the_environment(code: str) -> None:
     code = code.replace("make(", "print(gymnasium.make(")[:-1] + ").spec.id)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.stdout == "steersman/PathFollowing-v0\n", done.stderr
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import steersman.bench.suite; import steersman as sm; sm.bench",
+        "import steersman as sm; sm.bench; import steersman.bench.suite",
+        "import steersman.bench.suite as suite, steersman as sm; import steersman.bench.runner",
+    ],
+)
+def test_a_verb_and_the_package_of_its_name_are_both_there(code: str) -> None:
+    code += """
+import steersman.bench.maps, steersman.bench.suite as again
+from steersman.bench import maps
+from steersman.api.benching import bench
+assert sm.bench is bench and sm.bench.__name__ == "bench" and "suite" in sm.bench.__doc__
+assert steersman.bench.suite is again and steersman.bench.maps is maps
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
