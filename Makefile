@@ -1,6 +1,7 @@
 # make demo   train with a demonstrator, drive, and write runs/demo/report.html
-# make test   run the tests with coverage
-# make check  run the linters and build the documentation; CI runs `make check test`
+# make test   run the tests
+# make coverage  run the tests and measure what they cover, which takes half as long again
+# make check  run the linters and build the documentation; CI runs `make check coverage`
 # make docs   serve the documentation at http://127.0.0.1:8000
 # make setup  make .venv with everything in it; the others do so by themselves
 # make lock   write the versions that are in .venv to constraints.txt
@@ -17,14 +18,17 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Without it, a banner about the theme's successor stands in every log.
 export NO_MKDOCS_2_WARNING := 1
 
-.PHONY: demo test check docs setup lock clean
+.PHONY: demo test coverage check docs setup lock clean
 
 demo: $(STAMP)
 	$(BIN)/steersman demo --out runs/demo
 
 # One thread for each test process: WORKERS is what uses the cores.
 test: $(STAMP)
-	OMP_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) --cov --cov-report=term
+	OMP_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) --dist worksteal
+
+coverage: $(STAMP)
+	OMP_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) --dist worksteal --cov --cov-report=term
 
 check: $(STAMP)
 	$(BIN)/ruff check

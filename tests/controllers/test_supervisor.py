@@ -308,7 +308,7 @@ def short_drives() -> list[RunConfig]:
     paths = ("circle_50_left", "lemniscate", "iso_3888_1", "road_2003")
     words = ("clean", "delay_100ms", "noise_0.1m", "pose_noise")
     return [
-        one.run.model_copy(update={"duration": 4.0, "laps": None})
+        one.run.model_copy(update={"duration": 2.0, "laps": None})
         for one in suite("standard").scenarios()
         if one.path in paths and one.disturbance in words and one.speed == "constant"
     ]

@@ -59,8 +59,10 @@ def there(folder: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("block", [b for b in BLOCKS if b.language == "python"], ids=name)
 def test_python(block: Block) -> None:
     code = compile(block.body, str(block), "exec")
+    names: dict[str, Any] = {"__name__": "__main__"}
     if not block.excuse:
-        exec(code, {"__name__": "__main__"})
+        exec(code, names)
+    assert block.excuse or set(code.co_names) & set(names)
 
 
 @pytest.mark.parametrize("block", [b for b in BLOCKS if commands(b)], ids=name)

@@ -32,6 +32,7 @@ for _ in range(100):
     action = numpy.array([info["demo_action"]], numpy.float32)
     _, _, terminated, _, info = env.step(action)
     assert not terminated
+print(info["demo_action"])
 """
 
 
@@ -106,7 +107,7 @@ def test_check_finds_nothing(installed: FilePath, name: str) -> None:
 
 
 def test_it_demonstrates(installed: FilePath) -> None:
-    python(installed, "-c", IMITATE)
+    assert abs(float(python(installed, "-c", IMITATE))) < 1.0
 
 
 def test_its_feature_and_reward_train_and_are_delivered(

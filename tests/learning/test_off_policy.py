@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import numpy as np
@@ -130,3 +131,11 @@ def test_the_seam_is_put_before_an_algorithm_once() -> None:
     assert steering(TD3) is steering(TD3)
     assert steering(steering(TD3)) is steering(TD3)
     assert issubclass(steering(SAC), OffPolicySteering)
+
+
+def test_an_optimiser_is_made_without_torchs_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its import takes seconds of every DDPG training, which updates without torch."""
+    monkeypatch.setitem(sys.modules, "torch._dynamo", None)  # an import raises
+    made = torch.optim.Adam([torch.zeros(2, requires_grad=True)])
+    made.zero_grad()
+    made.load_state_dict(made.state_dict())

@@ -1,7 +1,7 @@
 """Lanes' centres beside those of CARLA's own reader.
 
-Maps of others are no part of this project: the folder in STEERSMAN_MAPS is looked through, or
-``shared/data/opendrive`` beside the project.
+Maps of others are no part of this project: beside the tests' own maps, those of the folder in
+STEERSMAN_MAPS are taken, or of ``shared/data/opendrive`` beside the project.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ BESIDE = FilePath(__file__).resolve().parents[3] / "shared" / "data" / "opendriv
 FOLDER = FilePath(os.environ.get("STEERSMAN_MAPS") or BESIDE)
 FILES = sorted(FOLDER.glob("*.xodr"))
 TOWNS = [file for file in FILES if file.stem.startswith("Town")]
-WHY = f"no maps to compare in {FOLDER}: set STEERSMAN_MAPS to a folder of them"
+OWN = {"wavy": maps.wavy, "town": maps.town}
 # The place of a lane's end in CARLA is that of the next section's lane: stay within [m].
 INSIDE = 1e-4
 
@@ -58,27 +58,29 @@ def compared(file: FilePath) -> list[float]:
     return out
 
 
-@pytest.mark.parametrize("name", ["wavy", "town"])
-def test_own_maps(tmp_path: FilePath, name: str) -> None:
-    # CARLA knows roads by numbers.
+def name(given: str | FilePath) -> str:
+    return FilePath(given).stem
+
+
+@pytest.fixture(params=[*OWN, *FILES], ids=name)
+def file(request: pytest.FixtureRequest, tmp_path: FilePath) -> FilePath:
+    """Each map in turn, the tests' own with numbers for roads, by which CARLA knows them."""
+    if isinstance(request.param, FilePath):
+        return request.param
     names = ("a-left", "a-on", "a-right", "left", "right", "back", "on", "a", "j")
-    text = {"wavy": maps.wavy, "town": maps.town}[name]()
+    text = OWN[request.param]()
     for i, word in enumerate(names):
         text = text.replace(f'"{word}"', f'"{i + 10}"')
-    distances = compared(maps.write(tmp_path / "map.xodr", text))
+    return maps.write(tmp_path / "map.xodr", text)
+
+
+def test_lanes_are_where_carla_has_them(file: FilePath) -> None:
+    distances = compared(file)
     assert len(distances) > 100
-    assert max(distances) < 1e-3
+    assert max(distances) < (0.01 if file in FILES else 1e-3)
 
 
-@pytest.mark.skipif(not FILES, reason=WHY)
-@pytest.mark.parametrize("file", FILES, ids=[file.stem for file in FILES])
-def test_maps_of_others(file: FilePath) -> None:
-    assert max(compared(file)) < 0.01
-
-
-@pytest.mark.skipif(not FILES, reason=WHY)
-@pytest.mark.parametrize("file", FILES, ids=[file.stem for file in FILES])
-def test_random_ways_on_maps_of_others(file: FilePath) -> None:
+def test_random_ways(file: FilePath) -> None:
     for seed in range(5):
         path = OpenDrivePath(file=file, random=seed, distance=150.0)
         assert path.length == pytest.approx(150.0)
@@ -88,12 +90,12 @@ def test_random_ways_on_maps_of_others(file: FilePath) -> None:
             assert math.isfinite(point.kappa)
 
 
-@pytest.mark.skipif(not TOWNS, reason=WHY)
 @pytest.mark.parametrize("seed", [4, 7, 8])
-@pytest.mark.parametrize("file", TOWNS, ids=[file.stem for file in TOWNS])
+@pytest.mark.parametrize("file", [*OWN, *TOWNS], ids=name, indirect=True)
 def test_smooth_ways_are_read_back(file: FilePath, seed: int) -> None:
     # Smoothing leaves bends of many kilometres here and there.
-    path = OpenDrivePath(file=file, random=seed, distance=800.0, min_radius=8.0, smooth=0.05)
+    far = 800.0 if file in FILES else 150.0
+    path = OpenDrivePath(file=file, random=seed, distance=far, min_radius=8.0, smooth=0.05)
     world = carla_wheel.load().Map(file.stem, opendrive(path))
     for s in np.linspace(1e-3, path.length - 1e-3, 800):
         at = world.get_waypoint_xodr(1, -1, s).transform.location

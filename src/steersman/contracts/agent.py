@@ -31,13 +31,15 @@ _SMALL: dict[str, Any] = {
     "updates": 1,
 }
 _SMALL |= {"learning_starts": 64, "n_steps": 32}
+# Environment steps after which every algorithm has learned several times.
+_STEPS = 128
 
 
 def training(agent: type[AgentComponent], seed: int = 0) -> TrainConfig:
-    """A training of some hundred steps; options that the algorithm does not have are left out."""
+    """A training of a few hundred steps; options that the algorithm does not have are left out."""
     own = {name: value for name, value in _SMALL.items() if name in agent.model_fields}
-    tree = {"problem": _PROBLEM, "agent": agent(**own), "steps": 512, "seed": seed}
-    return build(TrainConfig, {**tree, "validation": {"vehicles": 1, "interval": 256}})
+    tree = {"problem": _PROBLEM, "agent": agent(**own), "steps": 2 * _STEPS, "seed": seed}
+    return build(TrainConfig, {**tree, "validation": {"vehicles": 1, "interval": _STEPS}})
 
 
 def _made(config: TrainConfig) -> Any:
@@ -49,7 +51,7 @@ def _made(config: TrainConfig) -> Any:
 def _learned(config: TrainConfig) -> Any:
     """An agent after some steps; made just before, since agents share generators."""
     made = _made(config)
-    made.learn(256)
+    made.learn(_STEPS)
     return made
 
 
@@ -86,7 +88,7 @@ def _trained(agent: type[AgentComponent]) -> Iterator[str]:
     if not np.allclose(actions, made.predict(features, deterministic=True)[0][:, 0], atol=1e-5):
         yield "act and predict(deterministic=True) differ"
     if made._n_updates <= 0 or np.array_equal(fresh, made.actor_net().flat):
-        yield "256 steps change no weight of the policy"
+        yield f"{_STEPS} steps change no weight of the policy"
     if not np.array_equal(made.actor_net().flat, again.actor_net().flat):
         yield "the same seed gives other weights"
     if np.array_equal(made.actor_net().flat, other.actor_net().flat):

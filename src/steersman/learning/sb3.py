@@ -114,6 +114,21 @@ class SteeringAgent(BaseAlgorithm):
         self._last_obs = saved["observation"]
 
 
+def without_compiler(optimiser: type[torch.optim.Optimizer]) -> None:
+    """Let optimisers be made without torch's compiler, whose import takes seconds.
+
+    torch imports ``torch._dynamo`` at the first call of these methods to keep it away from them.
+    It is away as long as nothing compiles, so that they can be called as they are.
+    """
+    for method in vars(optimiser).values():
+        plain = getattr(method, "__wrapped__", None)
+        if getattr(method, "__module__", None) == optimiser.__module__ and plain is not None:
+            vars(plain).setdefault("__dynamo_disable", plain)
+
+
+without_compiler(torch.optim.Optimizer)
+
+
 def lay_flat(modules: Iterable[Any]) -> Net:
     """Make the parameters of three linear layers views of one flat array."""
     parameters = [p for module in modules for p in module.parameters()]

@@ -161,7 +161,9 @@ def _figures(vehicle: Vehicle, unknowns: Sequence[Unknown], z: FloatArray) -> di
         if not unknown.at:
             figures[unknown.field] = unknown.value(step)
             continue
-        nested = figures.setdefault(unknown.field, _lists(getattr(vehicle, unknown.field)))
+        if unknown.field not in figures:
+            figures[unknown.field] = _lists(getattr(vehicle, unknown.field))
+        nested = figures[unknown.field]
         for i in unknown.at[:-1]:
             nested = nested[i]
         nested[unknown.at[-1]] = unknown.value(step)
