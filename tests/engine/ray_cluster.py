@@ -1,4 +1,4 @@
-"""Bench, tune and train on a Ray cluster of two nodes on this machine, or in local processes.
+"""Bench, tune, train and Ctrl-C on a Ray cluster of two nodes here, or in local processes.
 
 Prints what came of it as JSON. A script of its own: what it starts has to be gone when it ends,
 whatever happens in between.
@@ -9,7 +9,9 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import signal
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -55,10 +57,60 @@ def work(out: Path, engine: str) -> dict[str, Any]:
     }
 
 
+def interrupted(out: Path, engine: str) -> dict[str, Any]:
+    """Ctrl-C while one job is finished and two are running, and the same call once more."""
+    from steersman.engine.jobs import Workers
+    from steersman.engine.journal import Journal, LineFormat
+    from steersman.engine.work import Job
+
+    def last(seconds: float, tell: Any) -> dict[str, Any]:
+        tell(os.getpid())
+        time.sleep(seconds)
+        return {"slept": seconds}
+
+    lines = LineFormat("a sleep", json.loads, dict, lambda row: str(row["slept"]))
+    file = out / "sleeps.jsonl"
+    running: dict[str, int] = {}
+
+    def press_when_two_sleep(key: str, process: int) -> None:
+        running[key] = process
+        if len(running) == 3:
+            signal.raise_signal(signal.SIGINT)
+
+    def run(seconds: tuple[float, ...], listener: Any) -> dict[str, Any]:
+        jobs = [Job(str(each), each) for each in seconds]
+        with Workers(engine, 2) as workers:
+            return workers.run(
+                last, jobs, journal=Journal(file, lines), listener=listener, piece_size=1.0
+            )
+
+    try:
+        run((0.0, 600.0, 601.0), press_when_two_sleep)
+    except KeyboardInterrupt:
+        sleepers = [process for key, process in running.items() if key != "0.0"]
+        ended = [gone(process) for process in sleepers]
+    else:
+        ended = []
+    kept, asked = sorted(Journal(file, lines).results), list[str]()
+    found = run((0.0, 0.1), lambda key, _: asked.append(key))
+    return {"ended": ended, "kept": kept, "again": asked, "found": found}
+
+
+def gone(process: int) -> bool:
+    """Whether a process ends within seconds."""
+    late = time.monotonic() + 20.0
+    while Path(f"/proc/{process}").exists():
+        if time.monotonic() > late:
+            return False
+        time.sleep(0.05)
+    return True
+
+
 def main(out: Path, engine: str) -> None:
     """The work, on a cluster of two nodes of one core each if the engine is Ray."""
     if engine == "local":
-        print(json.dumps(work(out, engine)))  # noqa: T201 - it is a script
+        found = {**work(out, engine), "interrupted": interrupted(out, engine)}
+        print(json.dumps(found))  # noqa: T201 - it is a script
         return
     import ray
     from ray.cluster_utils import Cluster
@@ -70,7 +122,8 @@ def main(out: Path, engine: str) -> None:
         ray.init(log_to_driver=False, configure_logging=False)
         cluster.wait_for_nodes()
         nodes = sum(node["Alive"] for node in ray.nodes())
-        print(json.dumps({"nodes": nodes, **work(out, engine)}))  # noqa: T201 - it is a script
+        found = {**work(out, engine), "interrupted": interrupted(out, engine)}
+        print(json.dumps({"nodes": nodes, **found}))  # noqa: T201 - it is a script
     finally:
         ray.shutdown()
         cluster.shutdown()

@@ -42,10 +42,16 @@ def found(engine: str, out: FilePath) -> dict[str, Any]:
 
 
 @pytest.mark.skipif(find_spec("ray") is None, reason="needs the extra ray")
-def test_two_nodes_bench_tune_and_train_what_this_machine_does(tmp_path: FilePath) -> None:
+def test_two_nodes_bench_tune_train_and_end_as_this_machine_does(tmp_path: FilePath) -> None:
     there = found("ray", tmp_path / "there")
     assert there.pop("nodes") == 2
     assert there["failed"] == {}
     assert len(set(there["policies"])) == 2
     assert there["validated"] == [["0", 500], ["0", 600], ["1", 500], ["1", 600]]
+    assert there["interrupted"] == {
+        "ended": [True, True],
+        "kept": ["0.0"],
+        "again": ["0.1"],
+        "found": {"0.0": {"slept": 0.0}, "0.1": {"slept": 0.1}},
+    }
     assert there == found("local", tmp_path / "here")

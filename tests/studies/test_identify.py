@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from steersman.config import build, lookup
+from steersman.engine.jobs import Workers
+from steersman.engine.work import Outcome, packed, perform
 from steersman.errors import DataError
 from steersman.report.identification import write_identification
 from steersman.rollout import RunConfig, run
@@ -168,9 +170,20 @@ def test_the_page_has_a_figure_for_each_signal(of_other: Identified, tmp_path: F
     assert "Determined by the recording" in page
 
 
+class Elsewhere(Workers):
+    """Hands every job over pickled, as to another process."""
+
+    def outcomes(self, work: Any, jobs: Any, **_: Any) -> Iterator[list[Outcome]]:
+        self.keys = [job.key for job in jobs]
+        for job in jobs:
+            yield perform(packed(work, [job]).data, lambda *_: None)
+
+
 def test_a_slow_actuator_is_told_from_a_delay() -> None:
     log = recording(BMW, 30.0, acceleration=2.0, top=15.0, throttles=(0.4, 0.5, 0.6))
-    found = identify(log, BELIEVED_BMW, 0.0).vehicle
+    workers = Elsewhere()
+    found = identify(log, BELIEVED_BMW, 0.0, workers=workers).vehicle
+    assert workers.keys == ["0", "1"]
     assert found.steer_rate_up == pytest.approx(1.5, rel=0.15)
     assert found.steer_rate_down == pytest.approx(1.5, rel=0.15)
     assert found.steer_delay < 0.01

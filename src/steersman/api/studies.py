@@ -113,7 +113,7 @@ def falsify(
     return result
 
 
-def identify(
+def identify(  # noqa: PLR0913 - the recording's options and where the fit runs
     log: Folder,
     vehicle: str | Vehicle = "carla_model3",
     *,
@@ -122,6 +122,8 @@ def identify(
     ahead: float = 0.0,
     out: Folder | None = None,
     notify: Notify | None = None,
+    engine: str | None = None,
+    jobs: int | None = None,
 ) -> Identified:
     """Fit a vehicle to a recording.
 
@@ -133,11 +135,14 @@ def identify(
         ahead: distance of the centre of mass ahead of the recorded point [m] (MCAP).
         out: YAML file for the vehicle.
         notify: called with a sentence at each stage of the fit.
+        engine: ``local`` or ``ray``; None: ``ray`` if ``RAY_ADDRESS`` is set.
+        jobs: starts of the fit that are searched at a time; None: one for each core.
 
     Raises:
-        ConfigError: there is no such vehicle, or a value is not allowed.
+        ConfigError: there is no such vehicle or engine, or a value is not allowed.
         DataError: the recording is missing, too short or malformed.
     """
+    from steersman.engine.jobs import Workers
     from steersman.studies.identify.identification import identify as fit
     from steersman.studies.identify.recording import read_log
     from steersman.studies.identify.result import write
@@ -145,7 +150,13 @@ def identify(
     if lock is not None and not lock > 0.0:
         raise ConfigError(f"{lock:g} is not allowed; must be greater than 0 [rad]", ("--lock",))
     start = vehicle_of(vehicle)
-    found = fit(read_log(FilePath(log), lock, ahead), start, holdout, notify or (lambda _: None))
+    found = fit(
+        read_log(FilePath(log), lock, ahead),
+        start,
+        holdout,
+        notify or (lambda _: None),
+        Workers(engine, jobs),
+    )
     if out is not None:
         write(found, FilePath(out))
     return found

@@ -25,7 +25,7 @@ EXAMPLES = (
 )
 
 
-def identify(
+def identify(  # noqa: PLR0913, PLR0917 - an argument is an option of the command
     log: Annotated[
         str,
         typer.Argument(
@@ -54,6 +54,8 @@ def identify(
         float,
         typer.Option("--ahead", help="Centre of mass ahead of the recorded point [m] (MCAP)."),
     ] = 0.0,
+    jobs: settings.Jobs = None,
+    engine: settings.Engine = None,
     as_json: settings.AsJson = False,
 ) -> None:
     """Fit a vehicle to a recording.
@@ -69,7 +71,15 @@ def identify(
     files = [None if f is None else out_file(f, o) for f, o in _targets(out, page)]
     tell_compiling()
     found = sm.identify(
-        log, vehicle, holdout=holdout, lock=lock, ahead=ahead, out=files[0], notify=note
+        log,
+        vehicle,
+        holdout=holdout,
+        lock=lock,
+        ahead=ahead,
+        out=files[0],
+        notify=note,
+        engine=engine,
+        jobs=jobs,
     )
     if files[1] is not None:
         from steersman.report.identification import write_identification

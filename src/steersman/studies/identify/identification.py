@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from steersman.engine.jobs import Workers
 from steersman.errors import DataError
 from steersman.studies.identify import lateral, longitudinal, stretch_replay
 from steersman.studies.identify.lateral import Fitted
@@ -81,6 +82,7 @@ def identify(
     vehicle: Vehicle,
     holdout: float = 0.25,
     notify: Callable[[str], None] = lambda _: None,
+    workers: Workers | None = None,
 ) -> Identified:
     """Fit a vehicle to a recording.
 
@@ -89,6 +91,7 @@ def identify(
         vehicle: the starting vehicle; figures that the recording does not determine are kept.
         holdout: share of the recording that only judges the fit, in blocks of 10 s; 0: none.
         notify: called with a line at the beginning of each stage.
+        workers: search from several starts at a time; the result does not depend on them.
 
     Raises:
         DataError: the recording is too short, or its columns contradict each other.
@@ -97,7 +100,7 @@ def identify(
     check(log, stretches, vehicle)
     use = fitted_rows(log, holdout)
     notify("lateral: steering, tyres, inertia")
-    side = lateral.fit(vehicle, log, stretches, use)
+    side = lateral.fit(vehicle, log, stretches, use, workers=workers)
     found, fits = side.vehicle, [side]
     if log.get("throttle") is not None:
         notify("longitudinal: throttle map, brakes")

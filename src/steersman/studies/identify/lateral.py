@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from steersman.engine.jobs import Workers
+from steersman.engine.work import Job, Tell
 from steersman.studies.identify import stretch_replay
 from steersman.studies.identify.estimate import Estimate, Misses, Selection, estimate, scale_of
 from steersman.studies.identify.recording import RESOLUTION, RESPONSES, Log
@@ -34,6 +37,8 @@ _DELAYS = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4)
 _RATES = (1.0, 0.25, 0.5, 2.0, 4.0)
 # Another start has to leave this share less of the residuals' variance.
 _BETTER = 0.02
+# Length of a recording [s] from which two starts are worth a process each.
+_LONG = 60.0
 # Lateral acceleration that a tenth of a recording exceeds unless the car drives straight [m/s^2].
 _LEAST_TURN = 0.3
 
@@ -48,6 +53,13 @@ class Fitted(NamedTuple):
     """z of the figures that the log does not determine."""
     at_least: frozenset[str] = frozenset()
     """Figures that are held at a value which the log shows to be a lower bound."""
+
+
+class _Start(NamedTuple):
+    """Where a search starts, and where unknowns stand that it does not determine: z (p,)."""
+
+    z: FloatArray
+    rest: FloatArray
 
 
 def channels(log: Log) -> list[str]:
@@ -101,11 +113,13 @@ def fit(
     stretches: Sequence[Stretch],
     use: Any,
     before: Fitted | None = None,
+    workers: Workers | None = None,
 ) -> Fitted:
     """Search the figures of steering, tyres and inertia; ``use`` (rows,) bool are fitted.
 
     ``before`` is an earlier fit of the same recording, from which this one goes on. Without it
-    delays and rates are tried all over, and whether there is a lag is decided.
+    delays and rates are tried all over, and whether there is a lag is decided, by ``workers`` if
+    there are two starts.
     """
     unknowns = steering(vehicle, channels(log))
     misses = misses_of(vehicle, log, stretches, unknowns, use)
@@ -127,20 +141,17 @@ def fit(
         if not how.wanted[lag]:
             found.possible[lag] = before.estimate.possible[lag]
     else:
-
-        def decided(start: FloatArray, rest: FloatArray) -> Estimate:
-            how = Selection.of(misses, rest)
-            if lagging:
-                return estimate(misses, start, how)
-            return with_lag_or_without(misses, start, how, step)
-
-        start, rest = _start(vehicle, log, stretches, unknowns, use, _RATES)
-        found = decided(start, rest)
-        if rest.any():  # slow rates may be a lag, which starts are looked for without
-            start, prior = _start(vehicle, log, stretches, unknowns, use, (1.0,))
-            trial = decided(start, prior)
+        starts = [_start(vehicle, log, stretches, unknowns, use, _RATES)]
+        if starts[0].rest.any():  # slow rates may be a lag, which starts are looked for without
+            starts.append(_start(vehicle, log, stretches, unknowns, use, (1.0,)))
+        work = partial(_from_start, vehicle, log, stretches, use)
+        jobs = [Job(str(k), start, float(log.time[-1])) for k, start in enumerate(starts)]
+        with workers or Workers("local", 1) as several:
+            found, *others = several.run(work, jobs, piece_size=_LONG).values()
+        rest = starts[0].rest
+        for trial in others:
             if explained(misses, found, trial) <= len(RATES) * 0.5 * SIGMAS**2:
-                found, rest = trial, prior
+                found, rest = trial, starts[1].rest
     how = Selection.of(misses, rest)
     if not (found.determined[lag] or lagging):
         how = how.without(lag)
@@ -149,6 +160,19 @@ def fit(
     kept = {n for n, determined in zip(names, found.determined, strict=True) if not determined}
     fitted = vehicle_at(vehicle, unknowns, found.z)
     return Fitted(unknowns, found, fitted, rest, frozenset(at_least & kept))
+
+
+def _from_start(
+    vehicle: Vehicle, log: Log, stretches: Sequence[Stretch], use: Any, start: _Start, tell: Tell
+) -> Estimate:
+    """The estimate that is found from a start, with or without a lag."""
+    unknowns = steering(vehicle, channels(log))
+    misses = misses_of(vehicle, log, stretches, unknowns, use)
+    how = Selection.of(misses, start.rest)
+    if unknowns[misses.names.index("steer_lag")].start > 0.0:
+        return estimate(misses, start.z, how)
+    step = stretch_replay.H / unknowns[misses.names.index("steer_delay")].prior
+    return with_lag_or_without(misses, start.z, how, step)
 
 
 def _turns(log: Log, stretches: Sequence[Stretch]) -> bool:
@@ -168,8 +192,8 @@ def _start(
     unknowns: Sequence[Unknown],
     use: Any,
     factors: Sequence[float],
-) -> tuple[FloatArray, FloatArray]:
-    """Where to start, and where to return to: the best of some delays, rates, and the ratio there.
+) -> _Start:
+    """The best of some delays and rates, and the ratio there.
 
     For each the measured yaw rate is regressed on the simulated one, outliers left out.
     """
@@ -195,7 +219,7 @@ def _start(
         z[i] = np.clip(unknowns[i].z(value), *unknowns[i].bounds())
         if name in RATES:
             rest[i] = z[i]
-    return z, rest
+    return _Start(z, rest)
 
 
 def _regressed(x: FloatArray, y: FloatArray) -> tuple[float, float]:
