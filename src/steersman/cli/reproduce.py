@@ -12,7 +12,7 @@ import typer
 
 from steersman import files
 from steersman.cli import settings
-from steersman.cli.outcome import INTERRUPTED
+from steersman.cli.outcome import goes_on
 from steersman.cli.output import animated, note, steps_bar, write
 
 EXAMPLES = (
@@ -55,20 +55,16 @@ def reproduce(
         f"{work.trainings} trainings of {work.updates} updates and their tests: about "
         f"{max(work.minutes, 1.0):.0f} min on 2 cores, if nothing is done yet"
     )
-    try:
-        with _progress() as progress:
-            results = study.reproduce(
-                plan,
-                folder,
-                progress,
-                note,
-                other_version=other_version,
-                engine=engine,
-                at_once=jobs,
-            )
-    except KeyboardInterrupt:
-        note(f"interrupted; the same command goes on from {folder}")
-        raise typer.Exit(INTERRUPTED) from None
+    with goes_on(str(folder)), _progress() as progress:
+        results = study.reproduce(
+            plan,
+            folder,
+            progress,
+            note,
+            other_version=other_version,
+            engine=engine,
+            at_once=jobs,
+        )
     page = study.write_page(results, folder / "report.html")
     write(f"results: {folder / 'results.json'}\nreport: {page}\n")
 
