@@ -49,8 +49,7 @@ def run_trainings(
         SteersmanError: a training failed for another reason than that it diverged.
     """
     every = jobs(plan, runs)
-    todo = [job for job in every if not sm.is_finished(job.config, job.out)]
-    steps = {job.name: 0.0 if job in todo else float(job.config.steps) for job in every}
+    steps = dict.fromkeys((job.name for job in every), 0.0)
     total = sum(float(job.config.steps) for job in every)
 
     def report(event: sm.TrainingEvent) -> None:
@@ -62,7 +61,7 @@ def run_trainings(
             text = f"{event.job.name}: {event.steps:.0f} steps, error {error:.3g} mm"
             progress(done, len(every), sum(steps.values()) / total, text)
 
-    failed = sm.train_all(todo, at_once or AT_ONCE, report, engine=engine, resume=True)
+    failed = sm.train_all(every, at_once or AT_ONCE, report, engine=engine, resume=True)
     faults = {name: text for name, text in failed.items() if DIVERGED not in text}
     if faults:
         name, text = next(iter(faults.items()))

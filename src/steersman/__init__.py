@@ -52,7 +52,6 @@ if TYPE_CHECKING:
     from steersman.errors import suggestion as suggestion
     from steersman.features import Feature as Feature
     from steersman.features import Loop as Loop
-    from steersman.learning.checkpoint import is_finished as is_finished
     from steersman.learning.config import TrainConfig as TrainConfig
     from steersman.learning.parallel import TrainingEvent as TrainingEvent
     from steersman.learning.parallel import TrainingJob as TrainingJob
@@ -120,7 +119,6 @@ _FRONT_DOOR = {
     "engine.journal": ("Journal", "LineFormat"),
     "stored": ("StoredResult",),
     "learning.parallel": ("train_all", "TrainingJob", "TrainingEvent"),
-    "learning.checkpoint": ("is_finished",),
     "metrics.base": ("summarise",),
     "sensing": ("observations",),
     "provenance": ("provenance",),

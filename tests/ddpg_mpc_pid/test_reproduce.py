@@ -415,16 +415,6 @@ def test_a_second_call_does_nothing_again(
     assert again.learning == results.learning
 
 
-def test_trainings_that_are_finished_are_not_started(
-    smoke: tuple[FilePath, StudyResult], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    root, _ = smoke
-    asked = fake(monkeypatch, {})
-    plan = study.quick()
-    trainings.run_trainings(plan, root / "runs", silent)
-    assert asked == [[]]
-
-
 def test_the_compiled_network_is_the_exported_one(
     smoke: tuple[FilePath, StudyResult],
 ) -> None:

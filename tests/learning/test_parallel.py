@@ -76,6 +76,23 @@ def test_a_crash_leaves_its_traceback(tmp_path: FilePath, monkeypatch: pytest.Mo
     assert "Traceback" in log.read_text(encoding="utf-8")
 
 
+def test_what_is_finished_is_not_begun_again(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken = tmp_path / "broken"
+    (broken / "torch").mkdir(parents=True)
+    (broken / "torch" / "__init__.py").write_text("1 / 0\n", encoding="utf-8")
+    monkeypatch.syspath_prepend(broken)  # a training that began would fail
+    (task,) = jobs(tmp_path, tiny(steps=400))
+    (task.out / "checkpoints").mkdir(parents=True)
+    (task.out / "checkpoints" / "step_400.npz").touch()
+    (task.out / "policy.onnx").touch()
+    (task.out / "config.yaml").write_text(to_yaml(task.config), encoding="utf-8")
+    events: list[TrainingEvent] = []
+    assert train_all([task], 1, events.append, resume=True) == {}
+    assert [(e.steps, e.note) for e in events] == [(400.0, f"{task.out}: finished already")]
+
+
 def test_an_interruption_stops_all(tmp_path: FilePath) -> None:
     def interrupt(event: TrainingEvent) -> None:
         raise KeyboardInterrupt

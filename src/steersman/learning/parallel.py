@@ -14,7 +14,7 @@ from steersman.engine.jobs import Workers
 from steersman.engine.work import Job, Tell
 from steersman.errors import DataError, SteersmanError
 from steersman.files import make_folder
-from steersman.learning.checkpoint import check_folder
+from steersman.learning.checkpoint import check_folder, is_finished
 from steersman.learning.config import TrainConfig
 from steersman.learning.progress import TrainRow
 
@@ -65,7 +65,7 @@ def train_all(
         listener: called with what happens in the trainings.
         engine: of :class:`steersman.engine.jobs.Workers`.
         overwrite: whether earlier trainings in the folders are replaced.
-        resume: whether trainings go on from their last checkpoints.
+        resume: whether trainings go on from their last checkpoints; what is finished is not begun.
 
     Raises:
         DataError: a folder holds a training already.
@@ -78,6 +78,10 @@ def train_all(
             check_folder(each.config, each.out, overwrite=overwrite, resume=resume)
         jobs = []
         for each in trainings:
+            if resume and is_finished(each.config, each.out):
+                note = f"{each.out}: finished already"
+                listener(TrainingEvent(each, steps=float(each.config.steps), note=note))
+                continue
             out = make_folder(each.out).resolve()
             jobs.append(Job(each.name, _Order(each._replace(out=out), overwrite, resume)))
         failed: dict[str, str] = {}
