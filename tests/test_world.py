@@ -16,7 +16,7 @@ from steersman.disturbances import SensorBias
 from steersman.episode import Episode
 from steersman.faults import Fault
 from steersman.learning.env import PathFollowingEnv
-from steersman.learning.fleet import Start
+from steersman.learning.fleet import FleetStart
 from steersman.learning.problem import Problem
 from steersman.learning.vec_env import PathFollowingVecEnv
 from steersman.paths.analytic import Circle
@@ -72,7 +72,7 @@ def replayed(config: RunConfig, episode: Episode) -> list[Any]:
     driver = PathFollowingEnv(problem_of(config, demonstration={"enabled": False})).driver
     driver.simulation.rngs = [np.random.default_rng(config.seed)]
     profile, speed = config.speed.profile(), config.speed.start_speed(config.path, 0.0)
-    driver.begin(0, Start(0, 0.0, 0.0, 0.0, profile, speed))
+    driver.begin(0, FleetStart(0, 0.0, 0.0, 0.0, profile, speed))
     driver.look(0)
     out = []
     for steer in episode["steer_command"]:

@@ -13,7 +13,7 @@ from ddpg_mpc_pid import statistics as st
 from ddpg_mpc_pid.plan import METHODS, STEPS, THRESHOLDS, Plan
 from ddpg_mpc_pid.results import (
     CostSaving,
-    LearningResult,
+    LearningCurves,
     MethodResult,
     Saving,
     SeedCosts,
@@ -82,13 +82,13 @@ def _floats(values: Sequence[float | None]) -> NDArray[np.float64]:
     return np.array([math.nan if v is None else v for v in values], dtype=np.float64)
 
 
-def learning_curves(plan: Plan, trained: Mapping[str, StudyTraining]) -> LearningResult:
+def learning_curves(plan: Plan, trained: Mapping[str, StudyTraining]) -> LearningCurves:
     """All that is said about learning, from the records of the trainings."""
     grouped: dict[str, list[StudyTraining]] = {name: [] for name in plan.methods}
     for training in plan.trainings():
         grouped[training.method].append(trained[training.name])
     curves = {name: Curves(records) for name, records in grouped.items()}
-    return LearningResult(
+    return LearningCurves(
         steps=_horizon(plan, curves, "steps"),
         methods={name: _method(name, c, plan) for name, c in curves.items()},
         savings=_savings(plan, curves),

@@ -127,7 +127,7 @@ class SpreadSaving(sm.StoredResult):
     smaller_by: SeedInterval
 
 
-class LearningResult(sm.StoredResult):
+class LearningCurves(sm.StoredResult):
     """All trainings."""
 
     steps: float
@@ -325,7 +325,7 @@ class StudyResult(sm.StoredResult):
     seconds: dict[str, float]
     """Computing time of each stage."""
     plan: dict[str, Any]
-    learning: LearningResult
+    learning: LearningCurves
     circle: CircleResult
     robustness: RobustnessResult
     monza: MonzaResult

@@ -9,7 +9,7 @@ import numpy as np
 
 from ddpg_mpc_pid.page import interval, number, percent, verdict
 from ddpg_mpc_pid.plan import FULL_METHOD
-from ddpg_mpc_pid.results import LearningResult, MethodResult, StudyResult
+from ddpg_mpc_pid.results import LearningCurves, MethodResult, StudyResult
 from steersman import article
 
 _ALONE = "ddpg"
@@ -110,7 +110,7 @@ def learning_section(results: StudyResult) -> article.Section:
     )
 
 
-def _saving_table(learning: LearningResult) -> article.Table:
+def _saving_table(learning: LearningCurves) -> article.Table:
     rows = [
         {
             "mean error": f"{s.threshold_m} m",
@@ -126,7 +126,7 @@ def _saving_table(learning: LearningResult) -> article.Table:
     return article.Table("What the demonstration saves", rows)
 
 
-def _saving_findings(learning: LearningResult) -> list[article.PageFinding]:
+def _saving_findings(learning: LearningCurves) -> list[article.PageFinding]:
     """The claim: training is accelerated. It holds where the interval lies above zero."""
     out = []
     for s in learning.savings:
@@ -160,7 +160,7 @@ def _saving_findings(learning: LearningResult) -> list[article.PageFinding]:
     return out
 
 
-def _spread_findings(learning: LearningResult) -> list[article.PageFinding]:
+def _spread_findings(learning: LearningCurves) -> list[article.PageFinding]:
     """The claim: training is stabilised, read as a smaller spread over seeds."""
     out = []
     for s in learning.spread:

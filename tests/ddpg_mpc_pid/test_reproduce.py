@@ -22,7 +22,7 @@ from ddpg_mpc_pid.plan import DEPARTURES, METHODS, THRESHOLDS, Plan
 from ddpg_mpc_pid.results import (
     CircleResult,
     CostSaving,
-    LearningResult,
+    LearningCurves,
     SeedInterval,
     StudyDrive,
     StudyResult,
@@ -466,7 +466,7 @@ def test_a_saving_is_claimed_only_apart_from_zero(
     row = next(s for s in learning.savings if s.threshold_m == 0.1 and s.method == "both")
     row = row.model_copy(update={"steps": cost, "seconds": cost, "off_track_resets": cost})
     (out,) = section_learning._saving_findings(
-        LearningResult(**{**dict(learning), "savings": [row]})
+        LearningCurves(**{**dict(learning), "savings": [row]})
     )
     assert out.agrees is known
     assert words in out.text

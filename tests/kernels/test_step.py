@@ -15,7 +15,7 @@ from steersman.kernels import step as lessons
 from steersman.kernels import vehicle as car
 from steersman.kernels import world as kernel
 from steersman.learning.demonstration import Demonstration
-from steersman.learning.fleet import FleetDriver, Start
+from steersman.learning.fleet import FleetDriver, FleetStart
 from steersman.learning.problem import Problem, Spread
 from steersman.plants.simulator import SimulatorConfig
 from steersman.sensing import WaypointSensor, state_row, track
@@ -59,7 +59,7 @@ def fleet_run(task: Problem, n: int, starts: list[float]) -> list[list[tuple[Flo
     for i in range(n):
         speed = source.start_speed(task.roads[i % 3], starts[i])
         driver.simulation.rngs[i] = np.random.default_rng(7 + i)
-        driver.begin(i, Start(i % 3, starts[i], 0.0, 0.0, source.profile(), speed))
+        driver.begin(i, FleetStart(i % 3, starts[i], 0.0, 0.0, source.profile(), speed))
         driver.look(i)
     seen: list[list[tuple[FloatArray, ...]]] = [[] for _ in range(n)]
     fleet = driver.fleet
@@ -142,7 +142,7 @@ def started(**other: Any) -> FleetDriver:
     task = problem(SimulatorConfig(), WaypointSensor(), ConstantThrottle(throttle=0.4), **other)
     driver = FleetDriver(task, 1)
     profile = task.speeds[0].profile()
-    driver.begin(0, Start(0, 0.0, 0.0, 0.0, profile, 8.0))
+    driver.begin(0, FleetStart(0, 0.0, 0.0, 0.0, profile, 8.0))
     driver.look(0)
     return driver
 
@@ -189,7 +189,7 @@ def test_end_of_an_open_road() -> None:
     task = problem(SimulatorConfig(), WaypointSensor(), ConstantThrottle(throttle=0.6))
     task = task.model_copy(update={"roads": (road("straight"),)})
     driver = FleetDriver(task, 1)
-    driver.begin(0, Start(0, 499.0, 0.0, 0.0, task.speeds[0].profile(), 15.0))
+    driver.begin(0, FleetStart(0, 499.0, 0.0, 0.0, task.speeds[0].profile(), 15.0))
     driver.look(0)
     driver.step(np.zeros(1))
     assert driver.fleet.ended[0] == kernel.RUNNING

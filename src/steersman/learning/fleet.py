@@ -34,7 +34,7 @@ _UNCAPPED = 1e6
 _USED_GRIP = 0.6
 
 
-class Start(NamedTuple):
+class FleetStart(NamedTuple):
     """How an episode of one vehicle begins."""
 
     road: int
@@ -138,7 +138,7 @@ class FleetDriver:
         self.look(i)
         self._propose(i, restart=True)
 
-    def _draw_start(self, rng: np.random.Generator) -> Start:
+    def _draw_start(self, rng: np.random.Generator) -> FleetStart:
         problem, spread = self.problem, self.problem.spread
         road = int(rng.integers(len(problem.roads)))
         length = self.world.paths.meta[road, paths.LENGTH]
@@ -152,7 +152,7 @@ class FleetDriver:
         speed = math.nan
         if profile.throttle is not None:
             speed = source.start_speed(problem.roads[road], s)
-        return Start(road, s, float(offset), float(heading), profile, speed)
+        return FleetStart(road, s, float(offset), float(heading), profile, speed)
 
     def _vary(self, i: int, rng: np.random.Generator) -> None:
         """Draw this episode's car, delay and sensor."""
@@ -195,7 +195,7 @@ class FleetDriver:
         self.fleet.delay[i] = self.problem.plant.delay_of(self.problem.vehicle)
         self.fleet.levels[i] = 1.0 - self.problem.spread.waypoints
 
-    def begin(self, i: int, start: Start) -> None:
+    def begin(self, i: int, start: FleetStart) -> None:
         """Put vehicle ``i`` at a start, in the steady turn of the road there."""
         world, road = self.world, start.road
         profile, speed = self._scaled(start.profile), start.speed
