@@ -34,7 +34,8 @@ _CARS: dict[str, tuple[Vehicle, dict[str, Any]]] = {
     "carla_model3, delay 0.12 s, lag 0.08 s, bias 0.01 rad": (_MODEL3, {}),
     "carla_mkz2020, delay 0.07 s": (CarlaMkz2020(steer_delay=0.07), {}),
     "bmw_320i, steering 1.5 lock/s": (
-        Bmw320i(steer_rate_up=1.5, steer_rate_down=1.5),
+        # With a strong engine, so that half a minute shows every speed.
+        Bmw320i(steer_rate_up=1.5, steer_rate_down=1.5, map_acceleration=_MODEL3.map_acceleration),
         {"acceleration": 2.0, "top": 15.0, "throttles": (0.4, 0.5, 0.6)},
     ),
 }

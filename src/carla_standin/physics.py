@@ -188,6 +188,7 @@ def _vehicle(spawned: VehicleBlueprint, new: PhysicsControl) -> tuple[sm.Vehicle
     vehicle = base.replace(
         mass=new.mass,
         map_mass=base.mass if base.map_mass is None else base.map_mass,
+        map_drag_area=base.drag_area if base.map_drag_area is None else base.map_drag_area,
         yaw_inertia=base.yaw_inertia * heavier,
         l_f=l_f,
         l_r=l_r,

@@ -30,8 +30,9 @@ LONGEST_STEP = 0.01
 # was not measured (0.4 from 14 m/s, 0.5 at 20 m/s, all beyond 20 or 24 m/s) goes on with the last
 # slope of its row: up to 38.7 m/s (9000 rpm) the engine's torque is constant and its damping
 # proportional to speed, which is the straight line that the measured rows follow.
-_MODEL3_THROTTLE = (0.0, 0.4, 0.5, 0.6, 0.8, 1.0)
-_MODEL3_SPEED = (0.0, 4.0, 8.0, 14.0, 20.0, 24.0, 38.7)
+_MAP_THROTTLE = (0.0, 0.4, 0.5, 0.6, 0.8, 1.0)
+_MAP_SPEED = (0.0, 4.0, 8.0, 14.0, 20.0, 24.0, 38.7)
+_MODEL3_DRAG_AREA = 0.33
 _MODEL3_ACCEL = (
     (-2.6, -2.6, -3.84, -5.70, -7.56, -8.80, -13.36),
     (2.40, 1.25, 0.17, -1.45, -3.07, -4.15, -8.12),
@@ -57,10 +58,28 @@ class Vehicle(Component):
     l_r: float = param(1.836, "m", "Centre of mass to rear axle.", gt=0)
     track_width: float = param(1.667, "m", "Distance between left and right wheels.", gt=0)
     height: float = param(0.55, "m", "Height of the centre of mass.", gt=0)
+    roll_arm: float | None = param(
+        None,
+        "m",
+        "Arm of the tyre forces by which accelerations shift wheel loads (null: height).",
+        ge=0,
+    )
     c_f: float = param(106_500.0, "N/rad", "Cornering stiffness of the front axle.", gt=0)
     c_r: float = param(67_800.0, "N/rad", "Cornering stiffness of the rear axle.", gt=0)
+    stiffness_load_limit: float | None = param(
+        None,
+        "-",
+        "Static loads from which a tyre grows no stiffer, by PhysX's law (null: in proportion).",
+        gt=0,
+    )
     friction: float = param(3.5, "-", "Tyre friction coefficient.", gt=0)
-    drag_area: float = param(0.33, "m^2", "Drag coefficient times frontal area.", ge=0)
+    drag_area: float = param(_MODEL3_DRAG_AREA, "m^2", "Drag coefficient times frontal area.", ge=0)
+    rotating_mass: float = param(
+        0.0,
+        "kg",
+        "Rotating masses of engine and wheels, as the mass that drive and brakes move besides.",
+        ge=0,
+    )
     drive_front: float = param(0.5, "-", "Share of the drive force at the front.", ge=0, le=1)
     brake_force: float = param(7568.0, "N", "Brake force of all wheels at full brake.", ge=0)
     brake_front: float = param(0.5, "-", "Share of the brake force at the front.", ge=0, le=1)
@@ -88,12 +107,18 @@ class Vehicle(Component):
     steer_curve_factor: tuple[float, ...] = param(
         (1.0, 0.9, 0.8, 0.7), "-", "Share of the full wheel angle at those speeds."
     )
-    map_throttle: tuple[float, ...] = param(_MODEL3_THROTTLE, "-", "Throttles of the map.")
-    map_speed: tuple[float, ...] = param(_MODEL3_SPEED, "m/s", "Speeds of the map.")
+    map_throttle: tuple[float, ...] = param(_MAP_THROTTLE, "-", "Throttles of the map.")
+    map_speed: tuple[float, ...] = param(_MAP_SPEED, "m/s", "Speeds of the map.")
     map_acceleration: tuple[tuple[float, ...], ...] = param(
         _MODEL3_ACCEL, "m/s^2", "Net acceleration on a straight, a row for each throttle."
     )
     map_mass: float | None = param(None, "kg", "Mass the map was measured with (null: mass).")
+    map_drag_area: float | None = param(
+        _MODEL3_DRAG_AREA,
+        "m^2",
+        "Drag area the map was measured with (null: drag_area); null for a map of one's own.",
+        ge=0,
+    )
     fade_speed: float = param(38.7, "m/s", "Speed from which the drive power is constant.", gt=0)
 
     @field_validator("map_throttle", "map_speed", "steer_curve_speed")
@@ -102,6 +127,13 @@ class Vehicle(Component):
         if len(values) <= 1 or any(b <= a for a, b in pairwise(values)):
             raise ValueError("needs at least two values, each larger than the one before")
         return values
+
+    @model_validator(mode="before")
+    @classmethod
+    def _own_map(cls, data: Any) -> Any:
+        if isinstance(data, dict) and "map_acceleration" in data:
+            return {"map_drag_area": None} | data
+        return data
 
     @model_validator(mode="after")
     def _shapes(self) -> Vehicle:
@@ -126,8 +158,12 @@ class Vehicle(Component):
 
     @property
     def roll_over_acceleration(self) -> float:
-        """Lateral acceleration at which the inner wheels lift, g track / (2 height) [m/s^2]."""
-        return kernel.GRAVITY * self.track_width / (2.0 * self.height)
+        """Lateral acceleration at which the inner wheels lift, g track / (2 roll arm) [m/s^2]."""
+        arm = self._arm()
+        return kernel.GRAVITY * self.track_width / (2.0 * arm) if arm > 0.0 else math.inf
+
+    def _arm(self) -> float:
+        return self.height if self.roll_arm is None else self.roll_arm
 
     def replace(self, **figures: Any) -> Vehicle:
         """The same vehicle with other figures, validated."""
@@ -136,14 +172,15 @@ class Vehicle(Component):
     def row(self) -> Any:
         """Parameters as the kernels read them, shape (N_PARAMS,)."""
         out = np.zeros(kernel.N_PARAMS)
-        drag = 0.5 * _AIR_DENSITY * self.drag_area
+        air = 0.5 * _AIR_DENSITY
+        drag, measured = air * self.drag_area, self.map_drag_area
         values = {
             kernel.MASS: self.mass,
             kernel.INERTIA: self.yaw_inertia,
             kernel.L_F: self.l_f,
             kernel.L_R: self.l_r,
             kernel.TRACK: self.track_width,
-            kernel.HEIGHT: self.height,
+            kernel.ROLL_ARM: self._arm(),
             kernel.C_F: self.c_f,
             kernel.C_R: self.c_r,
             kernel.MU: self.friction,
@@ -158,12 +195,14 @@ class Vehicle(Component):
             kernel.PEDAL_UP: self.pedal_rate_up,
             kernel.PEDAL_DOWN: self.pedal_rate_down,
             kernel.MAP_MASS: self.mass if self.map_mass is None else self.map_mass,
-            kernel.MAP_DRAG: drag,
+            kernel.MAP_DRAG: drag if measured is None else air * measured,
             kernel.LOAD_LAG: self.load_lag,
             kernel.FADE_SPEED: self.fade_speed,
             kernel.SLIP_SPEED: self._slip_speed(),
             kernel.STEER_LAG: self.steer_lag,
             kernel.STEER_BIAS: self.steer_bias / self.max_wheel_angle,
+            kernel.LOAD_LIMIT: self.stiffness_load_limit or 0.0,
+            kernel.ROTATING: self.rotating_mass,
         }
         out[list(values)] = list(values.values())
         return out
@@ -229,19 +268,38 @@ class CarlaMkz2020(Vehicle):
     c_f: float = param(82_900.0, "N/rad", "Cornering stiffness of the front axle.", gt=0)
     c_r: float = param(54_400.0, "N/rad", "Cornering stiffness of the rear axle.", gt=0)
     drag_area: float = param(0.66, "m^2", "Drag coefficient times frontal area.", ge=0)
+    map_drag_area: float | None = param(
+        None, "m^2", "Drag area the map was measured with (null: drag_area).", ge=0
+    )
 
 
 # BMW 320i, Althoff and Wuersching, CommonRoad: Vehicle Models, 2020: axle stiffness
 # mu C_S F_z with C_S = 20.898 1/rad and the static axle load.
 _BMW_MASS, _BMW_LF, _BMW_LR, _BMW_MU, _BMW_CS = 1093.3, 1.1562, 1.4227, 1.0489, 20.898
 _BMW_WEIGHT = _BMW_MU * _BMW_CS * _BMW_MASS * kernel.GRAVITY / (_BMW_LF + _BMW_LR)
+_BMW_DRAG_AREA = 0.6
+# Its length and width there are those of the 320i of 1977 (E21): an engine of 92 kW, rear axle
+# driven, 100 km/h in about 10 s. Assumed: a tenth of the power is lost on the way to the wheels,
+# gears that always fit, 3.5 m/s^2 as the most that the first ones give; rolling resistance 1.5 % of
+# the weight; 0.4 m/s^2 of engine braking, less of it the wider the throttle.
+_BMW_POWER, _BMW_LAUNCH, _BMW_ROLLING, _BMW_ENGINE_BRAKE = 0.9 * 92e3, 3.5, 0.147, 0.4
+
+
+def _bmw_acceleration(throttle: float, speed: float) -> float:
+    drive = min(_BMW_LAUNCH, _BMW_POWER / (_BMW_MASS * max(speed, 1.0)))
+    drag = 0.5 * _AIR_DENSITY * _BMW_DRAG_AREA * speed * speed / _BMW_MASS
+    return throttle * drive - (1.0 - throttle) * _BMW_ENGINE_BRAKE - _BMW_ROLLING - drag
+
+
+_BMW_ACCEL = tuple(tuple(_bmw_acceleration(t, v) for v in _MAP_SPEED) for t in _MAP_THROTTLE)
 
 
 @register("vehicle", "bmw_320i")
 class Bmw320i(Vehicle):
     """BMW 320i with real-world grip: Althoff and Wuersching, CommonRoad: Vehicle Models (2020).
 
-    Track width, brakes and drag are assumed; the longitudinal map is the Model 3's.
+    Split of drive and brakes as there. The longitudinal map is computed from the power of that
+    car's engine; drag, and the brake force, are assumed.
     """
 
     mass: float = param(_BMW_MASS, "kg", "Mass.", gt=0)
@@ -257,8 +315,19 @@ class Bmw320i(Vehicle):
         _BMW_WEIGHT * _BMW_LF, "N/rad", "Cornering stiffness of the rear axle.", gt=0
     )
     friction: float = param(_BMW_MU, "-", "Tyre friction coefficient.", gt=0)
-    drag_area: float = param(0.6, "m^2", "Drag coefficient times frontal area.", ge=0)
+    drag_area: float = param(_BMW_DRAG_AREA, "m^2", "Drag coefficient times frontal area.", ge=0)
+    # Four wheels of 1.7 kg m^2 on a radius of 0.344 m; the engine's own is not known.
+    rotating_mass: float = param(
+        57.0, "kg", "Rotating masses of engine and wheels, as the mass moved besides.", ge=0
+    )
     drive_front: float = param(0.0, "-", "Share of the drive force at the front.", ge=0, le=1)
+    brake_front: float = param(0.66, "-", "Share of the brake force at the front.", ge=0, le=1)
+    map_acceleration: tuple[tuple[float, ...], ...] = param(
+        _BMW_ACCEL, "m/s^2", "Net acceleration on a straight, a row for each throttle."
+    )
+    map_drag_area: float | None = param(
+        None, "m^2", "Drag area the map was measured with (null: drag_area).", ge=0
+    )
     max_wheel_angle: float = param(1.066, "rad", "Angle at full lock.", gt=0, le=_LARGEST_ANGLE)
     ackermann: bool = param(False, "-", "Outer wheel by Ackermann, else parallel wheels.")
     steer_rate_up: float = param(0.4 / 1.066, "1/s", "Steering rate away from centre.", gt=0)

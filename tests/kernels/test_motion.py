@@ -108,7 +108,7 @@ def test_brake_never_drives_backwards(car: Vehicle, v_x: float, brake: float) ->
     for _ in range(60):
         before = state[kernel.VX]
         state = drive(car, state, (0.0, 0.0, brake), 0.1)
-        assert 0.0 <= state[kernel.VX] <= before
+        assert -1e-12 <= state[kernel.VX] <= before + 1e-12
     assert state[kernel.VX] < 1e-3 or brake < 0.9
 
 
@@ -161,7 +161,7 @@ def test_slow_car_does_not_rattle(car: Vehicle, stiffer: float) -> None:
     state = moving(0.3, 0.05, steer=0.1)
     work = np.zeros((3, kernel.N_MOTION))
     sizes = []
-    for _ in range(100):
+    for _ in range(400):
         kernel.advance(table, 0, state, np.array((0.1, 0.0, 0.0)), 0.01, 1, work)
         sizes.append(abs(state[kernel.VY]))
     # Without rattling, the side velocity decays to the kinematic one and vanishes with the speed.

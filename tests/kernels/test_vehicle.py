@@ -10,11 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steersman.kernels import vehicle as kernel
-from steersman.vehicles import Bmw320i, CarlaMkz2020, CarlaModel3
+from steersman.types import FloatArray
+from steersman.vehicles import Bmw320i, CarlaMkz2020, CarlaModel3, Vehicle
 
 CAR = CarlaModel3()
 TABLE = CAR.table
 WEIGHT = CAR.mass * kernel.GRAVITY
+PHYSX = CAR.replace(roll_arm=0.18, stiffness_load_limit=3.0, rotating_mass=632.0)
 
 steers = st.floats(-1.0, 1.0)
 speeds = st.floats(0.0, 60.0)
@@ -187,7 +189,7 @@ def test_rolls_over_when_the_inner_wheels_lift() -> None:
 
 
 @given(
-    st.sampled_from([CarlaModel3().table, CarlaMkz2020().table, Bmw320i().table]),
+    st.sampled_from([CAR.table, CarlaMkz2020().table, Bmw320i().table, PHYSX.table]),
     st.tuples(*[st.floats(-1.0, 1.0)] * 6),
     st.floats(0.0, 1.0),
     st.floats(0.0, 1.0),
@@ -206,6 +208,125 @@ def test_derivative_equals_python_and_stays_within_the_grip(
     drag = row[kernel.DRAG] * q[kernel.VX] * abs(q[kernel.VX]) / row[kernel.MASS]
     tyres = math.hypot(found[0] + drag, found[1])
     assert tyres <= row[kernel.MU] * kernel.GRAVITY * (1.0 + 1e-9)
+
+
+# ----------------------------------------------------- roll arm, load law, rotating masses, drag
+
+
+def drive(
+    car: Vehicle, speed: float, command: tuple[float, float, float], steps: int
+) -> FloatArray:
+    """States (steps + 1, N_STATE) from straight motion at a speed, every 0.01 s."""
+    states, work = np.zeros((steps + 1, kernel.N_STATE)), np.zeros((3, kernel.N_MOTION))
+    states[0, kernel.VX], states[0, kernel.STEER :][:3] = speed, command
+    for k in range(steps):
+        states[k + 1] = states[k]
+        kernel.advance(car.table, 0, states[k + 1], np.array(command), 0.01, 1, work)
+    return states
+
+
+def test_wheels_lift_by_the_roll_arm_not_the_height() -> None:
+    assert PHYSX.roll_over_acceleration == pytest.approx(9.81 * 1.667 / (2.0 * 0.18))
+    for height in (0.4, 0.8):
+        assert PHYSX.replace(height=height).roll_over_acceleration == PHYSX.roll_over_acceleration
+        assert CAR.replace(height=height).roll_over_acceleration == pytest.approx(
+            9.81 * 1.667 / (2.0 * height)
+        )
+    row = PHYSX.table.rows[0]
+    assert not kernel.rolls_over(row, 0.999 * PHYSX.roll_over_acceleration)
+    assert kernel.rolls_over(row, -1.001 * PHYSX.roll_over_acceleration)
+
+
+def test_without_an_arm_no_load_moves() -> None:
+    car = CAR.replace(roll_arm=0.0)
+    assert car.roll_over_acceleration == math.inf
+    assert not kernel.rolls_over(car.table.rows[0], 1e6)
+    loads = kernel.wheel_loads(car.table.rows[0], 8.0, 30.0)
+    assert loads == pytest.approx(kernel.wheel_loads(CAR.table.rows[0], 0.0, 0.0))
+
+
+def test_stiffness_over_load() -> None:
+    loads = np.linspace(0.0, 4.0, 41) * 4e3
+    physx = np.array([kernel.tyre_stiffness(12.0, f, 4e3, 3.0) for f in loads])
+    # PhysX: 20 F_rest S(F_z / F_rest), S(x) = x - x^2/3 + x^3/27, up to three static loads.
+    share = np.minimum(loads / 4e3, 3.0)
+    law = share - share**2 / 3.0 + share**3 / 27.0
+    assert physx == pytest.approx(12.0 * 4e3 * law / (1.0 - 1.0 / 3.0 + 1.0 / 27.0))
+    assert (np.diff(physx) >= -1e-9).all()
+    assert (np.diff(physx[loads < 12e3]) > 0.0).all()
+    for limit in (0.0, 1.5, 3.0):
+        assert kernel.tyre_stiffness(12.0, 4e3, 4e3, limit) == pytest.approx(12.0 * 4e3)
+        assert kernel.tyre_stiffness.py_func(12.0, 5e3, 4e3, limit) == pytest.approx(
+            kernel.tyre_stiffness(12.0, 5e3, 4e3, limit)
+        )
+    assert kernel.tyre_stiffness(12.0, 5e3, 4e3, 0.0) == 12.0 * 5e3
+
+
+def test_load_transfer_softens_an_axle_by_the_load_law_only() -> None:
+    # In proportion to load, what the inner wheel loses the outer one gains.
+    def axle(limit: float) -> float:
+        return sum(kernel.tyre_stiffness(12.0, f, 4e3, limit) for f in (1e3, 7e3))
+
+    assert axle(0.0) == pytest.approx(2 * 12.0 * 4e3)
+    assert axle(3.0) < 0.95 * 2 * 12.0 * 4e3
+
+
+@pytest.mark.parametrize("car", [CAR, PHYSX], ids=["still", "rotating"])
+@pytest.mark.parametrize("throttle", [0.0, 0.5, 1.0])
+def test_the_map_is_the_acceleration_on_a_straight(car: Vehicle, throttle: float) -> None:
+    states = drive(car, 12.0, (0.0, throttle, 0.0), 100)
+    speeds = states[:, kernel.VX]
+    found = np.diff(speeds) / 0.01
+    middle = 0.5 * (speeds[1:] + speeds[:-1])
+    wanted = [kernel.map_acceleration(car.table, throttle, v) for v in middle]
+    assert found[50:] == pytest.approx(np.array(wanted)[50:], abs=2e-3)
+
+
+def test_rotating_masses_keep_the_energy() -> None:
+    # Coasting with nothing but drag: what it takes comes out of body and rotating masses.
+    car = PHYSX.replace(
+        map_acceleration=[[0.0] * 7] * 6, map_drag_area=0.0, drag_area=4.0, brake_force=0.0
+    )
+    v = drive(car, 30.0, (0.0, 0.0, 0.0), 400)[:, kernel.VX]
+    energy = 0.5 * (car.mass + car.rotating_mass) * v**2
+    power = 0.5 * 1.2 * 4.0 * v**3
+    assert -np.diff(energy) == pytest.approx(0.01 * 0.5 * (power[1:] + power[:-1]), rel=1e-3)
+
+
+def test_rotating_masses_lengthen_braking() -> None:
+    coasting = {"map_acceleration": [[0.0] * 7] * 6, "map_drag_area": None, "drag_area": 0.0}
+    for car in (CAR.replace(**coasting), PHYSX.replace(**coasting)):
+        v = drive(car, 20.0, (0.0, 0.0, 0.5), 100)[:, kernel.VX]
+        deceleration = 0.5 * car.brake_force / (car.mass + car.rotating_mass)
+        assert v[50] - v[100] == pytest.approx(0.5 * deceleration, rel=1e-3)
+
+
+def test_in_a_steady_turn_all_the_drive_force_goes_to_the_tyres() -> None:
+    # On a curve at constant speed rotating masses take nothing, on a straight a quarter.
+    for car, moved in ((CAR, CAR.mass), (PHYSX, PHYSX.mass + PHYSX.rotating_mass)):
+        front, rear = kernel.wheel_demand(car.table, 0, 0.6, 0.0, 15.0)
+        drag = 0.5 * 1.2 * car.drag_area * 15.0**2
+        wanted = moved * kernel.map_acceleration(car.table, 0.6, 15.0) + drag
+        assert front + rear == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize("throttle", [0.0, 0.6])
+def test_drag_slows_a_car_with_open_and_closed_throttle(throttle: float) -> None:
+    # Once the drag was given back by the map whatever it was: 0 and 30 m^2 coasted alike.
+    slow, mine, fast = (
+        drive(CAR.replace(drag_area=area), 27.8, (0.0, throttle, 0.0), 2)[-1, kernel.VX]
+        for area in (3.0, CAR.drag_area, 0.0)
+    )
+    assert slow < mine < fast
+    taken = 0.5 * 1.2 * (3.0 - CAR.drag_area) * 27.8**2 / CAR.mass * 0.02
+    assert mine - slow == pytest.approx(taken, rel=0.02)
+
+
+def test_a_map_of_ones_own_has_ones_own_drag() -> None:
+    own = {"map_acceleration": CAR.map_acceleration, "drag_area": 2.0}
+    assert Vehicle(**own).map_drag_area is None
+    assert Vehicle(drag_area=2.0).map_drag_area == CAR.drag_area
+    assert Vehicle(**own, map_drag_area=1.0).map_drag_area == 1.0
 
 
 def test_interpolate() -> None:

@@ -39,8 +39,10 @@ OTHER = MODEL3.replace(
     brake_force=6000.0,
     map_acceleration=[[0.8 * a - 0.1 for a in row] for row in MODEL3.map_acceleration],
 )
-BMW = Bmw320i(steer_rate_up=1.5, steer_rate_down=1.5)
-BELIEVED_BMW = Bmw320i(c_f=80e3, c_r=80e3, yaw_inertia=2300.0, max_wheel_angle=0.9)
+# With a strong engine, so that half a minute shows every speed.
+STRONG = {"map_acceleration": Vehicle().map_acceleration}
+BMW = Bmw320i(**STRONG, steer_rate_up=1.5, steer_rate_down=1.5)
+BELIEVED_BMW = Bmw320i(**STRONG, c_f=80e3, c_r=80e3, yaw_inertia=2300.0, max_wheel_angle=0.9)
 
 
 def value(car: Vehicle, figure: Figure) -> float:

@@ -10,50 +10,30 @@ from steersman.types import FloatArray
 
 
 @kernel
-def follow(
-    table: VehicleTable,
-    commands: FloatArray,
-    speed: FloatArray,
-    h: float,
-    states: FloatArray,
-    work: FloatArray,
-) -> None:
-    """Fill ``states`` (m + 1, N_STATE) from its first row, held at ``speed`` (m + 1,) [m/s].
-
-    ``commands`` (m, 3) act for a step of ``h`` [s] each. With the speed given, what is left is
-    stable: an error of the start is forgotten.
-    """
-    states[0, VX] = speed[0]
-    for k in range(commands.shape[0]):
-        for i in range(N_STATE):
-            states[k + 1, i] = states[k, i]
-        advance(table, 0, states[k + 1], commands[k], h, 1, work)
-        states[k + 1, VX] = speed[k + 1]
-
-
-@kernel
-def release(
+def replay(
     table: VehicleTable,
     commands: FloatArray,
     starts: Any,
-    speeds: FloatArray,
     base: FloatArray,
+    held: bool,
     h: float,
     states: FloatArray,
     work: FloatArray,
 ) -> None:
-    """Fill ``states`` (m + 1, N_STATE) with the speed left free between restarts.
+    """Fill ``states`` (m + 1, N_STATE), put back to ``base`` (m + 1, N_STATE) at every start.
 
-    At each step of ``starts`` (n,), increasing and the first of them 0, the state is that of
-    ``base`` (m + 1, N_STATE) with the speed of ``speeds`` (n,) [m/s].
+    ``commands`` (m, 3) act for a step of ``h`` [s] each; ``starts`` (k,) are steps, increasing, the
+    first of them 0. If ``held``, the speed is that of ``base`` at every step; what is left is
+    stable then: an error of the start is forgotten.
     """
     segment = 0
     for k in range(commands.shape[0]):
         if segment < starts.shape[0] and starts[segment] == k:
             for i in range(N_STATE):
                 states[k, i] = base[k, i]
-            states[k, VX] = speeds[segment]
             segment += 1
         for i in range(N_STATE):
             states[k + 1, i] = states[k, i]
         advance(table, 0, states[k + 1], commands[k], h, 1, work)
+        if held:
+            states[k + 1, VX] = base[k + 1, VX]

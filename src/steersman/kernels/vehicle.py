@@ -7,7 +7,8 @@ longitudinal force that engine and brakes ask of it, at most what its grip allow
 
 Sources: planar rigid body and steady cornering, Rajamani, Vehicle Dynamics and Control, 2nd ed.,
 ch. 2; brush tyre, Pacejka, Tyre and Vehicle Dynamics, 3rd ed., sec. 3.2 (Fiala's cubic, which is
-also the law of PhysX vehicles); its derating by longitudinal force, the friction ellipse.
+also the law of PhysX vehicles); its derating by longitudinal force, the friction ellipse. Stiffness
+over load: in proportion, or by PhysX's smoothing function (PxVehicleUpdate.cpp).
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ CMD_STEER, CMD_THROTTLE, CMD_BRAKE = range(3)
     L_F,
     L_R,
     TRACK,
-    HEIGHT,
+    ROLL_ARM,
     C_F,
     C_R,
     MU,
@@ -58,8 +59,10 @@ CMD_STEER, CMD_THROTTLE, CMD_BRAKE = range(3)
     SIDE_FORCE,
     YAW_MOMENT,
     STEER_LAG,
-) = range(28)
-N_PARAMS = 28
+    LOAD_LIMIT,
+    ROTATING,
+) = range(30)
+N_PARAMS = 30
 
 # Below this speed resistance fades, so that it never drives a standing car backwards [m/s].
 _ROLL_SPEED = 0.2
@@ -150,14 +153,16 @@ def map_acceleration(table: VehicleTable, throttle: float, speed: float) -> floa
 def wheel_demand(
     table: VehicleTable, n: int, throttle: float, brake: float, v_x: float
 ) -> tuple[float, float]:
-    """Longitudinal force asked of the front and of the rear axle [N].
+    """Longitudinal force at the front and at the rear axle at constant speed [N].
 
-    The map is a net acceleration, so its vehicle's drag is given back here and taken by the body.
+    The map is a net acceleration, of body and rotating masses; its vehicle's drag is given back
+    here and taken by the body.
     """
     row = table.rows[n]
     speed = abs(v_x)
     held = min(speed, table.map_speed[-1])
-    force = row[MAP_MASS] * map_acceleration(table, throttle, held) + row[MAP_DRAG] * held * held
+    moved = row[MAP_MASS] + row[ROTATING]
+    force = moved * map_acceleration(table, throttle, held) + row[MAP_DRAG] * held * held
     if speed > row[FADE_SPEED] and force > 0.0:
         force *= row[FADE_SPEED] / speed
     fade = v_x / math.sqrt(v_x * v_x + _ROLL_SPEED * _ROLL_SPEED)
@@ -187,6 +192,25 @@ def side_force(stiffness: float, slip: float, limit: float) -> float:
     if z >= 1.0:
         return -math.copysign(limit, slip)
     return -stiffness * slip * (1.0 - z + z * z / 3.0)
+
+
+@kernel
+def tyre_stiffness(per_load: float, load: float, static: float, limit: float) -> float:
+    """Cornering stiffness of a wheel under ``load`` [N]; at its static load ``per_load`` times it.
+
+    With ``limit`` 0 in proportion to the load. Otherwise by PhysX's law: it grows ever slower, and
+    no more from ``limit`` static loads on.
+    """
+    if limit <= 0.0:
+        return per_load * load
+    return per_load * static * _smoothing(3.0 * load / (static * limit)) / _smoothing(3.0 / limit)
+
+
+@kernel
+def _smoothing(x: float) -> float:
+    """PhysX's smoothing function: slope 1 at 0, and 1 with slope 0 from 3 on."""
+    x = min(x, 3.0)
+    return x - x * x / 3.0 + x * x * x / 27.0
 
 
 @kernel
@@ -221,11 +245,11 @@ def wheel_loads(row: FloatArray, a_x: float, a_y: float) -> tuple[float, float, 
     Roll moments are shared by the axles in proportion to their static loads.
     """
     base = row[L_F] + row[L_R]
-    shift = row[MASS] * a_x * row[HEIGHT] / base
+    shift = row[MASS] * a_x * row[ROLL_ARM] / base
     weight = row[MASS] * GRAVITY
     front = min(max(weight * row[L_R] / base - shift, 0.0), weight)
     rear = weight - front
-    lean = min(max(a_y * row[HEIGHT] / (GRAVITY * row[TRACK]), -0.5), 0.5)
+    lean = min(max(a_y * row[ROLL_ARM] / (GRAVITY * row[TRACK]), -0.5), 0.5)
     return front * (0.5 - lean), front * (0.5 + lean), rear * (0.5 - lean), rear * (0.5 + lean)
 
 
@@ -244,23 +268,39 @@ def derivative(
     v_x, v_y, rate = q[VX], q[VY], q[YAW_RATE]
     left, right, _ = wheel_tangents(table, n, steer, abs(v_x))
     demand_f, demand_r = wheel_demand(table, n, throttle, brake, v_x)
+    # Rotating masses take their share while the speed changes: first that of the lagged
+    # acceleration, from which the one that is sought differs little.
+    turned = row[ROTATING] * (q[LOAD_AX] + v_y * rate)
+    demand_f -= turned * row[DRIVE_FRONT]
+    demand_r -= turned * (1.0 - row[DRIVE_FRONT])
     fl, fr, rl, rr = wheel_loads(row, q[LOAD_AX], q[LOAD_AY])
     base = row[L_F] + row[L_R]
     weight = row[MASS] * GRAVITY
-    # Cornering stiffness grows in proportion to load: C_wheel = C_axle / (static axle load) F_z.
+    # Cornering stiffness per load, C_axle / (static axle load), and static loads of the wheels.
     c_f = row[C_F] * base / (weight * row[L_R])
     c_r = row[C_R] * base / (weight * row[L_F])
+    rest_f, rest_r = 0.5 * weight * row[L_R] / base, 0.5 * weight * row[L_F] / base
+    limit = row[LOAD_LIMIT]
+    c1, c2 = tyre_stiffness(c_f, fl, rest_f, limit), tyre_stiffness(c_f, fr, rest_f, limit)
+    c3, c4 = tyre_stiffness(c_r, rl, rest_r, limit), tyre_stiffness(c_r, rr, rest_r, limit)
     mu, half, soft = row[MU], 0.5 * row[TRACK], row[SLIP_SPEED]
     y_f, y_r = v_y + row[L_F] * rate, v_y - row[L_R] * rate
     x_l, x_r = v_x - half * rate, v_x + half * rate
     demand1, demand2 = split_axle(demand_f, mu * fl, mu * fr)
     demand3, demand4 = split_axle(demand_r, mu * rl, mu * rr)
-    fx1, fy1 = _wheel(c_f * fl, mu * fl, demand1, left, x_l, y_f, soft)
-    fx2, fy2 = _wheel(c_f * fr, mu * fr, demand2, right, x_r, y_f, soft)
-    fx3, fy3 = _wheel(c_r * rl, mu * rl, demand3, 0.0, x_l, y_r, soft)
-    fx4, fy4 = _wheel(c_r * rr, mu * rr, demand4, 0.0, x_r, y_r, soft)
-    a_x = (fx1 + fx2 + fx3 + fx4 - row[DRAG] * v_x * abs(v_x)) / row[MASS]
-    a_y = (fy1 + fy2 + fy3 + fy4 + row[SIDE_FORCE]) / row[MASS]
+    fx1, fy1 = _wheel(c1, mu * fl, demand1, left, x_l, y_f, soft)
+    fx2, fy2 = _wheel(c2, mu * fr, demand2, right, x_r, y_f, soft)
+    fx3, fy3 = _wheel(c3, mu * rl, demand3, 0.0, x_l, y_r, soft)
+    fx4, fy4 = _wheel(c4, mu * rr, demand4, 0.0, x_r, y_r, soft)
+    drag = row[DRAG] * v_x * abs(v_x)
+    along, across = fx1 + fx2 + fx3 + fx4, fy1 + fy2 + fy3 + fy4
+    if row[ROTATING] > 0.0:
+        share = row[ROTATING] / (row[MASS] + row[ROTATING])
+        along -= share * (along - drag - row[MASS] * q[LOAD_AX])
+        most = math.sqrt(max((mu * weight) ** 2 - across * across, 0.0))
+        along = min(max(along, -most), most)
+    a_x = (along - drag) / row[MASS]
+    a_y = (across + row[SIDE_FORCE]) / row[MASS]
     turning = row[L_F] * (fy1 + fy2) - row[L_R] * (fy3 + fy4) + half * (fx2 + fx4 - fx1 - fx3)
     turning += row[YAW_MOMENT]
     c, s = math.cos(q[PSI]), math.sin(q[PSI])
@@ -323,5 +363,5 @@ def advance(
 
 @kernel
 def rolls_over(row: FloatArray, load_a_y: float) -> bool:
-    """Whether both inner wheels have lifted: |a_y| >= g track / (2 height)."""
-    return bool(abs(load_a_y) * 2.0 * row[HEIGHT] >= GRAVITY * row[TRACK])
+    """Whether both inner wheels have lifted: |a_y| >= g track / (2 roll arm)."""
+    return bool(abs(load_a_y) * 2.0 * row[ROLL_ARM] >= GRAVITY * row[TRACK])

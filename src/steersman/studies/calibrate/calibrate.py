@@ -207,7 +207,7 @@ def throttle_map(runs: Mapping[float, Sequence[Manoeuvre]], vehicle: Vehicle) ->
         values, error = _piecewise(speeds, np.array(v), np.array(a), np.array(known))
         rows.append(tuple(values.tolist()))
         errors.append(error)
-    figures = {"map_acceleration": tuple(rows), "map_mass": None}
+    figures = {"map_acceleration": tuple(rows), "map_mass": None, "map_drag_area": None}
     return Fit(figures, float(np.sqrt(np.mean(np.square(errors)))), "m/s^2")
 
 

@@ -160,11 +160,18 @@ def lateral(vehicle: Vehicle, stretch: Stretch) -> FloatArray:
     grid = _grid(len(stretch.speed))
     steer = _held(stretch.steer, grid, _whole(vehicle))
     commands = np.column_stack([steer, stretch.driven])
-    states = np.zeros((len(grid), car.N_STATE))
-    states[0, [car.YAW_RATE, car.STEER]] = stretch.yaw_rate, steer[0]
-    states[0, [car.THROTTLE, car.BRAKE]] = stretch.driven[0]
-    work = np.zeros((3, car.N_MOTION))
-    kernel.follow(vehicle.table, commands, stretch.speed, H, states, work)
+    base = np.zeros((len(grid), car.N_STATE))
+    base[:, car.VX] = stretch.speed
+    base[0, [car.YAW_RATE, car.STEER]] = stretch.yaw_rate, steer[0]
+    base[0, [car.THROTTLE, car.BRAKE]] = stretch.driven[0]
+    return _replayed(vehicle, commands, np.zeros(1, dtype=np.int64), base, held=True)
+
+
+def _replayed(
+    vehicle: Vehicle, commands: FloatArray, starts: Any, base: FloatArray, *, held: bool
+) -> FloatArray:
+    states, work = np.zeros_like(base), np.zeros((3, car.N_MOTION))
+    kernel.replay(vehicle.table, commands, starts, base, held, H, states, work)
     return states
 
 
@@ -186,9 +193,9 @@ def free(
     steer = _held(stretch.steer, grid, _whole(vehicle))
     base = base.copy()
     base[:-1, [car.THROTTLE, car.BRAKE]] = stretch.pedals
+    base[starts, car.VX] = speeds
     commands = np.column_stack([steer, stretch.pedals])
-    states, work = np.zeros_like(base), np.zeros((3, car.N_MOTION))
-    kernel.release(vehicle.table, commands, starts, speeds, base, H, states, work)
+    states = _replayed(vehicle, commands, starts, base, held=False)
     return np.asarray(states[:, car.VX])
 
 

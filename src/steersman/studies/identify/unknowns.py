@@ -171,7 +171,7 @@ def _figures(vehicle: Vehicle, unknowns: Sequence[Unknown], z: FloatArray) -> di
         most = 0.999999 * _LARGEST_ANGLE / figures.get("max_wheel_angle", vehicle.max_wheel_angle)
         figures["steer_curve_factor"] = [min(f, most) for f in figures["steer_curve_factor"]]
     if "map_acceleration" in figures:  # it was measured with this mass
-        figures["map_mass"] = None
+        figures["map_mass"] = figures["map_drag_area"] = None
     return figures
 
 
