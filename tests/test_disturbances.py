@@ -16,8 +16,9 @@ from steersman.errors import ConfigError
 from steersman.learning.problem import Problem
 from steersman.learning.vec_env import PathFollowingVecEnv
 from steersman.paths.analytic import Circle
+from steersman.paths.base import Start
 from steersman.report.seen import path_of, waypoints
-from steersman.rollout import RunConfig, Start, attempt, run
+from steersman.rollout import RunConfig, attempt, run
 from steersman.sensing import WaypointSensor
 from steersman.speed import ConstantSpeed, StopAndGo
 from steersman.types import Observation, Status

@@ -21,9 +21,9 @@ from steersman.errors import ConfigError, PlantError
 from steersman.kernels.observe import wrap_angle
 from steersman.outcome import Interrupted, PlantFailure, RunError
 from steersman.paths.analytic import Circle, Straight
-from steersman.paths.base import PathComponent
+from steersman.paths.base import PathComponent, Start
 from steersman.plants.simulator import Simulator, SimulatorConfig
-from steersman.rollout import RunConfig, Start, attempt, run
+from steersman.rollout import RunConfig, attempt, run
 from steersman.sensing import WaypointSensor
 from steersman.speed import ConstantSpeed, ConstantThrottle
 from steersman.types import Command, Decision, Observation, Pose, Status, VehicleState

@@ -26,35 +26,19 @@ from steersman.kernels.world import (
     find_end,
 )
 from steersman.outcome import OUTCOMES, Attempt, Interrupted, PlantFailure, RunError
-from steersman.paths.base import PathComponent
+from steersman.paths.base import PathComponent, Start
 from steersman.plants.base import PlantComponent
 from steersman.plants.simulator import SimulatorConfig
 from steersman.profiles import stack_profiles
 from steersman.provenance import provenance
 from steersman.sensing import Tracking, WaypointSensor
 from steersman.speed import ConstantThrottle, SpeedComponent
-from steersman.types import Decision, FloatArray, Pose
+from steersman.types import Decision, FloatArray
 from steersman.vehicles import CarlaModel3, Vehicle
 from steersman.world import Simulation
 
 # A run that is to end after laps or at the end of the road may take at most this long [s].
 LONGEST = 7200.0
-
-
-class Start(Settings):
-    """Where a run starts; in a configuration a number stands for ``s`` alone."""
-
-    s: float = param(0.0, "m", "Arc length.", ge=0)
-    offset: float = param(0.0, "m", "Distance from the path, left positive.")
-    heading: float = param(
-        0.0, "rad", "Direction of the velocity (at rest: yaw) less the path's tangent."
-    )
-
-    def pose(self, path: PathComponent) -> Pose:
-        """Centre of mass and direction of the velocity."""
-        at = path.at(self.s)
-        x, y = at.x - self.offset * math.sin(at.psi), at.y + self.offset * math.cos(at.psi)
-        return Pose(x, y, at.psi + self.heading)
 
 
 class RunConfig(Settings):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from functools import cached_property
@@ -9,10 +10,10 @@ from typing import Any, NamedTuple, Self
 
 from pydantic import ConfigDict
 
-from steersman.config import Built, Component
+from steersman.config import Built, Component, Settings, param
 from steersman.kernels import path as kernel
 from steersman.kernels.path import PathTable
-from steersman.types import PathPoint
+from steersman.types import PathPoint, Pose
 
 
 class Corner(NamedTuple):
@@ -79,3 +80,19 @@ class PathComponent(Component):
         copy = super().model_copy(update=update, deep=deep)
         copy.__dict__.pop("geometry", None)
         return copy
+
+
+class Start(Settings):
+    """Where a run starts; in a configuration a number stands for ``s`` alone."""
+
+    s: float = param(0.0, "m", "Arc length.", ge=0)
+    offset: float = param(0.0, "m", "Distance from the path, left positive.")
+    heading: float = param(
+        0.0, "rad", "Direction of the velocity (at rest: yaw) less the path's tangent."
+    )
+
+    def pose(self, path: PathComponent) -> Pose:
+        """Centre of mass and direction of the velocity."""
+        at = path.at(self.s)
+        x, y = at.x - self.offset * math.sin(at.psi), at.y + self.offset * math.cos(at.psi)
+        return Pose(x, y, at.psi + self.heading)
