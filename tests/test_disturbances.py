@@ -3,49 +3,48 @@
 from __future__ import annotations
 
 import copy
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
-from steersman import contracts
 from steersman.config import build, override
+from steersman.contracts import disturbance as contract
 from steersman.controllers.base import ControllerComponent
-from steersman.disturbances import DisturbanceComponent, Dropouts, PositionDrift, SensorBias
+from steersman.disturbances import (
+    DisturbanceComponent,
+    Dropouts,
+    FrictionPatch,
+    PositionDrift,
+    SensorBias,
+)
 from steersman.errors import ConfigError
 from steersman.learning.problem import Problem
 from steersman.learning.vec_env import PathFollowingVecEnv
 from steersman.paths.analytic import Circle
 from steersman.paths.base import Start
+from steersman.plants.simulator import SimulatorConfig
+from steersman.report.marks import marks
 from steersman.report.seen import path_of, waypoints
 from steersman.rollout import RunConfig, attempt, run
 from steersman.sensing import WaypointSensor
-from steersman.speed import ConstantSpeed, StopAndGo
+from steersman.speed import ConstantSpeed, SpeedTracking, StopAndGo
 from steersman.types import Observation, Status
-
-
-class Watching(ControllerComponent):
-    """Steers by the clock alone and keeps what it saw."""
-
-    def init(self, vehicle: Any, dt: float) -> list[Observation]:
-        """Nothing seen yet."""
-        return []
-
-    def decide(self, state: Any, observation: Observation) -> Any:
-        """A slow weave."""
-        return 0.12, Status.SOLVED, [*state, observation]
-
+from steersman.vehicles import CarlaModel3
 
 SEEN: list[Observation] = []
 
 
-class Recording(Watching):
-    """Hands out what it saw."""
+class Recording(ControllerComponent):
+    """Holds its steering and keeps what it saw in the module."""
+
+    def init(self, vehicle: Any, dt: float) -> None:
+        """Nothing to keep."""
 
     def decide(self, state: Any, observation: Observation) -> Any:
-        """Kept in the module."""
+        """About what the circle needs."""
         SEEN.append(observation)
-        return super().decide(state, observation)
+        return 0.12, Status.SOLVED, None
 
 
 def seen(**changes: Any) -> tuple[Any, list[Observation]]:
@@ -177,9 +176,82 @@ def test_a_learner_meets_them_and_goes_on_from_a_snapshot(name: str) -> None:
     assert np.array_equal(played(other, 60), rest)
 
 
-@pytest.mark.parametrize("disturbance", [bias(v_y=0.1), PositionDrift(), Dropouts(share=0.3)])
+class FullBraking(SpeedTracking):
+    """From 15 m/s to a stop at once."""
+
+    family: ClassVar[str] = "speed"
+
+    def breakpoints(self) -> Any:
+        """A step down."""
+        return np.array([0.0, 0.01]), np.array([15.0, 0.0])
+
+
+class Straight(ControllerComponent):
+    """Steers straight on."""
+
+    def init(self, vehicle: Any, dt: float) -> None:
+        """Nothing to keep."""
+
+    def decide(self, state: Any, observation: Observation) -> Any:
+        """Zero."""
+        return 0.0, Status.SOLVED, None
+
+
+def braked(**patch: float) -> Any:
+    """Full braking on a straight road over a patch of other friction."""
+    config = RunConfig(
+        controller=Straight(),
+        path="straight",
+        speed=FullBraking(),
+        vehicle=CarlaModel3(friction=0.4),
+        disturbances=(FrictionPatch(begin=0.0, length=200.0, **patch),) if patch else (),
+        duration=1.0,
+    )
+    return run(config)
+
+
+def test_friction_under_the_wheels_limits_what_they_carry() -> None:
+    least = braked()["a_x"][-1]
+    half = braked(left=0.5, right=0.5)["a_x"][-1]
+    assert half == pytest.approx(0.5 * least, rel=0.05)
+
+
+def test_a_split_road_turns_the_car_to_the_side_that_grips() -> None:
+    left, right = braked(left=0.3, right=1.0), braked(left=1.0, right=0.3)
+    assert left["yaw_rate"][-1] < -0.01
+    assert right["yaw_rate"][-1] == pytest.approx(-left["yaw_rate"][-1], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("every", "covered"),
+    [(None, [50.0, 69.9]), (100.0, [50.0, 69.9, 150.0, 1069.9])],
+)
+def test_a_patch_covers_its_length(every: float | None, covered: list[float]) -> None:
+    patch = FrictionPatch(begin=50.0, length=20.0, every=every)
+    assert all(patch.covers(s) for s in covered)
+    assert not any(patch.covers(s) for s in (0.0, 49.9, 70.0, 130.0))
+
+
+def test_the_report_marks_other_friction() -> None:
+    patch = FrictionPatch(begin=3.0, length=4.0, left=0.5, right=0.8)
+    episode, _ = seen(disturbances=(patch,))
+    (mark,) = [m for m in marks(episode) if m["kind"] == "friction"]
+    assert mark["text"] == "other friction: x 0.5 left, x 0.8 right"
+    assert episode["s"][mark["row"]] >= 3.0 > episode["s"][mark["row"] - 1]
+    assert episode["s"][mark["until"]] < 7.0 <= episode["s"][mark["until"] + 1]
+
+
+@pytest.mark.parametrize(
+    "disturbance",
+    [
+        bias(v_y=0.1),
+        PositionDrift(),
+        Dropouts(share=0.3),
+        FrictionPatch(begin=0.0, left=0.1, right=0.1),
+    ],
+)
 def test_disturbances_keep_their_contract(disturbance: DisturbanceComponent) -> None:
-    assert contracts.disturbance.check(disturbance) == []
+    assert contract.check(disturbance) == []
 
 
 @pytest.mark.parametrize(("offset", "heading"), [(1.0, 0.3), (-0.5, 0.0), (0.0, -0.2)])
@@ -208,3 +280,15 @@ def test_the_car_stops_and_drives_on() -> None:
     assert speed.max() == pytest.approx(6.0, abs=0.3)
     stands = speed < 0.05
     assert np.count_nonzero(np.diff(stands.astype(int)) == -1) >= 2
+
+
+def test_a_road_that_a_plant_cannot_have_is_refused() -> None:
+    world = RunConfig(disturbances=(FrictionPatch(),)).model_copy(update={"plant": Elsewhere()})
+    with pytest.raises(ConfigError, match=r"^disturbances: one of them alters the road"):
+        attempt(world)
+
+
+class Elsewhere(SimulatorConfig):
+    """A plant outside the package."""
+
+    embedded: ClassVar[bool] = False

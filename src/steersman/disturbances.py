@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 
 from steersman.config import Component, param, register
+from steersman.kernels import observe
 from steersman.kernels import vehicle as car
 from steersman.kernels.fleet import Fleet, World
-from steersman.kernels.observe import V_X_SCALE
 from steersman.kernels.world import DROPPED
 
 
@@ -34,6 +34,8 @@ class Disturber:
 
     errors = False
     """Whether it sets ``fleet.errors``, which exist only if some disturbance does."""
+    on_vehicle = False
+    """Whether it alters the vehicle's parameters, which the embedded simulator alone takes."""
 
     def begin(self, world: World, fleet: Fleet, i: int, rng: np.random.Generator) -> None:
         """A new drive of vehicle ``i`` begins; ``rng`` is the vehicle's own generator."""
@@ -80,7 +82,7 @@ class _Bias(Disturber):
         errors = fleet.errors[i]
         scale, v_x, v_y, yaw_rate, heading = self._own[i].tolist()
         errors[car.VX] += v_x
-        errors[V_X_SCALE] += scale
+        errors[observe.V_X_SCALE] += scale
         errors[car.VY] += v_y
         errors[car.YAW_RATE] += yaw_rate
         errors[car.PSI] += heading
@@ -174,3 +176,43 @@ class Dropouts(DisturbanceComponent):
     def make(self, n: int, seed: int) -> Disturber:
         """The losses at work."""
         return _Dropouts(self)
+
+
+class _Patch(Disturber):
+    on_vehicle = True
+
+    def __init__(self, config: FrictionPatch) -> None:
+        self._config = config
+
+    def act(self, world: World, fleet: Fleet, i: int, time: float) -> None:
+        if self._config.covers(float(fleet.tracking[i, observe.S])):
+            row = world.vehicles.rows[i]
+            row[car.GRIP_LEFT] *= self._config.left
+            row[car.GRIP_RIGHT] *= self._config.right
+
+
+@register("disturbance", "friction_patch")
+class FrictionPatch(DisturbanceComponent):
+    """A length of road with other friction, on one side or on both: a wet patch, ice at the edge.
+
+    Several of them multiply where they overlap. Controllers compute with the vehicle's friction.
+    """
+
+    begin: float = param(50.0, "m", "Arc length at which it begins.", ge=0)
+    length: float = param(20.0, "m", "How long it is.", gt=0)
+    every: float | None = param(
+        None, "m", "Distance from one to the next; null: there is one.", gt=0
+    )
+    left: float = param(0.5, "-", "Factor on the friction under the left wheels.", gt=0)
+    right: float = param(0.5, "-", "Factor on the friction under the right wheels.", gt=0)
+
+    def covers(self, s: float) -> bool:
+        """Whether the road at arc length ``s`` [m] is part of it."""
+        since = s - self.begin
+        if self.every is not None and since >= 0.0:
+            since %= self.every
+        return 0.0 <= since < self.length
+
+    def make(self, n: int, seed: int) -> Disturber:
+        """The patch under the vehicles."""
+        return _Patch(self)

@@ -203,6 +203,8 @@ class Vehicle(Component):
             kernel.STEER_BIAS: self.steer_bias / self.max_wheel_angle,
             kernel.LOAD_LIMIT: self.stiffness_load_limit or 0.0,
             kernel.ROTATING: self.rotating_mass,
+            kernel.GRIP_LEFT: 1.0,
+            kernel.GRIP_RIGHT: 1.0,
         }
         out[list(values)] = list(values.values())
         return out

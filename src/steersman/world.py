@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from steersman.disturbances import Disturber
+from steersman.errors import ConfigError
 from steersman.kernels import observe
 from steersman.kernels import path as paths
 from steersman.kernels import vehicle as car
@@ -77,12 +78,17 @@ class Simulation:
 
         Raises:
             ConfigError: the plant drives one vehicle, and more are wanted; the sensor's latency
-                is no whole number of control periods.
+                is no whole number of control periods; a disturbance is beyond the plant.
             PlantError: it cannot be reached.
         """
         self.n, self.dt, self.sensor, self.lesson = n, plant.dt, sensor, lesson
         declared = [sensor.make(n, seed), *plant.disturbances(n, seed), *disturbances]
         self._disturbers = [one for one in declared if one is not None]
+        if not plant.embedded and any(one.on_vehicle for one in self._disturbers):
+            raise ConfigError(
+                f"one of them alters the road under the wheels, which plant={plant.kind} cannot",
+                ("disturbances",),
+            )
         table = vehicle.table
         self.world = World(
             vehicles=table._replace(rows=np.repeat(table.rows, n, axis=0)),
@@ -175,6 +181,7 @@ class Simulation:
         fleet = self.fleet
         for i in range(self.n) if self._watched else ():
             fleet.bounds[i] = -1.0, 1.0
+            self.world.vehicles.rows[i, [car.GRIP_LEFT, car.GRIP_RIGHT]] = 1.0
             for one in self._disturbers:
                 one.act(self.world, fleet, i, self.time(i))
             self._sense(i, float((fleet.clock[i, kernel.CLOCK_STEPS] + 1.0) * self.dt))

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from steersman.kernels import tyre
 from steersman.kernels import vehicle as kernel
 from steersman.types import FloatArray
 from steersman.vehicles import Bmw320i, CarlaMkz2020, CarlaModel3, Vehicle
@@ -102,24 +103,24 @@ def test_brakes_and_engine_drag_oppose_the_motion(
 
 
 def test_side_force_starts_with_the_stiffness() -> None:
-    slope = kernel.side_force(5e4, 1e-6, 8e3) / 1e-6
+    slope = tyre.side_force(5e4, 1e-6, 8e3) / 1e-6
     assert slope == pytest.approx(-5e4, rel=1e-4)
 
 
 @given(st.floats(1e3, 1e5), st.floats(-2.0, 2.0), st.floats(10.0, 4e4))
 def test_side_force_is_odd_and_limited(stiffness: float, slip: float, limit: float) -> None:
-    force = kernel.side_force(stiffness, slip, limit)
-    assert force == kernel.side_force.py_func(stiffness, slip, limit)
-    assert force == -kernel.side_force(stiffness, -slip, limit)
+    force = tyre.side_force(stiffness, slip, limit)
+    assert force == tyre.side_force.py_func(stiffness, slip, limit)
+    assert force == -tyre.side_force(stiffness, -slip, limit)
     assert abs(force) <= limit * (1.0 + 1e-12)
     assert force * slip <= 0.0
     sliding = 3.0 * limit / stiffness
-    assert kernel.side_force(stiffness, 1.001 * sliding, limit) == -limit
+    assert tyre.side_force(stiffness, 1.001 * sliding, limit) == -limit
 
 
 def test_side_force_grows_up_to_sliding() -> None:
     slips = np.linspace(0.0, 3.0 * 8e3 / 5e4, 400)
-    forces = [-kernel.side_force(5e4, s, 8e3) for s in slips]
+    forces = [-tyre.side_force(5e4, s, 8e3) for s in slips]
     assert (np.diff(forces) > 0.0).all()
     assert forces[-1] == pytest.approx(8e3)
 
@@ -142,17 +143,17 @@ def test_longitudinal_force_takes_from_the_side_force() -> None:
 
 @given(forces, st.floats(0.0, 2e4), st.floats(0.0, 2e4))
 def test_axle_split_passes_on_everything(demand: float, left: float, right: float) -> None:
-    one, two = kernel.split_axle(demand, left, right)
-    assert (one, two) == kernel.split_axle.py_func(demand, left, right)
+    one, two = tyre.split_axle(demand, left, right)
+    assert (one, two) == tyre.split_axle.py_func(demand, left, right)
     assert one + two == pytest.approx(demand, abs=1e-9)
     if abs(demand) <= min(left, right):
         assert one == two
     # Symmetric: whichever side has less grip.
-    assert kernel.split_axle(demand, right, left) == (two, one)
+    assert tyre.split_axle(demand, right, left) == (two, one)
 
 
 def test_axle_split_relieves_the_lifted_wheel() -> None:
-    assert kernel.split_axle(4e3, 0.0, 2e4) == (0.0, 4e3)
+    assert tyre.split_axle(4e3, 0.0, 2e4) == (0.0, 4e3)
 
 
 # ----------------------------------------------------------------------------------- loads
@@ -247,7 +248,7 @@ def test_without_an_arm_no_load_moves() -> None:
 
 def test_stiffness_over_load() -> None:
     loads = np.linspace(0.0, 4.0, 41) * 4e3
-    physx = np.array([kernel.tyre_stiffness(12.0, f, 4e3, 3.0) for f in loads])
+    physx = np.array([tyre.tyre_stiffness(12.0, f, 4e3, 3.0) for f in loads])
     # PhysX: 20 F_rest S(F_z / F_rest), S(x) = x - x^2/3 + x^3/27, up to three static loads.
     share = np.minimum(loads / 4e3, 3.0)
     law = share - share**2 / 3.0 + share**3 / 27.0
@@ -255,17 +256,17 @@ def test_stiffness_over_load() -> None:
     assert (np.diff(physx) >= -1e-9).all()
     assert (np.diff(physx[loads < 12e3]) > 0.0).all()
     for limit in (0.0, 1.5, 3.0):
-        assert kernel.tyre_stiffness(12.0, 4e3, 4e3, limit) == pytest.approx(12.0 * 4e3)
-        assert kernel.tyre_stiffness.py_func(12.0, 5e3, 4e3, limit) == pytest.approx(
-            kernel.tyre_stiffness(12.0, 5e3, 4e3, limit)
+        assert tyre.tyre_stiffness(12.0, 4e3, 4e3, limit) == pytest.approx(12.0 * 4e3)
+        assert tyre.tyre_stiffness.py_func(12.0, 5e3, 4e3, limit) == pytest.approx(
+            tyre.tyre_stiffness(12.0, 5e3, 4e3, limit)
         )
-    assert kernel.tyre_stiffness(12.0, 5e3, 4e3, 0.0) == 12.0 * 5e3
+    assert tyre.tyre_stiffness(12.0, 5e3, 4e3, 0.0) == 12.0 * 5e3
 
 
 def test_load_transfer_softens_an_axle_by_the_load_law_only() -> None:
     # In proportion to load, what the inner wheel loses the outer one gains.
     def axle(limit: float) -> float:
-        return sum(kernel.tyre_stiffness(12.0, f, 4e3, limit) for f in (1e3, 7e3))
+        return sum(tyre.tyre_stiffness(12.0, f, 4e3, limit) for f in (1e3, 7e3))
 
     assert axle(0.0) == pytest.approx(2 * 12.0 * 4e3)
     assert axle(3.0) < 0.95 * 2 * 12.0 * 4e3

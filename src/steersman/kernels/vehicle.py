@@ -3,12 +3,10 @@
 State row (columns below): global position and yaw of the centre of mass, velocities in the
 vehicle's frame, load-transfer accelerations, actuator positions, and, as outputs of the last
 step, accelerations and the single-track wheel angle. Wheels do not spin up: each carries the
-longitudinal force that engine and brakes ask of it, at most what its grip allows.
+longitudinal force of engine and brakes, at most what its grip allows.
 
-Sources: planar rigid body and steady cornering, Rajamani, Vehicle Dynamics and Control, 2nd ed.,
-ch. 2; brush tyre, Pacejka, Tyre and Vehicle Dynamics, 3rd ed., sec. 3.2 (Fiala's cubic, which is
-also the law of PhysX vehicles); its derating by longitudinal force, the friction ellipse. Stiffness
-over load: in proportion, or by PhysX's smoothing function (PxVehicleUpdate.cpp).
+Source: planar rigid body and steady cornering, Rajamani, Vehicle Dynamics and Control, 2nd ed.,
+ch. 2; tyres: :mod:`steersman.kernels.tyre`.
 """
 
 from __future__ import annotations
@@ -18,6 +16,7 @@ from typing import NamedTuple
 
 from steersman.kernels.actuator import slew, slew_lagged
 from steersman.kernels.compiled import kernel
+from steersman.kernels.tyre import split_axle, tyre_stiffness, wheel_force
 from steersman.types import FloatArray
 
 GRAVITY = 9.81
@@ -61,15 +60,13 @@ CMD_STEER, CMD_THROTTLE, CMD_BRAKE = range(3)
     STEER_LAG,
     LOAD_LIMIT,
     ROTATING,
-) = range(30)
-N_PARAMS = 30
+    GRIP_LEFT,
+    GRIP_RIGHT,
+) = range(32)
+N_PARAMS = 32
 
 # Below this speed resistance fades, so that it never drives a standing car backwards [m/s].
 _ROLL_SPEED = 0.2
-# A wheel takes its half of the axle's force up to this share of its grip.
-_DRIVE_GRIP = 0.5
-# A braked tyre keeps at least this share of its grip for cornering.
-_MIN_SIDE_GRIP = 0.1
 
 
 class VehicleTable(NamedTuple):
@@ -174,71 +171,6 @@ def wheel_demand(
 
 
 @kernel
-def split_axle(demand: float, grip_left: float, grip_right: float) -> tuple[float, float]:
-    """An axle's force on its two wheels [N]: halves, as by an open differential.
-
-    What a wheel cannot carry without spinning passes to the other one (limited slip).
-    """
-    half = 0.5 * demand
-    left = min(max(half, -_DRIVE_GRIP * grip_left), _DRIVE_GRIP * grip_left)
-    right = min(max(half, -_DRIVE_GRIP * grip_right), _DRIVE_GRIP * grip_right)
-    return left + (half - right), right + (half - left)
-
-
-@kernel
-def side_force(stiffness: float, slip: float, limit: float) -> float:
-    """Fiala's lateral force for tan(slip angle), opposing it; ``limit`` is the grip left [N]."""
-    z = stiffness * abs(slip) / (3.0 * limit + 1e-9)
-    if z >= 1.0:
-        return -math.copysign(limit, slip)
-    return -stiffness * slip * (1.0 - z + z * z / 3.0)
-
-
-@kernel
-def tyre_stiffness(per_load: float, load: float, static: float, limit: float) -> float:
-    """Cornering stiffness of a wheel under ``load`` [N]; at its static load ``per_load`` times it.
-
-    With ``limit`` 0 in proportion to the load. Otherwise by PhysX's law: it grows ever slower, and
-    no more from ``limit`` static loads on.
-    """
-    if limit <= 0.0:
-        return per_load * load
-    return per_load * static * _smoothing(3.0 * load / (static * limit)) / _smoothing(3.0 / limit)
-
-
-@kernel
-def _smoothing(x: float) -> float:
-    """PhysX's smoothing function: slope 1 at 0, and 1 with slope 0 from 3 on."""
-    x = min(x, 3.0)
-    return x - x * x / 3.0 + x * x * x / 27.0
-
-
-@kernel
-def _wheel(
-    stiffness: float,
-    grip: float,
-    demand: float,
-    tangent: float,
-    v_x: float,
-    v_y: float,
-    slip_speed: float,
-) -> tuple[float, float]:
-    """Force of one wheel in the vehicle's frame, from the velocity of its contact point there.
-
-    Slip is softened below ``slip_speed``: a standing tyre has no slip angle.
-    """
-    c = 1.0 / math.sqrt(1.0 + tangent * tangent)
-    s = tangent * c
-    rolling = c * v_x + s * v_y
-    across = c * v_y - s * v_x
-    slip = across / math.sqrt(rolling * rolling + slip_speed * slip_speed)
-    limit = math.sqrt(1.0 - _MIN_SIDE_GRIP * _MIN_SIDE_GRIP) * grip
-    f_x = min(max(demand, -limit), limit)
-    f_y = side_force(stiffness, slip, math.sqrt(grip * grip - f_x * f_x))
-    return c * f_x - s * f_y, s * f_x + c * f_y
-
-
-@kernel
 def wheel_loads(row: FloatArray, a_x: float, a_y: float) -> tuple[float, float, float, float]:
     """Vertical loads, front left, front right, rear left, rear right [N]; lifted wheels carry 0.
 
@@ -286,18 +218,20 @@ def derivative(
     mu, half, soft = row[MU], 0.5 * row[TRACK], row[SLIP_SPEED]
     y_f, y_r = v_y + row[L_F] * rate, v_y - row[L_R] * rate
     x_l, x_r = v_x - half * rate, v_x + half * rate
-    demand1, demand2 = split_axle(demand_f, mu * fl, mu * fr)
-    demand3, demand4 = split_axle(demand_r, mu * rl, mu * rr)
-    fx1, fy1 = _wheel(c1, mu * fl, demand1, left, x_l, y_f, soft)
-    fx2, fy2 = _wheel(c2, mu * fr, demand2, right, x_r, y_f, soft)
-    fx3, fy3 = _wheel(c3, mu * rl, demand3, 0.0, x_l, y_r, soft)
-    fx4, fy4 = _wheel(c4, mu * rr, demand4, 0.0, x_r, y_r, soft)
+    mu_l, mu_r = mu * row[GRIP_LEFT], mu * row[GRIP_RIGHT]
+    demand1, demand2 = split_axle(demand_f, mu_l * fl, mu_r * fr)
+    demand3, demand4 = split_axle(demand_r, mu_l * rl, mu_r * rr)
+    fx1, fy1 = wheel_force(c1, mu_l * fl, demand1, left, x_l, y_f, soft)
+    fx2, fy2 = wheel_force(c2, mu_r * fr, demand2, right, x_r, y_f, soft)
+    fx3, fy3 = wheel_force(c3, mu_l * rl, demand3, 0.0, x_l, y_r, soft)
+    fx4, fy4 = wheel_force(c4, mu_r * rr, demand4, 0.0, x_r, y_r, soft)
     drag = row[DRAG] * v_x * abs(v_x)
     along, across = fx1 + fx2 + fx3 + fx4, fy1 + fy2 + fy3 + fy4
     if row[ROTATING] > 0.0:
         share = row[ROTATING] / (row[MASS] + row[ROTATING])
         along -= share * (along - drag - row[MASS] * q[LOAD_AX])
-        most = math.sqrt(max((mu * weight) ** 2 - across * across, 0.0))
+        grip = mu_l * (fl + rl) + mu_r * (fr + rr)
+        most = math.sqrt(max(grip * grip - across * across, 0.0))
         along = min(max(along, -most), most)
     a_x = (along - drag) / row[MASS]
     a_y = (across + row[SIDE_FORCE]) / row[MASS]

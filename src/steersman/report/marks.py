@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from steersman.config import build
+from steersman.disturbances import FrictionPatch
 from steersman.episode import Episode
+from steersman.errors import SteersmanError
 from steersman.report.pack import stretches
 from steersman.report.seen import recorded
 from steersman.report.tables import text
@@ -16,11 +20,12 @@ from steersman.types import Driver, Status
 
 WORST, END = "worst", "end"
 SATURATED, FALLBACK, INTERVENTION = "saturated", "fallback", "intervention"
-FAULT = "fault"
+FAULT, FRICTION = "fault", "friction"
 WORDS = {
     WORST: "largest |d|",
     END: "ended early",
     FAULT: "fault",
+    FRICTION: "other friction",
     INTERVENTION: "intervention",
     FALLBACK: "fallback",
     SATURATED: "command clipped",
@@ -56,6 +61,7 @@ def marks(episode: Episode) -> list[dict[str, Any]]:
             FALLBACK,
         ),
         *_faults(episode),
+        *_friction(episode),
         *_interventions(episode),
         *_end(episode),
     ]
@@ -145,6 +151,22 @@ def _faults(episode: Episode) -> list[dict[str, Any]]:
              "text": f"{WORDS[FAULT]}: {str(fault.get('kind')).replace('_', ' ')}"}
         )  # fmt: skip
     return _longest([mark for mark in out if mark["row"] < len(episode)])
+
+
+def _friction(episode: Episode) -> list[dict[str, Any]]:
+    """Where the road has another friction, and its factor under the left and right wheels."""
+    patches = []
+    for one in recorded(episode).get("disturbances", ()):
+        if isinstance(one, Mapping) and one.get("kind") == FrictionPatch.kind:
+            with contextlib.suppress(SteersmanError):
+                patches.append(build(FrictionPatch, {k: v for k, v in one.items() if k != "kind"}))
+    out: list[dict[str, Any]] = []
+    for patch in patches:
+        under = np.array([patch.covers(s) for s in episode["s"].tolist()], dtype=bool)
+        found = _spans(episode, under, FRICTION)
+        words = f"{WORDS[FRICTION]}: x {patch.left:.3g} left, x {patch.right:.3g} right"
+        out += [{**mark, "text": words} for mark in found]
+    return _longest(out)
 
 
 def _fault(config: Any) -> Mapping[str, Any]:

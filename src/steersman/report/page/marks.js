@@ -4,6 +4,7 @@ const KINDS = {
   end: "ended early",
   worst: "largest |d|",
   fault: "something breaks on purpose",
+  friction: "road with other friction",
   intervention: "supervisor stepped in",
   fallback: "controller's fallback",
   saturated: "command clipped",
@@ -15,6 +16,11 @@ function drawGlyph(context, kind, px, py, size, color) {
     context.moveTo(px, py - size);
     context.lineTo(px + size, py + size * 0.8);
     context.lineTo(px - size, py + size * 0.8);
+    context.closePath();
+  } else if (kind === "friction") {
+    for (let k = 0; k < 6; k++) {
+      context.lineTo(px + size * Math.sin((k * Math.PI) / 3), py - size * Math.cos((k * Math.PI) / 3));
+    }
     context.closePath();
   } else if (kind === "saturated") {
     context.rect(px - size * 0.7, py - size * 0.7, size * 1.4, size * 1.4);
