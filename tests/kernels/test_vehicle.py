@@ -130,14 +130,14 @@ def test_no_wheel_exceeds_its_grip(
     grip: float, demand: float, tangent: float, v_x: float, v_y: float
 ) -> None:
     args = (6e4, grip, demand, tangent, v_x, v_y, 1.0)
-    f_x, f_y = kernel._wheel(*args)
+    f_x, f_y = tyre.wheel_force(*args)
     assert math.hypot(f_x, f_y) <= grip * (1.0 + 1e-9) + 1e-9
-    assert (f_x, f_y) == pytest.approx(kernel._wheel.py_func(*args), abs=1e-9)
+    assert (f_x, f_y) == pytest.approx(tyre.wheel_force.py_func(*args), abs=1e-9)
 
 
 def test_longitudinal_force_takes_from_the_side_force() -> None:
     # Sliding sideways at full slip: the friction ellipse (here a circle) is used up.
-    f_x, f_y = kernel._wheel(6e4, 5e3, 3e3, 0.0, 1.0, -30.0, 1.0)
+    f_x, f_y = tyre.wheel_force(6e4, 5e3, 3e3, 0.0, 1.0, -30.0, 1.0)
     assert (f_x, f_y) == pytest.approx((3e3, 4e3))
 
 

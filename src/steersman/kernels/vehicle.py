@@ -3,10 +3,8 @@
 State row (columns below): global position and yaw of the centre of mass, velocities in the
 vehicle's frame, load-transfer accelerations, actuator positions, and, as outputs of the last
 step, accelerations and the single-track wheel angle. Wheels do not spin up: each carries the
-longitudinal force of engine and brakes, at most what its grip allows.
-
-Source: planar rigid body and steady cornering, Rajamani, Vehicle Dynamics and Control, 2nd ed.,
-ch. 2; tyres: :mod:`steersman.kernels.tyre`.
+longitudinal force of engine and brakes, at most what its grip allows. Source: planar rigid body and
+steady cornering, Rajamani, Vehicle Dynamics and Control, 2nd ed., ch. 2.
 """
 
 from __future__ import annotations
