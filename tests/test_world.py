@@ -20,11 +20,13 @@ from steersman.learning.fleet import FleetStart
 from steersman.learning.problem import Problem
 from steersman.learning.vec_env import PathFollowingVecEnv
 from steersman.paths.analytic import Circle
+from steersman.plants.multibody import MultiBody
 from steersman.plants.simulator import SimulatorConfig
 from steersman.plants.wind import Wind
 from steersman.rollout import RunConfig, run
 from steersman.sensing import WaypointSensor
 from steersman.speed import ConstantSpeed
+from steersman.vehicles import Bmw320i
 
 DISTURBED = {
     **suite("standard").disturbances,
@@ -40,17 +42,17 @@ def base() -> RunConfig:
     )
 
 
-def disturbed(name: str) -> RunConfig:
+def disturbed(name: str, usual: RunConfig | None = None) -> RunConfig:
     """The usual run under a disturbance of the suites, or under all errors of the sensor."""
-    one = DISTURBED[name]
+    one, usual = DISTURBED[name], usual or base()
     if one is not None:
-        return one.apply(base())
+        return one.apply(usual)
     sensor = WaypointSensor(
         position_noise=0.02, heading_noise=0.01, speed_noise=0.1, yaw_rate_noise=0.01,
         error_range=0.05,
     )  # fmt: skip
     bias = (SensorBias(v_y=0.05, yaw_rate=0.01),)
-    return base().model_copy(update={"sensor": sensor, "disturbances": bias})
+    return usual.model_copy(update={"sensor": sensor, "disturbances": bias})
 
 
 def problem_of(config: RunConfig, **other: Any) -> Problem:
@@ -96,6 +98,30 @@ def test_run_and_environment_agree_to_the_bit(name: str) -> None:
     expected = np.stack([episode[column] for column in NAMES], axis=1)
     assert np.array_equal(np.array(replayed(config, episode)), expected)
     assert len(episode) > 40
+
+
+@pytest.mark.parametrize("name", ["heavy", "delay_100ms", "side_wind", "every sensor error"])
+def test_so_they_do_on_the_multibody_plant(name: str) -> None:
+    other = {"plant": MultiBody(), "vehicle": Bmw320i(), "nominal": Bmw320i(), "duration": 3.0}
+    config = disturbed(name, base().model_copy(update=other))
+    episode = run(config)
+    expected = np.stack([episode[column] for column in NAMES], axis=1)
+    assert np.array_equal(np.array(replayed(config, episode)), expected)
+    assert len(episode) > 40
+
+
+def test_vehicles_of_the_multibody_plant_differ_as_the_training_draws_them() -> None:
+    task = problem_of(
+        base().model_copy(update={"plant": MultiBody()}),
+        demonstration={"enabled": False},
+        spread={"mass": 0.2, "friction": 0.2},
+    )
+    env = PathFollowingVecEnv(task, 3)
+    env.seed(2)
+    env.reset()
+    for _ in range(20):
+        env.step(np.full((3, 1), 0.05))
+    assert len(set(env.driver.fleet.state[:, 3].tolist())) == 3
 
 
 @pytest.mark.parametrize("name", DISTURBED)

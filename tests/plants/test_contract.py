@@ -10,6 +10,7 @@ import pytest
 from steersman.bench.disturbance import Disturbance
 from steersman.contracts.plant import check
 from steersman.plants.base import PlantComponent
+from steersman.plants.multibody import MultiBody
 from steersman.plants.physics import PhysicsComponent, PhysicsPlant
 from steersman.plants.simulator import SimulatorConfig
 from steersman.types import Command, FloatArray, Pose, VehicleState
@@ -65,7 +66,7 @@ class Boastful(Kinematic):
     cannot: ClassVar[frozenset[str]] = frozenset({"mass", "yaw_inertia", "c_f", "c_r", "rain"})
 
 
-@pytest.mark.parametrize("plant", [SimulatorConfig(), Kinematic(), Kinematic(dt=0.02)])
+@pytest.mark.parametrize("plant", [SimulatorConfig(), Kinematic(), Kinematic(dt=0.02), MultiBody()])
 def test_plants_keep_their_contract(plant: PlantComponent) -> None:
     assert check(plant) == []
 

@@ -165,7 +165,7 @@ def drive_metrics(episode: Episode) -> dict[str, Any]:
 
 
 def announce(plant: PlantComponent, notify: Notify | None) -> None:
-    """Say on whose server is driven, if on one; a stand-in's numbers are never CARLA's.
+    """Say what is driven on, if not the embedded simulator; a stand-in's numbers are never CARLA's.
 
     Raises:
         PlantError: the server does not answer.
@@ -177,7 +177,7 @@ def announce(plant: PlantComponent, notify: Notify | None) -> None:
 def workers_for(
     plant: PlantComponent, engine: str | None, jobs: int | None
 ) -> tuple[str, int | None]:
-    """The engine, and the jobs at a time; a plant that is not embedded has one car.
+    """The engine, and the jobs at a time; a server has one car.
 
     Raises:
         ConfigError: there is no such engine, or the plant cannot do it.
@@ -188,7 +188,7 @@ def workers_for(
         name = engine_name(engine)
     except ConfigError as error:
         raise ConfigError(error.what, ("--engine",)) from None
-    if plant.embedded:
+    if plant.computed:
         return name, jobs
     if engine not in {None, "local"}:
         raise ConfigError(f"{engine} is not allowed; plant={plant.kind}: local", ("--engine",))

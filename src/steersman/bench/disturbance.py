@@ -10,8 +10,7 @@ from steersman.config import Settings, param
 from steersman.controllers.mpc_pid import ModelError
 from steersman.faults import Fault
 from steersman.kernels.vehicle import GRAVITY
-from steersman.plants.base import PlantComponent
-from steersman.plants.simulator import SimulatorConfig
+from steersman.plants.base import ComputedComponent, PlantComponent
 from steersman.rollout import RunConfig
 from steersman.speed import SpeedComponent, SpeedTracking
 from steersman.vehicles import Vehicle
@@ -59,13 +58,13 @@ class Disturbance(Settings):
     def beyond(self, plant: PlantComponent) -> list[str]:
         """What of this the plant cannot do, by the names of the fields.
 
-        A steering delay acts in whole steps of the plant; the embedded simulator rounds it.
-        Sensors and controllers are disturbed outside the plant.
+        A steering delay acts in whole steps of the plant; where cars are computed here it is
+        rounded. Sensors and controllers are disturbed outside the plant.
         """
         nothing = Disturbance()
         found = sorted(n for n in plant.cannot if getattr(self, n) != getattr(nothing, n))
         steps = self.delay / plant.h
-        whole = plant.embedded or abs(steps - round(steps)) <= _SAME
+        whole = plant.computed or abs(steps - round(steps)) <= _SAME
         return found if whole or "delay" in found else [*found, "delay"]
 
     def apply(self, run: C) -> C:
@@ -76,7 +75,7 @@ class Disturbance(Settings):
         true, nominal = self._car(run.vehicle), self.model.nominal(run.vehicle)
         noise = {name: getattr(self, name) for name in _NOISES}
         plant: dict[str, Any] = {"steering_delay": run.plant.steering_delay + self.delay}
-        if isinstance(run.plant, SimulatorConfig):
+        if isinstance(run.plant, ComputedComponent):
             # Another stream of numbers than the sensors': the run's seed itself is theirs.
             wind = {"speed": self.wind, "seed": run.seed ^ 1}
             plant["wind"] = run.plant.wind.model_copy(update=wind) if self.wind else run.plant.wind

@@ -72,9 +72,9 @@ def median_cases(
 ) -> list[ShownCase]:
     """For each controller the scenario of its median error.
 
-    None for plants that are not embedded: every drive there takes the server's time.
+    None for plants that are not computed here: every drive takes the server's time.
     """
-    if not all(scenario.run.plant.embedded for scenario in scenarios):
+    if not all(scenario.run.plant.computed for scenario in scenarios):
         return []
     return _cases("median", rows, scenarios, entrants)
 

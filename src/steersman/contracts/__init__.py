@@ -121,7 +121,7 @@ def check_family(family: str) -> Iterator[Checked]:
         except (ConfigError, DataError) as error:
             yield Checked(name, [], one_line(str(error)))
             continue
-        if family == "plant" and not made.embedded:
+        if family == "plant" and not made.computed:
             yield Checked(name, [], f"needs a server; steersman check {name} uses it")
             continue
         yield Checked(name, run(made))

@@ -110,9 +110,13 @@ def a_delay_is_later_commands(plant: PlantComponent) -> Iterator[str]:
     def pulse(k: int) -> float:
         return 0.1 if k >= 5 else 0.0  # noqa: PLR2004 - some steps after the start
 
+    def later(k: int) -> float:
+        return held if k < steps else pulse(k - steps)
+
+    held = driven(plant)[0].steer  # until the first command acts
     late = plant.model_copy(update={"steering_delay": steps * plant.dt})
     found = [state.yaw_rate for state in driven(late, steer=pulse)]
-    expected = [state.yaw_rate for state in driven(plant, steer=lambda k: pulse(k - steps))]
+    expected = [state.yaw_rate for state in driven(plant, steer=later)]
     if not np.allclose(found, expected, atol=1e-6):
         yield f"a steering delay of {steps * plant.dt:g} s is not one of {steps} control periods"
 

@@ -248,6 +248,15 @@ def derivative(
 
 
 @kernel
+def move_inputs(row: FloatArray, inputs: FloatArray, command: FloatArray, h: float) -> None:
+    """Move steering, throttle and brake towards a command for ``h`` [s], in place."""
+    up, down, lag = row[STEER_UP], row[STEER_DOWN], row[STEER_LAG]
+    inputs[0] = slew_lagged(inputs[0], command[CMD_STEER], up, down, lag, h)
+    inputs[1] = slew(inputs[1], command[CMD_THROTTLE], row[PEDAL_UP], row[PEDAL_DOWN], h)
+    inputs[2] = slew(inputs[2], command[CMD_BRAKE], row[PEDAL_UP], row[PEDAL_DOWN], h)
+
+
+@kernel
 def advance(
     table: VehicleTable,
     n: int,

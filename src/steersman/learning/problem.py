@@ -142,10 +142,10 @@ class Problem(Settings):
 
     @model_validator(mode="after")
     def _car_as_it_is(self) -> Problem:
-        """Only the embedded simulator has cars that differ."""
+        """Only cars that are computed here differ."""
         for name in CARS_DIFFER:
             given = getattr(self.spread, name)
-            if given > 0.0 and not self.plant.embedded:
+            if given > 0.0 and not self.plant.computed:
                 raise ConfigError(
                     f"{given:g} is not allowed; plant={self.plant.kind} has the one car that it "
                     "has: 0 [-]",
@@ -159,7 +159,7 @@ class Problem(Settings):
         Raises:
             ConfigError: at ``where``, the option that gives ``count``.
         """
-        if not self.plant.embedded and count != 1:
+        if not self.plant.computed and count != 1:
             raise ConfigError(
                 f"{count} is not allowed; plant={self.plant.kind} drives one vehicle: 1 [-]", where
             )

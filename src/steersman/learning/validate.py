@@ -78,7 +78,7 @@ class Validator:
         """
         alone = problem.demonstration.model_copy(update={"enabled": demonstrated})
         held_out = problem.model_copy(update={"roads": config.roads, "demonstration": alone})
-        at_once = config.vehicles if problem.plant.embedded and shared is None else 1
+        at_once = config.vehicles if problem.plant.computed and shared is None else 1
         self._driver = FleetDriver(held_out, at_once, shared)
         self._config = config
         self._steps = round(problem.episode_time / self._driver.dt)

@@ -19,7 +19,7 @@ from steersman.kernels import world as kernel
 from steersman.kernels.compiled import kernel as compiled
 from steersman.kernels.fleet import Fleet, World
 from steersman.kernels.step import Lesson
-from steersman.plants.base import PlantComponent
+from steersman.plants.base import ComputedComponent, LivePlant, PlantComponent
 from steersman.plants.simulator import place
 from steersman.protocols import Path, Plant
 from steersman.sensing import STATE_COLUMNS, to_state
@@ -75,7 +75,7 @@ def make_mover(
     n: int,
     shared: Shared | None = None,
 ) -> Mover:
-    """The kernels, or a plant: ``shared`` if it is given, else the one that ``plant`` makes.
+    """The kernels, or plants: ``shared`` if it is given, else those that ``plant`` makes.
 
     Raises:
         ConfigError: ``n`` vehicles are wanted of a plant that drives one.
@@ -83,6 +83,8 @@ def make_mover(
     """
     if shared is None and plant.embedded:
         return Kernels(vehicle)
+    if shared is None and isinstance(plant, ComputedComponent):
+        return Computed([plant.make(vehicle) for _ in range(n)])
     if n != 1:
         raise ConfigError(
             f"plant={plant.kind} drives one vehicle, {n} are wanted; set agent.vehicles=1"
@@ -130,6 +132,83 @@ class Kernels:
         """Nothing to release."""
 
 
+def _ride(
+    world: World, fleet: Fleet, lesson: Lesson | None, i: int, steer: float, plant: Plant
+) -> None:
+    """The kernel's step of vehicle ``i``, with a plant's motion in its middle.
+
+    Raises:
+        PlantError: the plant failed, or left the numbers.
+    """
+    before = 0.0
+    if lesson is not None:
+        steer, before = lessons.command(lesson, fleet, i, steer, world.dt)
+    near = kernel.decide(world, fleet, i, steer)
+    _write(fleet, i, plant.step(Command(*fleet.command.tolist())), plant)
+    kernel.conclude(world, fleet, i, near)
+    if lesson is not None:
+        lessons.judge(lesson, fleet, i, steer, before)
+
+
+def _write(fleet: Fleet, i: int, state: VehicleState, plant: Plant) -> None:
+    row = fleet.state[i]
+    row[STATE_COLUMNS] = state[1:]
+    if not np.isfinite(row).all():
+        raise PlantError(f"the plant's state is not finite: {state}")
+    row[car.LOAD_AX], row[car.LOAD_AY] = 0.0, _ROLLED * plant.rolled_over()
+
+
+class Computed:
+    """Plants that are computed here, one for each vehicle, with the figures of the fleet's rows."""
+
+    shared: Shared | None = None
+
+    def __init__(self, plants: Sequence[LivePlant]) -> None:
+        """Take the plants; they are put at their starts by ``begin``."""
+        self._plants = plants
+        self._there = [False] * len(plants)
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The nominal vehicle."""
+        vehicle: Vehicle = self._plants[0].vehicle
+        return vehicle
+
+    def _prepare(self, world: World, fleet: Fleet, i: int) -> LivePlant:
+        plant = self._plants[i]
+        plant.table.rows[0] = world.vehicles.rows[i]
+        plant.delay = int(fleet.delay[i])
+        return plant
+
+    def begin(
+        self, world: World, fleet: Fleet, i: int, pose: Pose, speed: float, curvature: float
+    ) -> None:
+        """Start there."""
+        plant = self._prepare(world, fleet, i)
+        self._there[i] = True
+        _write(fleet, i, plant.reset(pose, speed, curvature), plant)
+
+    def step(self, world: World, fleet: Fleet, lesson: Lesson | None, actions: FloatArray) -> None:
+        """One vehicle after the other.
+
+        Raises:
+            PlantError: a plant left the numbers.
+        """
+        for i, steer in enumerate(actions.tolist()):
+            plant = self._prepare(world, fleet, i)
+            if not self._there[i]:
+                plant.resume(to_state(fleet.state[i], 0.0))
+                self._there[i] = True
+            _ride(world, fleet, lesson, i, steer, plant)
+
+    def lose(self) -> None:
+        """The next step begins with putting the vehicles where the fleet has them."""
+        self._there = [False] * len(self._plants)
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+
 class Seat:
     """A seat in a plant's vehicle, which several take in turns.
 
@@ -165,7 +244,7 @@ class Seat:
         self._shared.driver = self
         self._plant.enter(self._roads[int(fleet.path[i])])
         self._plant.delay = int(fleet.delay[i])
-        self._write(fleet, self._plant.reset(pose, speed, curvature))
+        _write(fleet, 0, self._plant.reset(pose, speed, curvature), self._plant)
 
     def step(self, world: World, fleet: Fleet, lesson: Lesson | None, actions: FloatArray) -> None:
         """The kernel's step, with the plant's motion in its middle.
@@ -175,14 +254,7 @@ class Seat:
         """
         if self._shared.driver is not self:
             self._return(fleet)
-        steer, before = float(actions[0]), 0.0
-        if lesson is not None:
-            steer, before = lessons.command(lesson, fleet, 0, steer, world.dt)
-        near = kernel.decide(world, fleet, 0, steer)
-        self._write(fleet, self._plant.step(Command(*fleet.command.tolist())))
-        kernel.conclude(world, fleet, 0, near)
-        if lesson is not None:
-            lessons.judge(lesson, fleet, 0, steer, before)
+        _ride(world, fleet, lesson, 0, float(actions[0]), self._plant)
 
     def _return(self, fleet: Fleet) -> None:
         """Put the vehicle where the fleet has it."""
@@ -190,13 +262,6 @@ class Seat:
         self._plant.enter(self._roads[int(fleet.path[0])])
         self._plant.delay = int(fleet.delay[0])
         self._plant.resume(to_state(fleet.state[0], 0.0))
-
-    def _write(self, fleet: Fleet, state: VehicleState) -> None:
-        row = fleet.state[0]
-        row[STATE_COLUMNS] = state[1:]
-        if not np.isfinite(row).all():
-            raise PlantError(f"the plant's state is not finite: {state}")
-        row[car.LOAD_AX], row[car.LOAD_AY] = 0.0, _ROLLED * self._plant.rolled_over()
 
     def accelerations(self) -> FloatArray:
         """What the plant kept of the accelerations between control steps, see ``Plant``."""

@@ -7,49 +7,35 @@ from typing import ClassVar
 import numpy as np
 
 from steersman.config import param, register
-from steersman.disturbances import Disturber
 from steersman.kernels import vehicle as car
 from steersman.kernels import world as kernel
 from steersman.kernels.fleet import DELAY_LINE
 from steersman.kernels.steady_turn import steady_turn
-from steersman.plants.base import ComputedPlant, PlantComponent
-from steersman.plants.wind import Wind
+from steersman.plants.base import ComputedComponent, ComputedPlant
 from steersman.sensing import state_row, to_state
 from steersman.types import Command, FloatArray, Pose, VehicleState
-from steersman.vehicles import LONGEST_STEP, Vehicle
+from steersman.vehicles import Vehicle
 
 _NOT_KEPT = np.zeros((0, 2))
 
 
 @register("plant", "simulator")
-class SimulatorConfig(PlantComponent):
+class SimulatorConfig(ComputedComponent):
     """The embedded planar four-wheel simulator."""
 
     embedded: ClassVar[bool] = True
-    cannot: ClassVar[frozenset[str]] = frozenset()
 
     dt: float = param(0.05, "s", "Control period; a whole multiple of the integration step.", gt=0)
     steering_delay: float = param(
         0.0, "s", "Time until a steering command acts; rounded to whole integration steps.", ge=0
     )
-    integration_step: float = param(0.01, "s", "Integration step.", gt=0, le=LONGEST_STEP)
-    wind: Wind = param(Wind(), "-", "Side wind.")
     record: bool = param(
         False, "-", "Keep the accelerations of every integration step in the episode."
     )
 
-    @property
-    def h(self) -> float:
-        """Integration step [s]."""
-        return self.integration_step
-
     def source(self) -> str:
         """The simulator is part of the package."""
         return "embedded simulator"
-
-    def disturbances(self, n: int, seed: int) -> list[Disturber | None]:
-        """The wind."""
-        return [self.wind.make(n, seed)]
 
     def recorded(self) -> SimulatorConfig:
         """The same, keeping accelerations."""
@@ -78,7 +64,7 @@ class Simulator(ComputedPlant):
             speed: magnitude of the velocity [m/s].
             curvature: curvature of the turn [1/m].
         """
-        place(self.vehicle.table, 0, self._state, self._delayed, pose, speed, curvature)
+        place(self.table, 0, self._state, self._delayed, pose, speed, curvature)
         self._steps = 0
         return self._read()
 
@@ -91,7 +77,7 @@ class Simulator(ComputedPlant):
     def step(self, command: Command) -> VehicleState:
         """Hold ``command`` for one control period."""
         kernel.drive(
-            self.vehicle.table,
+            self.table,
             0,
             self._state,
             np.array(command, dtype=np.float64),
@@ -107,7 +93,7 @@ class Simulator(ComputedPlant):
 
     def rolled_over(self) -> bool:
         """Whether both inner wheels have lifted."""
-        return car.rolls_over(self.vehicle.table.rows[0], self._state[car.LOAD_AY])
+        return car.rolls_over(self.table.rows[0], self._state[car.LOAD_AY])
 
     def _read(self) -> VehicleState:
         return to_state(self._state, self._steps * self.dt)

@@ -54,7 +54,7 @@ class FalsifyConfig(Settings):
         CarlaModel3(), "-", "Vehicle, undisturbed; the controller's model is of this one."
     )
     plant: Annotated[PlantComponent, Of("plant")] = param(
-        SimulatorConfig(), "-", "What is driven; only the simulator's cars can be disturbed."
+        SimulatorConfig(), "-", "What is driven; only cars that are computed here can be disturbed."
     )
     sensor: Annotated[WaypointSensor, Of("sensor")] = param(WaypointSensor(), "-", "Sensor.")
     duration: float | None = param(
@@ -74,7 +74,7 @@ class FalsifyConfig(Settings):
     @model_validator(mode="after")
     def _fits(self) -> FalsifyConfig:
         run, ranges = self.run(), self.ranges
-        for name in () if run.plant.embedded else CARS_DIFFER:
+        for name in () if run.plant.computed else CARS_DIFFER:
             if getattr(ranges, name):
                 raise ConfigError(
                     f"{getattr(ranges, name):g} is not allowed; plant={run.plant.kind} has the one "
@@ -141,7 +141,7 @@ def falsify(
     same_study(config, out, _BUDGET)
     kept = opened(out / "drives.jsonl", config.ranges.names())
     singles: list[Bracket] = []
-    with Workers(engine, jobs if config.plant.embedded else 1) as workers:
+    with Workers(engine, jobs if config.plant.computed else 1) as workers:
         search = Search(config, kept.results, kept.add, progress, workers)
         if not search.nominal().failed:
             singles = search.singles()

@@ -124,7 +124,7 @@ def tune(
     done = len(_finished(study))
     if done == 0 and not study.get_trials(deepcopy=False, states=[_states().WAITING]):
         study.enqueue_trial(_present(config.controller))
-    with Workers(engine, jobs if config.plant.embedded else 1) as workers:
+    with Workers(engine, jobs if config.plant.computed else 1) as workers:
         for number in range(done, config.trials):
             # Anew for each trial, so that an interrupted study draws what it would have drawn.
             study.sampler = _sampler(config.seed, number)

@@ -146,7 +146,7 @@ def demonstrate(
         problem: roads, cars and demonstrator.
         steps: environment steps of all vehicles together.
         seed: of starts, speeds, cars, sensor errors and noise.
-        vehicles: vehicles that drive at the same time in the embedded simulator.
+        vehicles: vehicles that drive at the same time where they are computed here.
         sigma: noise (Ornstein-Uhlenbeck), of the action's range.
         tick: called with the share done.
 
@@ -155,7 +155,7 @@ def demonstrate(
     """
     if not problem.demonstration.enabled:
         raise ConfigError("is false; set it to true", ("problem", "demonstration", "enabled"))
-    n = vehicles if problem.plant.embedded else 1
+    n = vehicles if problem.plant.computed else 1
     seeds = [0, *np.random.SeedSequence(seed).generate_state(2).tolist()]
     shown = Driving(network=None, beta=1.0, sigma=sigma, theta=_THETA)
     with closing(FleetDriver(problem, n)) as driver:
