@@ -27,7 +27,8 @@ from vehiclemodels.vehicle_dynamics_mb import vehicle_dynamics_mb
 
 from steersman.files import write_text
 from steersman.kernels.compiled import kernel
-from steersman.kernels.multibody import Body, derivative_of
+from steersman.kernels.multibody import derivative_of
+from steersman.kernels.multibody_figures import Body
 from steersman.kernels.vehicle import VehicleTable
 from steersman.plants.multibody import MultiBody
 from steersman.provenance import provenance

@@ -13,7 +13,8 @@ from vehiclemodels.vehicle_dynamics_mb import vehicle_dynamics_mb
 from vehiclemodels.vehicle_parameters import setup_vehicle_parameters
 
 from steersman.controllers.lqr import Lqr
-from steersman.kernels import multibody as kernel
+from steersman.kernels import multibody as equations
+from steersman.kernels import multibody_figures as kernel
 from steersman.paths.analytic import Circle
 from steersman.plants.multibody import MultiBody
 from steersman.rollout import RunConfig, attempt
@@ -87,7 +88,7 @@ def ours(p: Any, accel: float) -> Callable[[FloatArray], FloatArray]:
     def slope(x: FloatArray) -> FloatArray:
         torque = p.m * p.R_w * acceleration_constraints(x[3], accel, p.longitudinal)
         q, out, back = x[THEIRS].copy(), np.zeros(29), np.zeros(29)
-        kernel.derivative(body, car, share * torque, (1.0 - share) * torque, q, out)
+        equations.derivative(body, car, share * torque, (1.0 - share) * torque, q, out)
         back[THEIRS] = out
         return back
 
@@ -116,7 +117,7 @@ def test_derivatives_and_steps_are_those_of_the_package(number: int) -> None:
         x, accel = drawn(p, rng), rng.uniform(-10.0, 10.0)
         q = x[THEIRS].copy()
         loads = [
-            kernel.tyre_load(body, track, q, at, side)
+            equations.tyre_load(body, track, q, at, side)
             for at, track in ((kernel.FRONT, p.T_f), (kernel.REAR, p.T_r))
             for side in (1.0, -1.0)
         ]

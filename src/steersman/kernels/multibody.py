@@ -1,24 +1,46 @@
 """Multi-body car with 29 states: sprung mass, two axles on springs, four spinning wheels.
 
-Axes: x forward, y left, z down; yaw and yaw rate positive to the left, roll positive with the
-left side down, pitch positive with the nose up. That is the mirror image of the axes of SAE, in
-which the equations are usually given. Of an axle's two wheels the first is the right one.
+Axes and signs: :mod:`steersman.kernels.multibody_figures`.
 
 Source: M. Althoff and G. Wuersching, CommonRoad: Vehicle Models (2020a), multi-body model, after
 R. W. Allen et al., Vehicle dynamic stability and rollover, report DOT HS 807 956 (1992); tyres by
 the magic formula with combined slip, Pacejka, Tyre and Vehicle Dynamics, 3rd ed., sec. 4.3.
 
 Two things differ from the source: a wheel that has lifted carries nothing, instead of pulling;
-and below a speed of the caller's the car rolls without slip.
+and below ``Body.creep`` the car rolls without slip.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 from steersman.kernels import vehicle as planar
 from steersman.kernels.compiled import kernel
+from steersman.kernels.multibody_figures import (
+    A_HEIGHT,
+    A_HEIGHT_RATE,
+    A_ROLL,
+    A_ROLL_RATE,
+    A_VY,
+    FRONT,
+    HEAVE,
+    HEAVE_RATE,
+    JOINTS,
+    PITCH,
+    PITCH_RATE,
+    REAR,
+    ROLL,
+    ROLL_RATE,
+    SLOWEST_WHEEL,
+    WHEEL_ANGLE,
+    WHEELS,
+    Axle,
+    AxlePlace,
+    Body,
+    Figures,
+    Tyre,
+    figures_of,
+)
 from steersman.kernels.vehicle import (
     GRAVITY,
     PSI,
@@ -26,176 +48,10 @@ from steersman.kernels.vehicle import (
     VY,
     YAW_RATE,
     VehicleTable,
-    move_inputs,
     wheel_demand,
     wheel_tangents,
 )
 from steersman.types import FloatArray
-
-# State beyond x, y, psi, v_x, v_y and yaw rate: wheel angle; roll, pitch and heave of the sprung
-# mass with their rates; of each axle roll and its rate, v_y, height and its rate; wheel speeds,
-# front right, front left, rear right, rear left; stretch of each axle's joint.
-(WHEEL_ANGLE, ROLL, ROLL_RATE, PITCH, PITCH_RATE, HEAVE, HEAVE_RATE) = range(6, 13)
-FRONT, REAR, WHEELS, JOINTS = 13, 18, 23, 27
-N_STATE = 29
-# States that the slip of the wheels changes within milliseconds.
-FAST = (VX, YAW_RATE, WHEELS, WHEELS + 1, WHEELS + 2, WHEELS + 3)
-# Columns of an axle, from FRONT or REAR on.
-A_ROLL, A_ROLL_RATE, A_VY, A_HEIGHT, A_HEIGHT_RATE = range(5)
-# A wheel that moves more slowly along its plane counts as moving so fast [m/s].
-_SLOWEST_WHEEL = 0.1
-# Steps of the integration in units of the fastest time constant; Heun's rule is stable up to 2.
-_STEP = 1.0
-# Rate of the fastest motion of the suspension [1/s].
-_FASTEST = 400.0
-# Of the implicit rule for the wheels: L-stable.
-_GAMMA = 1.0 - math.sqrt(0.5)
-
-
-class Tyre(NamedTuple):
-    """Coefficients of the magic formula, with Pacejka's names; all in SI units."""
-
-    pcx1: float
-    pdx1: float
-    pdx3: float
-    pex1: float
-    pkx1: float
-    phx1: float
-    pvx1: float
-    rbx1: float
-    rbx2: float
-    rcx1: float
-    rex1: float
-    rhx1: float
-    pcy1: float
-    pdy1: float
-    pdy3: float
-    pey1: float
-    phy1: float
-    phy3: float
-    pvy1: float
-    pvy3: float
-    rby1: float
-    rby2: float
-    rby3: float
-    rcy1: float
-    rey1: float
-    rhy1: float
-    rvy1: float
-    rvy3: float
-    rvy4: float
-    rvy5: float
-    rvy6: float
-
-
-class Axle(NamedTuple):
-    """The suspension of an axle."""
-
-    mass: float
-    """Unsprung mass [kg]."""
-    inertia: float
-    """Moment of inertia about the x axis [kg m^2]."""
-    track: float
-    """Distance between its wheels [m]; 0: the vehicle's."""
-    spring: float
-    """Stiffness at each wheel [N/m]."""
-    damper: float
-    """Damping at each wheel [N s/m]."""
-    torsion: float
-    """Additional roll stiffness [N m/rad]; negative: less than that of the springs."""
-    roll_axis: float
-    """Height of the roll axis above ground [m]."""
-    camber: float
-    """Camber per travel of the spring [rad/m]."""
-    camber2: float
-    """Camber per squared travel [rad/m^2]."""
-
-
-class Body(NamedTuple):
-    """What a planar vehicle's figures do not hold: suspension, wheels and tyres."""
-
-    roll_inertia: float
-    """Of the sprung mass about its x axis [kg m^2]."""
-    pitch_inertia: float
-    """Of the sprung mass about its y axis [kg m^2]."""
-    cross_inertia: float
-    """Product of inertia x z of the sprung mass [kg m^2]."""
-    joint_stiffness: float
-    """Lateral, between an axle and the sprung mass [N/m]."""
-    joint_damping: float
-    """Lateral, between an axle and the sprung mass [N s/m]."""
-    tyre_stiffness: float
-    """Vertical, of a tyre [N/m]."""
-    tyre_shift: float
-    """Lateral shift of a tyre's contact per lateral force [m/N]."""
-    radius: float
-    """Of a wheel [m]."""
-    wheel_inertia: float
-    """Of a wheel about its axis [kg m^2]."""
-    creep: float
-    """Speed below which the car rolls without slip [m/s]."""
-    front: Axle
-    rear: Axle
-    tyre: Tyre
-
-
-class Place(NamedTuple):
-    """An axle's figures that a planar vehicle's hold, too."""
-
-    x: float
-    """Place ahead of the centre of mass [m]; negative: behind."""
-    track: float
-    """Distance between its wheels [m]."""
-    rest: float
-    """Force of each of its springs at rest [N]."""
-    cornering: float
-    """Slope of lateral force over slip angle and load, pky1, negative [1/rad]."""
-
-
-class Figures(NamedTuple):
-    """The car's figures that a planar vehicle's hold, too; they may change while it drives."""
-
-    mass: float
-    """All of it [kg]."""
-    sprung: float
-    """Sprung mass [kg]."""
-    yaw_inertia: float
-    """Of the car about its z axis [kg m^2]."""
-    height: float
-    """Centre of the sprung mass above ground [m]."""
-    grip: float
-    """Friction over that for which the tyre's coefficients hold [-]."""
-    drag: float
-    """Drag force per squared speed [N s^2/m^2]."""
-    side: float
-    """Lateral force of the wind [N]."""
-    moment: float
-    """Yaw moment of the wind [N m]."""
-    front: Place
-    rear: Place
-
-
-@kernel
-def figures_of(body: Body, row: FloatArray) -> Figures:
-    """Figures of a vehicle's row; what its mass is more than the axles' is sprung mass."""
-    mass, l_f, l_r = row[planar.MASS], row[planar.L_F], row[planar.L_R]
-    front, rear = body.front, body.rear
-    sprung, base, weight = mass - front.mass - rear.mass, l_f + l_r, mass * GRAVITY
-    track_f = front.track if front.track > 0.0 else row[planar.TRACK]
-    track_r = rear.track if rear.track > 0.0 else row[planar.TRACK]
-    rest = 0.5 * sprung * GRAVITY / base
-    return Figures(
-        mass,
-        sprung,
-        row[planar.INERTIA],
-        row[planar.HEIGHT],
-        row[planar.MU] / body.tyre.pdy1,
-        row[planar.DRAG],
-        row[planar.SIDE_FORCE],
-        row[planar.YAW_MOMENT],
-        Place(l_f, track_f, rest * l_r, -row[planar.C_F] * base / (weight * l_r)),
-        Place(-l_r, track_r, rest * l_f, -row[planar.C_R] * base / (weight * l_f)),
-    )
 
 
 @kernel
@@ -255,7 +111,7 @@ def _wheel(
     body: Body,
     car: Figures,
     axle: Axle,
-    place: Place,
+    place: AxlePlace,
     angle: float,
     q: FloatArray,
     at: int,
@@ -267,7 +123,7 @@ def _wheel(
     ahead, across = q[VX] + half * rate, q[VY] + place.x * rate
     along = ahead * math.cos(angle) + across * math.sin(angle)
     wheel = WHEELS + (0 if at == FRONT else 2) + (0 if side > 0.0 else 1)
-    slip = 1.0 - body.radius * q[wheel] / max(along, _SLOWEST_WHEEL)
+    slip = 1.0 - body.radius * q[wheel] / max(along, SLOWEST_WHEEL)
     across -= q[at + A_ROLL_RATE] * (body.radius - q[at + A_HEIGHT])
     lean, lean_rate = q[ROLL] - q[at + A_ROLL], q[ROLL_RATE] - q[at + A_ROLL_RATE]
     arm = car.height - body.radius
@@ -285,7 +141,7 @@ def _wheel(
 
 @kernel
 def _joint(
-    body: Body, car: Figures, axle: Axle, place: Place, q: FloatArray, at: int, stretch: float
+    body: Body, car: Figures, axle: Axle, place: AxlePlace, q: FloatArray, at: int, stretch: float
 ) -> tuple[float, float]:
     """Lateral force between an axle and the sprung mass [N], and the rate of its stretch [m/s]."""
     c, s = math.cos(q[ROLL]), math.sin(q[ROLL])
@@ -304,7 +160,7 @@ def _axle(
     body: Body,
     car: Figures,
     axle: Axle,
-    place: Place,
+    place: AxlePlace,
     q: FloatArray,
     at: int,
     torque: float,
@@ -401,186 +257,3 @@ def derivative_of(
     front, rear = wheel_demand(table, n, pedals[1], pedals[2], q[VX])
     car = figures_of(body, table.rows[n])
     derivative(body, car, body.radius * front, body.radius * rear, q, out)
-
-
-@kernel
-def _solve_slip(
-    body: Body, car: Figures, gains: FloatArray, q: FloatArray, h: float, k: FloatArray
-) -> None:
-    """Solve (1 - h J) k' = k in place, J the derivative of the fast states: spin, v_x, yaw rate.
-
-    A wheel's force is gains[i] (radius x spin - its speed along the plane), for small slip, with
-    its speed v_x + d yaw rate; v_x and yaw rate are found first.
-    """
-    r, wheel = body.radius, body.wheel_inertia
-    a11, a12, a21, a22, b1, b2 = 1.0, 0.0, 0.0, 1.0, k[VX], k[YAW_RATE]
-    for i in range(4):
-        d = _offset(car, i)
-        damped = 1.0 + h * r * r * gains[i] / wheel
-        # Force by the change of v_x + d yaw rate, and by what the spin gets from outside.
-        slows = h * gains[i] / damped
-        pushes = slows * r * k[WHEELS + i]
-        a11 += slows / car.mass
-        a12 += slows * d / car.mass
-        a21 += slows * d / car.yaw_inertia
-        a22 += slows * d * d / car.yaw_inertia
-        b1 += pushes / car.mass
-        b2 += pushes * d / car.yaw_inertia
-    both = a11 * a22 - a12 * a21
-    k[VX], k[YAW_RATE] = (b1 * a22 - b2 * a12) / both, (b2 * a11 - b1 * a21) / both
-    for i in range(4):
-        gain = h * r * gains[i] / wheel
-        along = k[VX] + _offset(car, i) * k[YAW_RATE]
-        k[WHEELS + i] = (k[WHEELS + i] + gain * along) / (1.0 + r * gain)
-
-
-@kernel
-def _offset(car: Figures, wheel: int) -> float:
-    """Place of a wheel to the right of the middle [m]."""
-    track = car.front.track if wheel < 2 else car.rear.track
-    return float(0.5 * track * (1.0 - 2.0 * (wheel % 2)))
-
-
-@kernel
-def _slip_gains(body: Body, car: Figures, q: FloatArray, gains: FloatArray) -> None:
-    """Longitudinal force of each wheel over its slip speed, for small slip [N s/m]."""
-    for i in range(4):
-        place, at = (car.front, FRONT) if i < 2 else (car.rear, REAR)
-        load = tyre_load(body, place.track, q, at, 1.0 - 2.0 * (i % 2))
-        along = max(q[VX] + _offset(car, i) * q[YAW_RATE], _SLOWEST_WHEEL)
-        gains[i] = body.tyre.pkx1 * load / along
-
-
-@kernel
-def rosenbrock(
-    table: VehicleTable,
-    n: int,
-    body: Body,
-    q: FloatArray,
-    inputs: FloatArray,
-    command: FloatArray,
-    h: float,
-    work: FloatArray,
-) -> None:
-    """One step of order 2, in place, while the actuators move towards ``command``.
-
-    The W-method ROS2 (Verwer et al., SIAM J. Sci. Comput. 20, 1999, eq. 1.5): implicit in the
-    wheels' spin alone, whose slip decays within a millisecond, by an approximate derivative;
-    Heun's rule for all else.
-
-    Args:
-        table: figures of the vehicles.
-        n: the vehicle.
-        body: its suspension, wheels and tyres.
-        q: its state.
-        inputs: positions of steering, throttle and brake.
-        command: where they are to go.
-        h: step [s].
-        work: scratch of shape (4, N_STATE).
-    """
-    first, at, second, gains = work[0], work[1], work[2], work[3]
-    car = figures_of(body, table.rows[n])
-    _slip_gains(body, car, q, gains)
-    derivative_of(table, n, body, q, inputs, first)
-    _solve_slip(body, car, gains, q, _GAMMA * h, first)
-    for i in range(N_STATE):
-        at[i] = q[i] + h * first[i]
-    move_inputs(table.rows[n], inputs, command, h)
-    derivative_of(table, n, body, at, inputs, second)
-    for i in FAST:
-        second[i] -= 2.0 * first[i]
-    _solve_slip(body, car, gains, q, _GAMMA * h, second)
-    for i in FAST:
-        second[i] += 2.0 * first[i]
-    for i in range(N_STATE):
-        q[i] += 0.5 * h * (first[i] + second[i])
-    for i in range(WHEELS, WHEELS + 4):
-        q[i] = max(q[i], 0.0)
-    q[WHEEL_ANGLE] = at[WHEEL_ANGLE]
-
-
-@kernel
-def _roll_freely(body: Body, car: Figures, q: FloatArray, gain: float) -> None:
-    """Without slip: the velocities of a slow car follow from its speed and wheel angle."""
-    q[VX] = max(gain, 0.0)
-    q[YAW_RATE] = q[VX] * math.tan(q[WHEEL_ANGLE]) / (car.front.x - car.rear.x)
-    q[VY] = -car.rear.x * q[YAW_RATE]
-    q[FRONT + A_VY] = q[VY] + car.front.x * q[YAW_RATE]
-    q[REAR + A_VY] = 0.0
-    for i in range(WHEELS, WHEELS + 4):
-        q[i] = q[VX] / body.radius
-
-
-@kernel
-def has_lifted(table: VehicleTable, n: int, body: Body, q: FloatArray) -> bool:
-    """Whether both wheels of one side carry nothing."""
-    car = figures_of(body, table.rows[n])
-    lifted = False
-    for i in range(2):
-        side = 1.0 - 2.0 * i
-        load = tyre_load(body, car.front.track, q, FRONT, side)
-        load += tyre_load(body, car.rear.track, q, REAR, side)
-        lifted = lifted or load <= 0.0
-    return lifted
-
-
-@kernel
-def advance(
-    table: VehicleTable,
-    n: int,
-    body: Body,
-    q: FloatArray,
-    inputs: FloatArray,
-    command: FloatArray,
-    h: float,
-    work: FloatArray,
-) -> None:
-    """Move the car and its actuators for ``h`` [s] towards ``command``, in place.
-
-    A slow car needs shorter steps, as its slip angles decay faster. Below ``body.creep`` it rolls
-    without slip. Where both wheels of a side have lifted it stops: what follows is not modelled.
-    """
-    car = figures_of(body, table.rows[n])
-    grip = -0.5 * car.mass * GRAVITY * min(car.front.cornering, car.rear.cornering)
-    quick = grip * body.radius**2 / min(body.front.inertia, body.rear.inertia)
-    quick = max(quick, 2.0 * body.tyre.pkx1 * GRAVITY) / max(q[VX], body.creep)
-    parts = int(math.ceil(h / _STEP * max(quick, _FASTEST)))
-    step = h / parts
-    for _ in range(parts):
-        if has_lifted(table, n, body, q):
-            return
-        creeps = q[VX] < body.creep
-        if creeps:
-            front, rear = wheel_demand(table, n, inputs[1], inputs[2], q[VX])
-            gain = q[VX] + step * (front + rear) / car.mass
-            _roll_freely(body, car, q, q[VX])
-        rosenbrock(table, n, body, q, inputs, command, step, work)
-        if creeps:
-            _roll_freely(body, car, q, gain)
-
-
-@kernel
-def settle(table: VehicleTable, n: int, body: Body, inputs: FloatArray, q: FloatArray) -> None:
-    """Put a car at rest in its springs: axles move with the body, wheels roll without slip.
-
-    From the first six states and the actuator positions; all others are filled.
-    """
-    car = figures_of(body, table.rows[n])
-    for i in range(WHEEL_ANGLE, N_STATE):
-        q[i] = 0.0
-    q[WHEEL_ANGLE] = math.atan(wheel_tangents(table, n, inputs[0], abs(q[VX]))[2])
-    q[FRONT + A_VY] = q[VY] + car.front.x * q[YAW_RATE]
-    q[REAR + A_VY] = q[VY] + car.rear.x * q[YAW_RATE]
-    q[FRONT + A_HEIGHT] = (2.0 * car.front.rest + body.front.mass * GRAVITY) / (
-        2.0 * body.tyre_stiffness
-    )
-    q[REAR + A_HEIGHT] = (2.0 * car.rear.rest + body.rear.mass * GRAVITY) / (
-        2.0 * body.tyre_stiffness
-    )
-    c, s = math.cos(q[WHEEL_ANGLE]), math.sin(q[WHEEL_ANGLE])
-    half_f, half_r = 0.5 * car.front.track * q[YAW_RATE], 0.5 * car.rear.track * q[YAW_RATE]
-    for i in range(2):
-        side = 1.0 - 2.0 * i
-        along = (q[VX] + side * half_f) * c + q[FRONT + A_VY] * s
-        q[WHEELS + i] = max(along, 0.0) / body.radius
-        q[WHEELS + 2 + i] = max(q[VX] + side * half_r, 0.0) / body.radius

@@ -11,7 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from steersman.config import Settings, param, register
-from steersman.kernels import multibody as kernel
+from steersman.kernels import multibody as equations
+from steersman.kernels import multibody_figures as kernel
+from steersman.kernels import multibody_step as steps
 from steersman.kernels.vehicle import VehicleTable
 from steersman.plants.physics import CompiledComponent, Motion
 from steersman.types import FloatArray
@@ -119,7 +121,7 @@ class MultiBodyMotion(Motion):
 
     def slope(self, table: VehicleTable, state: FloatArray, inputs: FloatArray) -> FloatArray:
         """Time derivative; the wheel angle in the state is set to that of the steering."""
-        kernel.derivative_of(table, 0, self.body, state, inputs, self._out)
+        equations.derivative_of(table, 0, self.body, state, inputs, self._out)
         return self._out.copy()
 
     def advance(
@@ -131,15 +133,15 @@ class MultiBodyMotion(Motion):
         h: float,
     ) -> None:
         """The classical Runge-Kutta rule, in steps that the wheels allow."""
-        kernel.advance(table, 0, self.body, state, inputs, command, h, self._work)
+        steps.advance(table, 0, self.body, state, inputs, command, h, self._work)
 
     def settle(self, table: VehicleTable, state: FloatArray, inputs: FloatArray) -> None:
         """At rest in its springs, with axles that follow the body and wheels that roll."""
-        kernel.settle(table, 0, self.body, inputs, state)
+        steps.settle(table, 0, self.body, inputs, state)
 
     def rolled_over(self, table: VehicleTable, state: FloatArray) -> bool:
         """Whether both wheels of a side have lifted."""
-        return bool(kernel.has_lifted(table, 0, self.body, state))
+        return bool(steps.has_lifted(table, 0, self.body, state))
 
 
 @register("plant", "multibody")
