@@ -58,7 +58,7 @@ def rate(work: Callable[[], Any], count: int) -> float:
 def measure() -> dict[str, float]:
     """Medians over the rounds."""
     plant, table = MultiBody().make(Bmw320i()), Bmw320i().table
-    body, figures = MultiBody().body(), parameters_vehicle2()
+    body, figures = MultiBody().body(Bmw320i()), parameters_vehicle2()
     theirs = init_mb([0.0, 0.0, 0.02, 15.0, 0.0, 0.1, 0.0], figures)
     ours, inputs, out = np.zeros(29), np.zeros(3), np.zeros(29)
     ours[3:6] = 15.0, 0.0, 0.1

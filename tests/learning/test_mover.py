@@ -87,7 +87,7 @@ def test_a_restored_driver_puts_the_car_back_too() -> None:
 class Countable(SimulatorConfig):
     """Not embedded, as CARLA is not; its plants count how often they are closed."""
 
-    embedded = False
+    embedded = computed = False
 
     def make(self, vehicle: Any) -> Simulator:
         plant = super().make(vehicle)

@@ -37,7 +37,19 @@ def body_of(p: Any) -> kernel.Body:
         )
     ]
     return kernel.Body(
-        *(p.I_Phi_s, p.I_y_s, p.I_xz_s, p.K_ras, p.K_rad, p.K_zt, p.K_lt, p.R_w, p.I_y_w, 0.1),
+        *(
+            p.I_Phi_s,
+            p.I_y_s,
+            p.I_xz_s,
+            p.K_ras,
+            p.K_rad,
+            p.K_zt,
+            p.K_lt,
+            p.R_w,
+            p.I_y_w,
+            p.h_s,
+            0.1,
+        ),
         *axles,
         kernel.Tyre(**{name: float(value) for name, value in tyre.items()}),
     )
@@ -56,6 +68,7 @@ def vehicle_of(p: Any) -> Vehicle:
         c_r=-p.tire.p_ky1 * load * p.a,
         friction=p.tire.p_dy1,
         drag_area=0.0,
+        rotating_mass=0.0,
         max_wheel_angle=p.steering.max,
         steer_rate_up=0.4 / p.steering.max,
         steer_rate_down=0.4 / p.steering.max,
@@ -157,7 +170,7 @@ def test_a_drive_is_that_of_the_package() -> None:
 
 
 def test_the_defaults_are_the_published_bmw() -> None:
-    found, expected = MultiBody(creep=0.1).body(), body_of(REFERENCE[2])
+    found, expected = MultiBody(creep=0.1).body(vehicle_of(REFERENCE[2])), body_of(REFERENCE[2])
     tracks = {"track": 0.0}
     axles = {"front": expected.front._replace(**tracks), "rear": expected.rear._replace(**tracks)}
     assert found == expected._replace(**axles)

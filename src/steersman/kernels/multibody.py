@@ -126,7 +126,7 @@ def _wheel(
     slip = 1.0 - body.radius * q[wheel] / max(along, SLOWEST_WHEEL)
     across -= q[at + A_ROLL_RATE] * (body.radius - q[at + A_HEIGHT])
     lean, lean_rate = q[ROLL] - q[at + A_ROLL], q[ROLL_RATE] - q[at + A_ROLL_RATE]
-    arm = car.height - body.radius
+    arm = body.height - body.radius
     travel = (arm + q[at + A_HEIGHT] - q[HEAVE]) / math.cos(q[ROLL]) - arm
     travel += place.x * q[PITCH] + half * lean
     speed = q[at + A_HEIGHT_RATE] - q[HEAVE_RATE] + place.x * q[PITCH_RATE] + half * lean_rate
@@ -145,7 +145,7 @@ def _joint(
 ) -> tuple[float, float]:
     """Lateral force between an axle and the sprung mass [N], and the rate of its stretch [m/s]."""
     c, s = math.cos(q[ROLL]), math.sin(q[ROLL])
-    height = car.height - body.radius + q[at + A_HEIGHT] - q[HEAVE]
+    height = body.height - body.radius + q[at + A_HEIGHT] - q[HEAVE]
     lean, lean_rate = q[ROLL] - q[at + A_ROLL], q[ROLL_RATE] - q[at + A_ROLL_RATE]
     arm = axle.roll_axis - body.radius
     grows = q[VY] + place.x * q[YAW_RATE] - q[at + A_VY]
@@ -191,15 +191,15 @@ def _axle(
     out[at + A_VY] = (f_y - force * c - spring * s) / axle.mass - q[YAW_RATE] * q[VX]
     out[at + A_HEIGHT] = q[at + A_HEIGHT_RATE]
     out[at + A_HEIGHT_RATE] = GRAVITY - (z1 + z2 + force * s - spring * c) / axle.mass
-    out[first] = (0.5 * torque - body.radius * x1) / body.wheel_inertia
-    out[first + 1] = (0.5 * torque - body.radius * x2) / body.wheel_inertia
+    out[first] = (0.5 * torque - body.radius * x1) / place.spin_inertia
+    out[first + 1] = (0.5 * torque - body.radius * x2) / place.spin_inertia
     return f_x, f_y, turning, spring, leaning, force
 
 
 @kernel
 def _lever(body: Body, car: Figures, axle: Axle, q: FloatArray, at: int) -> float:
     """Arm of a joint's force about the centre of the sprung mass [m]."""
-    above = car.height - q[HEAVE] - body.radius + q[at + A_HEIGHT]
+    above = body.height - q[HEAVE] - body.radius + q[at + A_HEIGHT]
     return float(above - (axle.roll_axis - body.radius) * math.cos(q[at + A_ROLL]))
 
 
@@ -225,7 +225,7 @@ def derivative(
     levers = jf * _lever(body, car, body.front, q, FRONT)
     levers += jr * _lever(body, car, body.rear, q, REAR)
     rolling = lf + lr - levers / c
-    pitching = front.x * sf + rear.x * sr + (xf + xr) * (car.height - q[HEAVE])
+    pitching = front.x * sf + rear.x * sr + (xf + xr) * (body.height - q[HEAVE])
     side = (jf + jr) * c + (sf + sr) * s + car.side
     ratio_roll = body.cross_inertia / body.roll_inertia
     ratio_yaw = body.cross_inertia / car.yaw_inertia

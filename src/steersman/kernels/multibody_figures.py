@@ -108,6 +108,8 @@ class Body(NamedTuple):
     """Of a wheel [m]."""
     wheel_inertia: float
     """Of a wheel about its axis [kg m^2]."""
+    height: float
+    """Centre of the sprung mass above ground [m]."""
     creep: float
     """Speed below which the car rolls without slip [m/s]."""
     front: Axle
@@ -124,6 +126,8 @@ class AxlePlace(NamedTuple):
     """Distance between its wheels [m]."""
     rest: float
     """Force of each of its springs at rest [N]."""
+    spin_inertia: float
+    """Of one of its wheels about its axis, with what of the engine turns with it [kg m^2]."""
     cornering: float
     """Slope of lateral force over slip angle and load, pky1, negative [1/rad]."""
 
@@ -137,8 +141,6 @@ class Figures(NamedTuple):
     """Sprung mass [kg]."""
     yaw_inertia: float
     """Of the car about its z axis [kg m^2]."""
-    height: float
-    """Centre of the sprung mass above ground [m]."""
     grip: float
     """Friction over that for which the tyre's coefficients hold [-]."""
     drag: float
@@ -153,22 +155,39 @@ class Figures(NamedTuple):
 
 @kernel
 def figures_of(body: Body, row: FloatArray) -> Figures:
-    """Figures of a vehicle's row; what its mass is more than the axles' is sprung mass."""
+    """Figures of a vehicle's row; what its mass is more than the axles' is sprung mass.
+
+    Rotating masses beyond those of the wheels are the engine's, on the driven wheels.
+    """
     mass, l_f, l_r = row[planar.MASS], row[planar.L_F], row[planar.L_R]
     front, rear = body.front, body.rear
     sprung, base, weight = mass - front.mass - rear.mass, l_f + l_r, mass * GRAVITY
     track_f = front.track if front.track > 0.0 else row[planar.TRACK]
     track_r = rear.track if rear.track > 0.0 else row[planar.TRACK]
+    wheel, square = body.wheel_inertia, body.radius * body.radius
+    engine = 0.5 * max(row[planar.ROTATING] * square - 4.0 * wheel, 0.0)
+    at_front = row[planar.DRIVE_FRONT]
     rest = 0.5 * sprung * GRAVITY / base
     return Figures(
         mass,
         sprung,
         row[planar.INERTIA],
-        row[planar.HEIGHT],
         row[planar.MU] / body.tyre.pdy1,
         row[planar.DRAG],
         row[planar.SIDE_FORCE],
         row[planar.YAW_MOMENT],
-        AxlePlace(l_f, track_f, rest * l_r, -row[planar.C_F] * base / (weight * l_r)),
-        AxlePlace(-l_r, track_r, rest * l_f, -row[planar.C_R] * base / (weight * l_f)),
+        AxlePlace(
+            l_f,
+            track_f,
+            rest * l_r,
+            wheel + at_front * engine,
+            -row[planar.C_F] * base / (weight * l_r),
+        ),
+        AxlePlace(
+            -l_r,
+            track_r,
+            rest * l_f,
+            wheel + (1.0 - at_front) * engine,
+            -row[planar.C_R] * base / (weight * l_f),
+        ),
     )

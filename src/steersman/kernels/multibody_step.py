@@ -49,10 +49,10 @@ def _solve_slip(
     A wheel's force is gains[i] (radius x spin - its speed along the plane), for small slip, with
     its speed v_x + d yaw rate; v_x and yaw rate are found first.
     """
-    r, wheel = body.radius, body.wheel_inertia
+    r = body.radius
     a11, a12, a21, a22, b1, b2 = 1.0, 0.0, 0.0, 1.0, k[VX], k[YAW_RATE]
     for i in range(4):
-        d = _offset(car, i)
+        d, wheel = _offset(car, i), _spin_inertia(car, i)
         damped = 1.0 + h * r * r * gains[i] / wheel
         # Force by the change of v_x + d yaw rate, and by what the spin gets from outside.
         slows = h * gains[i] / damped
@@ -66,7 +66,7 @@ def _solve_slip(
     both = a11 * a22 - a12 * a21
     k[VX], k[YAW_RATE] = (b1 * a22 - b2 * a12) / both, (b2 * a11 - b1 * a21) / both
     for i in range(4):
-        gain = h * r * gains[i] / wheel
+        gain = h * r * gains[i] / _spin_inertia(car, i)
         along = k[VX] + _offset(car, i) * k[YAW_RATE]
         k[WHEELS + i] = (k[WHEELS + i] + gain * along) / (1.0 + r * gain)
 
@@ -76,6 +76,12 @@ def _offset(car: Figures, wheel: int) -> float:
     """Place of a wheel to the right of the middle [m]."""
     track = car.front.track if wheel < 2 else car.rear.track
     return float(0.5 * track * (1.0 - 2.0 * (wheel % 2)))
+
+
+@kernel
+def _spin_inertia(car: Figures, wheel: int) -> float:
+    """Moment of inertia that spins with a wheel [kg m^2]."""
+    return car.front.spin_inertia if wheel < 2 else car.rear.spin_inertia
 
 
 @kernel
@@ -181,6 +187,8 @@ def advance(
     grip = -0.5 * car.mass * GRAVITY * min(car.front.cornering, car.rear.cornering)
     quick = grip * body.radius**2 / min(body.front.inertia, body.rear.inertia)
     quick = max(quick, 2.0 * body.tyre.pkx1 * GRAVITY) / max(q[VX], body.creep)
+    spinning = 2.0 * (car.front.spin_inertia + car.rear.spin_inertia)
+    moved = car.mass + spinning / body.radius**2
     parts = int(math.ceil(h / _STEP * max(quick, _FASTEST)))
     step = h / parts
     for _ in range(parts):
@@ -189,7 +197,7 @@ def advance(
         creeps = q[VX] < body.creep
         if creeps:
             front, rear = wheel_demand(table, n, inputs[1], inputs[2], q[VX])
-            gain = q[VX] + step * (front + rear) / car.mass
+            gain = q[VX] + step * (front + rear) / moved
             _roll_freely(body, car, q, q[VX])
         rosenbrock(table, n, body, q, inputs, command, step, work)
         if creeps:

@@ -83,7 +83,7 @@ def make_mover(
     """
     if shared is None and plant.embedded:
         return Kernels(vehicle)
-    if shared is None and isinstance(plant, ComputedComponent):
+    if shared is None and plant.computed and isinstance(plant, ComputedComponent):
         return Computed([plant.make(vehicle) for _ in range(n)])
     if n != 1:
         raise ConfigError(

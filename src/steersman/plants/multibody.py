@@ -17,6 +17,7 @@ from steersman.kernels import multibody_step as steps
 from steersman.kernels.vehicle import VehicleTable
 from steersman.plants.physics import CompiledComponent, Motion
 from steersman.types import FloatArray
+from steersman.vehicles import Vehicle
 
 
 class AxleFigures(Settings):
@@ -91,6 +92,7 @@ class MagicFormula(Settings):
     rvy6: float = param(-10.704, "-", "Its slope over slip.")
 
 
+_PARTS = ("front", "rear", "tyre")
 _AXLES = (kernel.FRONT, kernel.REAR)
 _REST = range(kernel.WHEELS, kernel.N_STATE)
 
@@ -182,16 +184,18 @@ class MultiBody(CompiledComponent):
         """The model is part of the package."""
         return "multi-body model"
 
-    def body(self) -> kernel.Body:
-        """Suspension, wheels and tyres as the kernels read them."""
-        plain = {name: getattr(self, name) for name in kernel.Body._fields[:-3]}
+    def body(self, vehicle: Vehicle) -> kernel.Body:
+        """Suspension, wheels and tyres as the kernels read them, under that vehicle's body."""
+        own = (name for name in kernel.Body._fields if name in type(self).model_fields)
+        plain = {name: getattr(self, name) for name in own if name not in _PARTS}
         return kernel.Body(
             **plain,
+            height=vehicle.height,
             front=kernel.Axle(**self.front.model_dump()),
             rear=kernel.Axle(**self.rear.model_dump()),
             tyre=kernel.Tyre(**self.tyre.model_dump()),
         )
 
-    def motion(self) -> MultiBodyMotion:
+    def motion(self, vehicle: Vehicle) -> MultiBodyMotion:
         """The equations with these figures."""
-        return MultiBodyMotion(self.body())
+        return MultiBodyMotion(self.body(vehicle))

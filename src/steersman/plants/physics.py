@@ -145,8 +145,8 @@ class CompiledComponent(ComputedComponent):
     )
 
     @abstractmethod
-    def motion(self) -> Motion:
-        """The equations with the fields' figures, for one vehicle."""
+    def motion(self, vehicle: Vehicle) -> Motion:
+        """The equations with the fields' figures, for a vehicle that is like that one."""
 
     @property
     def h(self) -> float:
@@ -155,7 +155,7 @@ class CompiledComponent(ComputedComponent):
 
     def make(self, vehicle: Vehicle) -> PhysicsPlant:
         """A plant that drives that vehicle."""
-        return PhysicsPlant(self, self.motion(), vehicle)
+        return PhysicsPlant(self, self.motion(vehicle), vehicle)
 
 
 def whole_step(dt: float, longest: float) -> float:
