@@ -15,6 +15,9 @@ WORKERS ?= 2
 
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
+# Tests start many processes: compiled modules are kept, whatever the shell says.
+export PYTHONDONTWRITEBYTECODE :=
+
 # Without it, a banner about the theme's successor stands in every log.
 export NO_MKDOCS_2_WARNING := 1
 

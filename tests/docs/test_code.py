@@ -77,18 +77,24 @@ def call(words: list[str], monkeypatch: pytest.MonkeyPatch) -> tuple[int, str]:
     if words[0] in SERVER:
         return parse(words), "see --help"
     with monkeypatch.context() as patch:
-        if words[0] not in RUN or "--out" in words:
+        long = words[0] not in RUN
+        if long or "--out" in words:
             patch.setattr(files, "out_folder", stop)
         for place in ("driving", "studies", "benching"):  # which connects to a server
-            tell = stop if "plant=carla" in words else (lambda *_: None)
+            tell = stop if long or "plant=carla" in words else (lambda *_: None)
             patch.setattr(f"steersman.api.{place}.announce", tell)
         if _missing_map(words):
             patch.setattr("steersman.rollout.attempt", stop)
         try:
-            result = CliRunner().invoke(app, words, prog_name="steersman", catch_exceptions=False)
+            result = CliRunner().invoke(app, short(words), catch_exceptions=False)
         except Checked:
             return 0, ""
     return result.exit_code, result.output
+
+
+def short(words: list[str]) -> list[str]:
+    """The same drive for five seconds."""
+    return [re.sub(r"^(laps|duration)=[0-9.]+$", "duration=5", word) for word in words]
 
 
 def parse(words: list[str]) -> int:

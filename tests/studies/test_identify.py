@@ -204,7 +204,7 @@ def test_straight_driving_tells_nothing_of_the_steering() -> None:
 
 
 def test_a_constant_throttle_tells_its_own_row_only() -> None:
-    log = recording(MODEL3, 15.0, throttles=(0.5,))
+    log = recording(MODEL3, 8.0, throttles=(0.5,))
     found = identify(log, MODEL3, 0.0)
     rows = {f.name[17] for f in found.figures if f.name.startswith("map") and f.low is not None}
     assert rows <= {"2", "3"}
@@ -292,7 +292,7 @@ def test_lateral_intervals_cover(tmp_path: FilePath) -> None:
 
 
 def test_the_same_recording_gives_the_same_figures() -> None:
-    log = recording(MODEL3, 8.0)
+    log = recording(MODEL3, 4.0)
     one, two = (identify(log, MODEL3, 0.0) for _ in range(2))
     assert one.figures == two.figures
 
