@@ -78,6 +78,8 @@ def call(words: list[str], monkeypatch: pytest.MonkeyPatch) -> tuple[int, str]:
         return parse(words), "see --help"
     with monkeypatch.context() as patch:
         long = words[0] not in RUN
+        if long:
+            patch.setattr("steersman.api.benching.kept", stop)
         if long or "--out" in words:
             patch.setattr(files, "out_folder", stop)
         for place in ("driving", "studies", "benching"):  # which connects to a server
