@@ -292,3 +292,4 @@ class Elsewhere(SimulatorConfig):
     """A plant outside the package."""
 
     embedded: ClassVar[bool] = False
+    computed: ClassVar[bool] = False

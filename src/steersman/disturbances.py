@@ -35,7 +35,7 @@ class Disturber:
     errors = False
     """Whether it sets ``fleet.errors``, which exist only if some disturbance does."""
     on_vehicle = False
-    """Whether it alters the vehicle's parameters, which the embedded simulator alone takes."""
+    """Whether it alters the vehicle's parameters, which only plants that are computed here take."""
 
     def begin(self, world: World, fleet: Fleet, i: int, rng: np.random.Generator) -> None:
         """A new drive of vehicle ``i`` begins; ``rng`` is the vehicle's own generator."""

@@ -84,7 +84,7 @@ class Simulation:
         self.n, self.dt, self.sensor, self.lesson = n, plant.dt, sensor, lesson
         declared = [sensor.make(n, seed), *plant.disturbances(n, seed), *disturbances]
         self._disturbers = [one for one in declared if one is not None]
-        if not plant.embedded and any(one.on_vehicle for one in self._disturbers):
+        if not plant.computed and any(one.on_vehicle for one in self._disturbers):
             raise ConfigError(
                 f"one of them alters the road under the wheels, which plant={plant.kind} cannot",
                 ("disturbances",),

@@ -13,6 +13,7 @@ from steersman.plants.base import PlantComponent
 from steersman.plants.multibody import MultiBody
 from steersman.plants.physics import PhysicsComponent, PhysicsPlant
 from steersman.plants.simulator import SimulatorConfig
+from steersman.plants.tum_single_track import TumSingleTrack
 from steersman.types import Command, FloatArray, Pose, VehicleState
 from steersman.vehicles import CarlaModel3, Vehicle
 
@@ -66,7 +67,10 @@ class Boastful(Kinematic):
     cannot: ClassVar[frozenset[str]] = frozenset({"mass", "yaw_inertia", "c_f", "c_r", "rain"})
 
 
-@pytest.mark.parametrize("plant", [SimulatorConfig(), Kinematic(), Kinematic(dt=0.02), MultiBody()])
+@pytest.mark.parametrize(
+    "plant",
+    [SimulatorConfig(), Kinematic(), Kinematic(dt=0.02), MultiBody(), TumSingleTrack(dt=0.04)],
+)
 def test_plants_keep_their_contract(plant: PlantComponent) -> None:
     assert check(plant) == []
 

@@ -134,7 +134,8 @@ def _wheel(
     drift = math.atan(across / ahead) - angle
     if q[VX] < body.creep:
         slip = drift = 0.0
-    f_x, f_y = tyre_force(body.tyre, car.grip, place.cornering, slip, drift, camber, load)
+    grip = car.grip_right if side > 0.0 else car.grip_left
+    f_x, f_y = tyre_force(body.tyre, grip, place.cornering, slip, drift, camber, load)
     spring = place.rest - travel * axle.spring - speed * axle.damper
     return f_x, f_y, load, spring + side * lean * axle.torsion / place.track
 

@@ -141,8 +141,10 @@ class Figures(NamedTuple):
     """Sprung mass [kg]."""
     yaw_inertia: float
     """Of the car about its z axis [kg m^2]."""
-    grip: float
-    """Friction over that for which the tyre's coefficients hold [-]."""
+    grip_left: float
+    """Friction under the left wheels over that for which the tyre's coefficients hold [-]."""
+    grip_right: float
+    """The same under the right wheels [-]."""
     drag: float
     """Drag force per squared speed [N s^2/m^2]."""
     side: float
@@ -167,12 +169,14 @@ def figures_of(body: Body, row: FloatArray) -> Figures:
     wheel, square = body.wheel_inertia, body.radius * body.radius
     engine = 0.5 * max(row[planar.ROTATING] * square - 4.0 * wheel, 0.0)
     at_front = row[planar.DRIVE_FRONT]
+    grip = row[planar.MU] / body.tyre.pdy1
     rest = 0.5 * sprung * GRAVITY / base
     return Figures(
         mass,
         sprung,
         row[planar.INERTIA],
-        row[planar.MU] / body.tyre.pdy1,
+        grip * row[planar.GRIP_LEFT],
+        grip * row[planar.GRIP_RIGHT],
         row[planar.DRAG],
         row[planar.SIDE_FORCE],
         row[planar.YAW_MOMENT],

@@ -273,33 +273,21 @@ def advance(
     """
     row = table.rows[n]
     k1, k2, q = work[0], work[1], work[2]
-    steer, throttle, brake = state[STEER], state[THROTTLE], state[BRAKE]
+    inputs = state[STEER : BRAKE + 1]
     a_x, a_y = state[AX], state[AY]
     for _ in range(substeps):
-        derivative(table, n, state, steer, throttle, brake, k1)
+        derivative(table, n, state, inputs[0], inputs[1], inputs[2], k1)
         for i in range(N_MOTION):
             q[i] = state[i] + 0.5 * h * k1[i]
         for half in range(2):
-            steer = slew_lagged(
-                steer,
-                command[CMD_STEER],
-                row[STEER_UP],
-                row[STEER_DOWN],
-                row[STEER_LAG],
-                0.5 * h,
-            )
-            throttle = slew(
-                throttle, command[CMD_THROTTLE], row[PEDAL_UP], row[PEDAL_DOWN], 0.5 * h
-            )
-            brake = slew(brake, command[CMD_BRAKE], row[PEDAL_UP], row[PEDAL_DOWN], 0.5 * h)
+            move_inputs(row, inputs, command, 0.5 * h)
             if half == 0:
-                a_x, a_y = derivative(table, n, q, steer, throttle, brake, k2)
+                a_x, a_y = derivative(table, n, q, inputs[0], inputs[1], inputs[2], k2)
         for i in range(N_MOTION):
             state[i] += h * k2[i]
-    state[STEER], state[THROTTLE], state[BRAKE] = steer, throttle, brake
     # Accelerations are those in the middle of the last substep.
     state[AX], state[AY] = a_x, a_y
-    state[WHEEL] = math.atan(wheel_tangents(table, n, steer, abs(state[VX]))[2])
+    state[WHEEL] = math.atan(wheel_tangents(table, n, inputs[0], abs(state[VX]))[2])
 
 
 @kernel
