@@ -8,19 +8,44 @@ from typing import NamedTuple
 
 import numpy as np
 
-from steersman.errors import DataError
+from steersman.errors import ConfigError, DataError
 from steersman.kernels import speed as kernel
 from steersman.kernels.speed import SpeedTable
+from steersman.kernels.speed_profile import fastest
 from steersman.protocols import Path
 from steersman.tables import read_sheet
 from steersman.types import FloatArray
 
 CAP_STEP = 1.0
+# A car that is to stop at the end of a path gets there at this speed [m/s].
+CRAWL = 0.3
+# No limit, as a speed [m/s] or an acceleration [m/s^2].
+_CEILING = 1e3
+# Steps are so much longer than a whole fraction of the path that none is left over by rounding.
+_LONGER = 1.0 + 1e-12
 _NO_CAP = np.zeros(0)
 
 
+class RoadSpeed(NamedTuple):
+    """What limits the speed along a path, beside a_lat_max and deceleration."""
+
+    end: float | None = None
+    """Speed at the end of an open path [m/s]."""
+    start: float | None = None
+    """Speed at its start [m/s]."""
+    recorded: float | None = None
+    """Factor on the path's own speeds, which are limits [-]; None: they are not."""
+    engine: float = math.inf
+    """Largest acceleration of the engine [m/s^2]."""
+    exponent: float = math.inf
+    """How acceleration along and across share the grip, see ``kernels.speed_profile``."""
+    grip: FloatArray | None = None
+    """Rows of speed [m/s], acceleration along and across [m/s^2] instead of a_lat_max and
+    deceleration."""
+
+
 class Profile(NamedTuple):
-    """Longitudinal demand: a constant throttle, or speed over time."""
+    """Longitudinal demand: a constant throttle, or speed over time and along the path."""
 
     throttle: float | None
     times: FloatArray
@@ -30,6 +55,7 @@ class Profile(NamedTuple):
     k_p: float = 0.0
     k_i: float = 0.0
     cap_scale: float = 1.0
+    road: RoadSpeed | None = None
 
 
 def curvature_cap(path: Path, a_lat_max: float | None, deceleration: float) -> FloatArray:
@@ -52,10 +78,50 @@ def curvature_cap(path: Path, a_lat_max: float | None, deceleration: float) -> F
     return limit
 
 
+def road_limits(path: Path, profile: Profile) -> tuple[FloatArray, float]:
+    """Speed limits along a path [m/s], and the distance between two, at most 1 m.
+
+    Raises:
+        ConfigError: the path's own speeds are wanted, and it has none.
+    """
+    road = profile.road
+    if road is None:
+        return curvature_cap(path, profile.a_lat_max, profile.deceleration), CAP_STEP
+    count = max(math.ceil(path.length / CAP_STEP), 1)
+    step = path.length / count * _LONGER
+    places = np.arange(count + 1) * step
+    kappa = np.array([path.at(float(s)).kappa for s in places])
+    limit = np.full(count + 1, _CEILING)
+    if not path.closed:
+        limit[0] = _CEILING if road.start is None else max(road.start, CRAWL)
+        limit[-1] = _CEILING if road.end is None else max(road.end, CRAWL)
+    across = _CEILING if profile.a_lat_max is None else profile.a_lat_max
+    grip = np.array([[0.0, profile.deceleration, across]])
+    if road.grip is not None:
+        grip = road.grip
+    fastest(grip, road.exponent, road.engine, kappa, step, path.closed, limit)
+    if road.recorded is not None:
+        known = path.speeds()
+        if known is None:
+            raise ConfigError(
+                "path has no speeds along the path; path=csv has them if its file has a column "
+                "v, speed, velocity or vx_mps [m/s]",
+                ("speed",),
+            )
+        period = path.length if path.closed else None
+        own = road.recorded * np.interp(places, *known, period=period)
+        limit = np.minimum(limit, own)
+    return np.maximum(limit, CRAWL), step
+
+
 def stack_profiles(profiles: list[Profile], paths_: list[Path]) -> SpeedTable:
     """One table for vehicles with a profile each, over a bank of paths.
 
-    The curvature cap is that of the first profile: it belongs to the road, not to the vehicle.
+    The limits along the paths are those of the first profile: they belong to the road, not to the
+    vehicle.
+
+    Raises:
+        ConfigError: a path's own speeds are wanted, and it has none.
     """
     width = max(len(p.times) for p in profiles)
     n = len(profiles)
@@ -63,9 +129,12 @@ def stack_profiles(profiles: list[Profile], paths_: list[Path]) -> SpeedTable:
     times, speeds = np.zeros((n, width)), np.zeros((n, width))
     for i, profile in enumerate(profiles):
         write_profile(profile, i, rows, times, speeds)
-    caps = [curvature_cap(p, profiles[0].a_lat_max, profiles[0].deceleration) for p in paths_]
+    limits = [road_limits(p, profiles[0]) for p in paths_]
+    caps = [cap for cap, _ in limits]
     first = np.cumsum([0, *(len(c) for c in caps[:-1])]).astype(np.int64)
-    return SpeedTable(rows, times, speeds, np.concatenate(caps), first, CAP_STEP)
+    steps = np.array([step for _, step in limits])
+    even = profiles[0].road is not None
+    return SpeedTable(rows, times, speeds, np.concatenate(caps), first, steps, even)
 
 
 def write_profile(
@@ -109,3 +178,25 @@ def read_profile(file: FilePath) -> tuple[FloatArray, FloatArray]:
         line = sheet.lines[np.flatnonzero(speeds < 0.0)[0]]
         raise sheet.fault(line, f"{column} must not be negative")
     return times - times[0], speeds * factors[column]
+
+
+def read_ggv(file: FilePath) -> FloatArray:
+    """Grip over speed: rows of speed [m/s], acceleration along and across [m/s^2].
+
+    Raises:
+        DataError: names the file, the line and what is wrong.
+    """
+    names = ("v_mps", "ax_max_mps2", "ay_max_mps2")
+    needs = f"needs the columns {', '.join(names)}"
+    sheet = read_sheet(file, needs, lambda titles: set(names) <= set(titles))
+    if not set(names) <= set(sheet.titles):
+        raise sheet.fault(sheet.title_line, needs)
+    table = np.stack([sheet.numbers(name) for name in names], axis=1)
+    if not len(table):
+        raise DataError(f"{file}: holds no rows; give at least one line of numbers")
+    wrong = np.flatnonzero((np.diff(table[:, 0], prepend=-1.0) <= 0.0) | (table < 0.0).any(axis=1))
+    wrong = np.union1d(wrong, np.flatnonzero((table[:, 1:] == 0.0).any(axis=1)))
+    if wrong.size:
+        text = "v_mps must increase from line to line, and accelerations be above 0"
+        raise sheet.fault(sheet.lines[int(wrong[0])], text)
+    return table

@@ -38,6 +38,10 @@ class Path(Protocol):
         """The point at arc length s [m]; closed paths wrap, open ones go on straight."""
         ...
 
+    def speeds(self) -> tuple[FloatArray, FloatArray] | None:
+        """Arc lengths [m] and speeds [m/s] that the path's source gives; None: it gives none."""
+        ...
+
     def project(self, x: float, y: float, near: float | None = None) -> tuple[float, float]:
         """Arc length s and signed lateral offset d (left positive) of the closest point [m].
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from steersman.config import Component, param, register, required
 from steersman.kernels import speed as kernel
-from steersman.profiles import Profile, read_profile, stack_profiles
+from steersman.profiles import Profile, RoadSpeed, read_ggv, read_profile, stack_profiles
 from steersman.protocols import Path
 from steersman.types import FloatArray
 
@@ -65,14 +65,23 @@ class SpeedTracking(SpeedComponent):
     )
     deceleration: float = param(2.0, "m/s^2", "Braking that the cap reckons with.", gt=0)
 
+    end: float | None = param(
+        None, "m/s", "Speed to brake to at the end of an open path; null: it is not braked.", ge=0
+    )
+
     @abstractmethod
     def breakpoints(self) -> tuple[FloatArray, FloatArray]:
         """Times [s] and speeds [m/s] of the profile, linear between."""
 
+    def along(self) -> RoadSpeed | None:
+        """What limits the speed along the path, beside the cap."""
+        return None if self.end is None else RoadSpeed(end=self.end)
+
     def profile(self) -> Profile:
         """The demand, as the kernels read it."""
         times, speeds = self.breakpoints()
-        return Profile(None, times, speeds, self.a_lat_max, self.deceleration, self.k_p, self.k_i)
+        demand = Profile(None, times, speeds, self.a_lat_max, self.deceleration)
+        return demand._replace(k_p=self.k_p, k_i=self.k_i, road=self.along())
 
     def start_speed(self, path: Path, s: float) -> float:
         """Speed at which a run starts at arc length ``s`` [m/s]."""
@@ -193,6 +202,7 @@ class RandomProfile(SpeedTracking):
             self.k_p,
             self.k_i,
             scale,
+            self.along(),
         )
 
 
@@ -214,3 +224,58 @@ class SpeedCsv(SpeedTracking):
     def breakpoints(self) -> tuple[FloatArray, FloatArray]:
         """Times [s] from zero and speeds [m/s] of the file."""
         return read_profile(FilePath(self.file))
+
+
+class RoadSpeedTracking(SpeedTracking):
+    """Speeds that are given along the path, whatever the time."""
+
+    top: float = param(60.0, "m/s", "Highest speed.", gt=0)
+
+    def breakpoints(self) -> tuple[FloatArray, FloatArray]:
+        """The highest speed at all times."""
+        return np.zeros(1), np.array([self.top])
+
+
+@register("speed", "path")
+class PathSpeed(RoadSpeedTracking):
+    """The speeds of the path's own file (``path=csv`` with a column of speeds)."""
+
+    scale: float = param(1.0, "-", "Factor on all speeds.", gt=0)
+
+    def along(self) -> RoadSpeed:
+        """The path's speeds."""
+        return RoadSpeed(end=self.end, recorded=self.scale)
+
+
+@register("speed", "profile")
+class SpeedProfile(RoadSpeedTracking):
+    """The fastest speeds along the path that grip and engine allow.
+
+    Forward and backward passes; ``ggv`` replaces ``a_lat_max`` and ``deceleration`` by a table.
+    """
+
+    a_lat_max: float = param(4.0, "m/s^2", "Lateral acceleration that grip allows.", gt=0)
+    deceleration: float = param(
+        4.0, "m/s^2", "Braking, and acceleration, that grip allows on a straight.", gt=0
+    )
+    acceleration: float = param(2.0, "m/s^2", "Acceleration that the engine allows.", gt=0)
+    exponent: float = param(
+        2.0, "-", "Shape of the grip's limit: 1 a rhombus, 2 an ellipse.", ge=1, le=100
+    )
+    start: float | None = param(
+        None, "m/s", "Speed at the start of an open path; null: as fast as the path allows.", ge=0
+    )
+    ggv: FilePath | None = param(
+        None, "-", "CSV file of grip over speed: v_mps, ax_max_mps2, ay_max_mps2."
+    )
+
+    def along(self) -> RoadSpeed:
+        """Limits of grip and engine."""
+        grip = None if self.ggv is None else read_ggv(self.ggv)
+        return RoadSpeed(
+            end=self.end,
+            start=self.start,
+            engine=self.acceleration,
+            exponent=self.exponent,
+            grip=grip,
+        )

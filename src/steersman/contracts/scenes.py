@@ -45,6 +45,10 @@ class PosedRoad(PathComponent):
         parts = [Segment(long, self.side * a, self.side * b) for long, a, b, _ in CORNERS]
         return from_segments(parts, start=Pose(self.x, self.y, self.psi))
 
+    def speeds(self) -> tuple[FloatArray, FloatArray]:
+        """8 m/s everywhere, for sources of speed that drive the path's own."""
+        return np.array([0.0, self.length]), np.full(2, 8.0)
+
 
 def beside(
     path: PathComponent,

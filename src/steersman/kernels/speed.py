@@ -29,8 +29,10 @@ class SpeedTable(NamedTuple):
     """Speed limits along the paths behind each other [m/s]; empty: none."""
     cap_first: Any
     """(P,) int64: where each path's limits start in ``cap``."""
-    cap_step: float
-    """Distance between limits [m]."""
+    cap_step: FloatArray
+    """(P,) distance between the limits of each path [m]."""
+    even: bool
+    """Whether the acceleration, else the slope of the speed, is constant between limits."""
 
 
 @kernel
@@ -41,11 +43,15 @@ def target_speed(
     target = interpolate(speed.times[n], speed.speeds[n], time)
     if speed.cap.shape[0] > 0:
         first = int(speed.cap_first[p])
-        last = first + int(math.ceil(table.meta[p, paths.LENGTH] / speed.cap_step))
-        i = first + int(max(s, 0.0) / speed.cap_step)
-        w = max(s, 0.0) / speed.cap_step - (i - first)
+        step = speed.cap_step[p]
+        last = first + int(math.ceil(table.meta[p, paths.LENGTH] / step))
+        i = first + int(max(s, 0.0) / step)
+        w = max(s, 0.0) / step - (i - first)
         low, high = speed.cap[min(i, last)], speed.cap[min(i + 1, last)]
-        target = min(target, speed.rows[n, CAP_SCALE] * (low + w * (high - low)))
+        limit = low + w * (high - low)
+        if speed.even:
+            limit = math.sqrt(low * low + w * (high * high - low * low))
+        target = min(target, speed.rows[n, CAP_SCALE] * limit)
     return target
 
 

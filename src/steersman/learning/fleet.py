@@ -213,6 +213,8 @@ class FleetDriver:
 
     def _scaled(self, profile: Profile) -> Profile:
         """The profile's cap relative to the one that the roads' table was made with."""
+        if profile.road is not None and profile.a_lat_max is None:
+            return profile
         if profile.a_lat_max is None or self._a_lat is None:
             return profile._replace(cap_scale=_UNCAPPED)
         return profile._replace(

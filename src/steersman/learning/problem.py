@@ -23,7 +23,7 @@ from steersman.plants.base import PlantComponent
 from steersman.plants.simulator import SimulatorConfig
 from steersman.profiles import stack_profiles
 from steersman.sensing import WaypointSensor
-from steersman.speed import Nedc, SpeedComponent
+from steersman.speed import Nedc, SpeedComponent, SpeedTracking
 from steersman.vehicles import CarlaModel3, Vehicle
 
 # Steering rate of the indirect action [1/s]; the paper's limit.
@@ -131,6 +131,17 @@ class Problem(Settings):
         return self
 
     @model_validator(mode="after")
+    def _one_road_speed(self) -> Problem:
+        if len(self.speeds) > 1:
+            for source in self.speeds:
+                if isinstance(source, SpeedTracking) and source.along() is not None:
+                    raise ValueError(
+                        f"speeds: {source.kind} gives speeds along the path, which leaves no room "
+                        "for other sources; give it alone"
+                    )
+        return self
+
+    @model_validator(mode="after")
     def _preview(self) -> Problem:
         needed = self.layout.reads
         if needed > self.sensor.count:
@@ -196,7 +207,7 @@ class Problem(Settings):
         rng = np.random.default_rng(0)
         profiles = [s.draw(rng, self.episode_time) for s in self.speeds]
         widest = max(profiles, key=lambda p: len(p.times))
-        capped = next((p for p in profiles if p.a_lat_max is not None), widest)
+        capped = next((p for p in profiles if p.a_lat_max is not None or p.road), widest)
         speed = stack_profiles([capped, *([widest] * n)], list(self.roads))
         return speed._replace(
             rows=speed.rows[1:].copy(), times=speed.times[1:].copy(), speeds=speed.speeds[1:]

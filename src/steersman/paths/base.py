@@ -13,7 +13,7 @@ from pydantic import ConfigDict
 from steersman.config import Built, Component, Settings, param
 from steersman.kernels import path as kernel
 from steersman.kernels.path import PathTable
-from steersman.types import PathPoint, Pose
+from steersman.types import FloatArray, PathPoint, Pose
 
 
 class Corner(NamedTuple):
@@ -70,6 +70,10 @@ class PathComponent(Component):
         else:
             s, d, _, _ = kernel.project_near(self.table, 0, float(x), float(y), float(near))
         return float(s), float(d)
+
+    def speeds(self) -> tuple[FloatArray, FloatArray] | None:
+        """Arc lengths [m] and speeds [m/s] there, if its source gives any."""
+        return None
 
     def corners(self) -> list[Corner]:
         """The named stretches in driving order; none unless the path has names."""

@@ -36,7 +36,8 @@ class CsvPath(PathComponent):
     """A cubic spline through the points of a CSV file.
 
     The header is ``x,y``, or that of the TUM racetrack database
-    (``# x_m,y_m,w_tr_right_m,w_tr_left_m``); other columns are not read.
+    (``# x_m,y_m,w_tr_right_m,w_tr_left_m``). A column of speeds (``vx_mps``, ``v``, ``speed``,
+    ``velocity``, ...) is what ``speed=path`` drives; other columns are not read.
     """
 
     suffixes: ClassVar[tuple[str, ...]] = (".csv",)
@@ -54,6 +55,22 @@ class CsvPath(PathComponent):
             DataError: the file cannot be used; one line says where and what to do.
         """
         return table_through(read_points(self.file, self.loop), self.smoothing)
+
+    def speeds(self) -> tuple[FloatArray, FloatArray] | None:
+        """Arc lengths [m] of the file's points and their speeds [m/s], if it has a column of them.
+
+        Raises:
+            DataError: a speed is no number, or negative.
+        """
+        points = read_points(self.file, self.loop, speeds=True)
+        if points.speed is None:
+            return None
+        at, s = [0.0], 0.0
+        gaps = np.hypot(np.diff(points.x), np.diff(points.y))
+        for x, y, gap in zip(points.x[1:], points.y[1:], gaps, strict=True):
+            s = self.project(float(x), float(y), s + float(gap))[0]
+            at.append(s)
+        return np.array(at), points.speed
 
 
 def table_through(points: Points, smoothing: float) -> PathTable:

@@ -9,10 +9,19 @@ from typing import NamedTuple
 import numpy as np
 
 from steersman.errors import DataError
-from steersman.tables import read_sheet
+from steersman.tables import Sheet, read_sheet
 from steersman.types import FloatArray
 
 _CURE = "give a CSV file whose header names the columns x,y or x_m,y_m"
+# Columns of speed and their units [m/s]: of TUM's race lines, F1TENTH's waypoints, Autoware's
+# trajectories and others.
+SPEEDS = {
+    **dict.fromkeys(
+        ("vx_mps", "v_mps", "vx", "v_x", "v", "speed", "speed_mps", "speed_m_s", "velocity"), 1.0
+    ),
+    **dict.fromkeys(("velocity_mps", "longitudinal_velocity_mps"), 1.0),
+    **dict.fromkeys(("speed_km_h", "speed_kmh", "v_kmh"), 1.0 / 3.6),
+}
 _MOST_BYTES = 50_000_000
 _FARTHEST = 1e8
 _DUPLICATE = 1e-6
@@ -36,17 +45,21 @@ class Points(NamedTuple):
     closed: bool
     place: str = "line"
     """What ``lines`` count."""
+    speed: FloatArray | None = None
+    """Speed at each point [m/s]; None: it is not known, or was not read."""
 
     def fault(self, row: int, text: str) -> DataError:
         """The error to raise about the point ``row``."""
         return DataError(f"{self.file}, {self.place} {self.lines[row % len(self.lines)]}: {text}")
 
 
-def read_points(file: FilePath, closed: bool | None = None) -> Points:
+def read_points(file: FilePath, closed: bool | None = None, *, speeds: bool = False) -> Points:
     """The points of a file; a closed path's last point is dropped if it repeats the first.
 
     Without ``closed`` the path is closed if its end comes near its start: within twice the
     median spacing, and a tenth of the length.
+
+    With ``speeds`` a column of speeds is read, too, if there is one.
 
     Raises:
         DataError: the file or the course of its points cannot be used; one line says where and
@@ -62,6 +75,8 @@ def read_points(file: FilePath, closed: bool | None = None) -> Points:
         )
     x, y = (sheet.numbers(title) for title in titles if title is not None)
     points = Points(file, x, y, sheet.lines, closed is not False)
+    if speeds:
+        points = points._replace(speed=_speeds(sheet))
     far = np.flatnonzero(np.maximum(np.abs(x), np.abs(y)) > _FARTHEST)
     if far.size:
         row = int(far[0])
@@ -75,6 +90,19 @@ def _titles(titles: list[str]) -> list[str | None]:
     return [known.get(name, known.get(f"{name}_m")) for name in "xy"]
 
 
+def _speeds(sheet: Sheet) -> FloatArray | None:
+    """The column of speeds [m/s], if there is one."""
+    known = {title.lower(): title for title in reversed(sheet.titles)}
+    name = next((name for name in SPEEDS if name in known), None)
+    if name is None:
+        return None
+    speed = sheet.numbers(known[name]) * SPEEDS[name]
+    back = np.flatnonzero(speed < 0.0)
+    if back.size:
+        raise sheet.fault(sheet.lines[int(back[0])], f"{known[name]} must not be negative")
+    return speed
+
+
 def checked(points: Points, closed: bool | None) -> Points:
     """Points that can be driven, without a last one that repeats the first of a closed path.
 
@@ -86,7 +114,8 @@ def checked(points: Points, closed: bool | None) -> Points:
         raise DataError(f"{file}: holds {len(x)} points, a path needs at least {_LEAST_POINTS}")
     points = points._replace(closed=_ends_meet(points) if closed is None else closed)
     if points.closed and math.dist((x[0], y[0]), (x[-1], y[-1])) < _DUPLICATE:
-        points = points._replace(x=points.x[:-1], y=points.y[:-1], lines=lines[:-1])
+        speed = None if points.speed is None else points.speed[:-1]
+        points = points._replace(x=points.x[:-1], y=points.y[:-1], lines=lines[:-1], speed=speed)
         if len(lines) - 1 < _LEAST_POINTS:
             raise DataError(
                 f"{file}: a closed path needs at least {_LEAST_POINTS} different points"

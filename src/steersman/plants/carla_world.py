@@ -35,6 +35,9 @@ class _Longer:
         """Point at arc length ``s`` of the longer one [m]."""
         return PathPoint(*kernel.at(self.table, 0, s))
 
+    def speeds(self) -> None:
+        """It has none of its own."""
+
     def project(self, x: float, y: float, near: float | None = None) -> tuple[float, float]:
         """Arc length and lateral offset of the closest point [m]."""
         s, d = kernel.project(self.table, 0, x, y)
