@@ -16,7 +16,7 @@ from steersman.plants.simulator import SimulatorConfig
 from steersman.rollout import RunConfig, run
 from steersman.sensing import WaypointSensor, track
 from steersman.speed import ConstantSpeed, SpeedComponent
-from steersman.types import Decision, Observation, Pose, VehicleState
+from steersman.types import Decision, FloatArray, Observation, Pose, VehicleState
 from steersman.vehicles import CarlaModel3, Vehicle
 
 DT = 0.05
