@@ -206,7 +206,9 @@ class Computed:
         self._there = [False] * len(self._plants)
 
     def close(self) -> None:
-        """Nothing to release."""
+        """Release the plants."""
+        for plant in self._plants:
+            plant.close()
 
 
 class Seat:
