@@ -36,6 +36,7 @@ from steersman.kernels import vehicle as car
 from steersman.kernels.recorded_response import replay
 from steersman.kernels.steady_turn import steady_turn
 from steersman.provenance import provenance
+from steersman.report.svg import LinePlot, PlotLine
 from steersman.vehicles import LONGEST_STEP, Vehicle
 
 DT, H = 0.05, LONGEST_STEP
@@ -50,8 +51,8 @@ TARGETS = {5.0: 0.005, 10.0: 0.010, 15.0: 0.030}
 """Residual of the yaw rate at each speed [rad/s]."""
 _SIDE_WEIGHT = 0.1
 _SOFT = 0.05
-# A place where logs of different drives have residuals above so many of their RMS, so near [m].
-_PEAK, _NEAR = 3.0, 6.0
+# A place of the map where logs of different drives have residuals so large [rad/s], so near [m].
+_PEAK, _NEAR = 0.04, 8.0
 _COLUMNS = ("time", "x", "y", "yaw", "speed", "steer_normalized", "throttle", "brake")
 
 
@@ -175,12 +176,10 @@ def lag(found: Residual) -> float:
 
 
 def places(vehicle: Vehicle, drives: Sequence[Drive]) -> list[tuple[float, float]]:
-    """Places on the map where logs of several drives have peaks: the road, not the car."""
+    """Places on the map where several drives have peaks: of the road, rather than of the car."""
     peaks = []
     for drive in drives:
-        error = np.abs(residual(vehicle, drive).yaw_rate)
-        level = _PEAK * rms(error)
-        for i in np.flatnonzero(error > level):
+        for i in np.flatnonzero(np.abs(residual(vehicle, drive).yaw_rate) > _PEAK):
             peaks.append((drive.name, *drive.position[kept(drive)[i]].tolist()))
     found: list[tuple[float, float]] = []
     for name, x, y in peaks:
@@ -379,6 +378,10 @@ def fitted(base: Vehicle, drives: Sequence[Drive], lead: float) -> dict[str, Any
         ends = [best[name] * math.exp(sign * error) for sign in (-1.0, 1.0)]
         out["intervals"][name] = ends
     out["profiles"] = {name: _profile(base, drives, best, loss, name, lead) for name in best}
+    public = {n: FIGURES[n].start for n in ("c_f", "c_r", "origin")}
+    rest = {name: value for name, value in best.items() if name not in public}
+    figures, cost = fit(base, drives, rest, public, lead)
+    out["stiffness_and_axles_held"] = {"figures": public | figures, "loss": cost}
     return out
 
 
@@ -498,6 +501,34 @@ def yaw_rise(vehicle: Vehicle, speed: float = 20.0, acceleration: float = 2.0) -
 # ----------------------------------------------------------------------------------- main
 
 
+def figures(
+    cars: Mapping[str, Vehicle], drives: Sequence[Drive], fits: Mapping[str, Any]
+) -> list[LinePlot]:
+    """Yaw rates of the fastest log, and the profiles of each fit."""
+    drive = max(drives, key=lambda d: (d.speed, len(d.yaw)))
+    some = kept(drive)[: round(12.0 / DT)]
+    by = {name: residual(vehicle, drive) for name, vehicle in cars.items()}
+    log = next(iter(by.values())).recorded[: len(some)]
+    lines = [PlotLine("log", (DT * some).tolist(), log.tolist())]
+    lines += [
+        PlotLine(name, (DT * some).tolist(), (log + found.yaw_rate[: len(some)]).tolist())
+        for name, found in by.items()
+    ]
+    title = f"{drive.name}: yaw rate, replayed in stretches of 2 s"
+    plots = [LinePlot("yaw_rate", title, "time [s]", "yaw rate [rad/s]", lines)]
+    for fit_name, found in fits.items():
+        profiles = [
+            PlotLine(name, [v / found["figures"][name] for v in p["values"]],
+                     [loss / found["loss"] for loss in p["losses"]])
+            for name, p in found["profiles"].items()
+        ]  # fmt: skip
+        title = f"Loss over one figure, the others fitted ({fit_name})"
+        file = "profiles_" + fit_name.replace(" ", "_").replace(".", "_")
+        axes = "figure / fitted figure", "loss / least loss"
+        plots.append(LinePlot(file, title, *axes, profiles, log_x=True))
+    return plots
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Read the logs, compare, fit if wanted, write."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
@@ -535,6 +566,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if words.out:
         make_folder(words.out)
         write_text(words.out / "recognise.json", text + "\n")
+        for plot in figures(cars, drives, result.get("fits", {})):
+            write_text(words.out / f"{plot.file}.svg", plot.svg())
     sys.stdout.write(text + "\n")
     return 0
 
