@@ -268,18 +268,15 @@ class CarlaModel3V1(Vehicle):
     """
 
 
-# The map above, with what seven logs of a server say besides: a row for throttle 0.25, at which
-# 5 m/s are held (the closed throttle's row brakes by more than the engine), the launch at full
-# throttle, and the knots near 10 and 15 m/s. Their fit: benchmarks/recognise.py.
+# The map above, with what seven logs of a server say besides: a row for throttle 0.25, near which
+# 5 m/s are held (the closed throttle's row brakes by more than the engine), and the launch at full
+# throttle, both fitted to the logs' speeds.
 _FITTED_THROTTLE = (0.0, 0.25, 0.4, 0.5, 0.6, 0.8, 1.0)
 _FITTED_ACCEL = (
     _MODEL3_ACCEL[0],
-    (1.12, 0.25, -1.14, -2.99, -4.91, -6.20, -10.90),
-    (2.34, 1.24, 0.27, -1.21, -3.07, -4.15, -8.12),
-    (2.62, 2.24, 1.08, -0.06, -0.91, -1.60, -4.12),
-    (3.34, 3.18, 2.35, 1.10, 0.24, -0.39, -2.69),
-    _MODEL3_ACCEL[4],
-    (4.25, 6.66, 6.60, 6.77, 6.17, 5.99, 5.33),
+    (1.12, 0.25, -1.11, -2.99, -4.91, -6.20, -10.90),
+    *_MODEL3_ACCEL[1:5],
+    (4.25, 6.65, 6.60, 6.76, 6.17, 5.99, 5.33),
 )
 
 
