@@ -116,8 +116,21 @@ def test_leaving_the_corridor_ends_a_run() -> None:
     assert 0.6 < abs(episode["lateral_error"]).max() <= 0.8
 
 
+def test_full_throttle_on_the_circle_does_not_roll_over() -> None:
+    run = RunConfig(
+        controller="tuned/lqr",
+        path={"kind": "circle", "radius": 50.0},
+        speed={"kind": "constant_throttle", "throttle": 1.0},
+        duration=60.0,
+    )
+    episode = attempt(run).of_controller()
+    assert episode.end == ending.DURATION
+    # A PhysX car with CARLA's figures: 35.7 m/s.
+    assert float(episode["v_x"][-1]) == pytest.approx(35.0, abs=1.0)
+
+
 def test_rolling_over_ends_a_run() -> None:
-    tall = CAR.replace(height=1.5)
+    tall = CAR.replace(roll_arm=1.5)
     episode = drive(GOOD, Circle(), vehicle=tall, speed=ConstantSpeed(speed=18.0), duration=5.0)
     assert episode.end == ending.ROLL_OVER
     assert not episode.completed

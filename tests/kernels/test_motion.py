@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from steersman.kernels import vehicle as kernel
 from steersman.types import FloatArray
-from steersman.vehicles import Bmw320i, CarlaMkz2020, CarlaModel3, Vehicle
+from steersman.vehicles import Bmw320i, CarlaMkz2020, CarlaModel3, CarlaModel3V1, Vehicle
 
 CAR = CarlaModel3()
-CARS = {car.kind: car for car in (CAR, CarlaMkz2020(), Bmw320i())}
+CARS = {car.kind: car for car in (CAR, CarlaModel3V1(), CarlaMkz2020(), Bmw320i())}
 MIRROR = np.ones(kernel.N_STATE)
 for column in (
     kernel.Y,
@@ -174,7 +174,7 @@ def test_slow_car_does_not_rattle(car: Vehicle, stiffer: float) -> None:
 @pytest.mark.parametrize(("speed", "tolerance"), [(2.0, 0.04), (1.0, 0.02)])
 def test_slow_car_is_kinematic(car: Vehicle, steer: float, speed: float, tolerance: float) -> None:
     # A map of zeros: neither brake nor engine. Side-slip differs from l_r kappa as v^2.
-    rolling = car.replace(map_acceleration=[[0.0] * 7] * 6)
+    rolling = car.replace(map_acceleration=[[0.0] * 7] * len(car.map_throttle))
     state = drive(rolling, moving(speed, steer=steer), (steer, 0.0, 0.0), 3.0)
     wheel = state[kernel.WHEEL]
     curvature = math.tan(wheel) / car.wheelbase
@@ -187,7 +187,7 @@ def test_integration_is_of_second_order() -> None:
     # A lane-change-like swerve with actuators at rest, so that nothing has a kink in time.
     start = moving(15.0, 0.6, 0.3, steer=0.05, throttle=0.55)
     ends = {
-        h: drive(CAR, start, (0.05, 0.55, 0.0), 1.0, h)[: kernel.N_MOTION]
+        h: drive(CarlaModel3V1(), start, (0.05, 0.55, 0.0), 1.0, h)[: kernel.N_MOTION]
         for h in (0.01, 0.005, 0.0025, 0.0001)
     }
     errors = [np.abs(ends[h] - ends[0.0001]) for h in (0.01, 0.005, 0.0025)]
@@ -201,7 +201,8 @@ def test_integration_is_of_second_order() -> None:
 def test_actuators_do_not_depend_on_the_step() -> None:
     command = (-0.6, 0.5, 0.2)
     start = moving(10.0, steer=0.3, throttle=0.9)
-    ends = [drive(CAR, start, command, 0.15, h) for h in (0.01, 0.005)]
+    car = CAR.replace(steer_rate_up=2.5, steer_rate_down=5.0)
+    ends = [drive(car, start, command, 0.15, h) for h in (0.01, 0.005)]
     for column in (kernel.STEER, kernel.THROTTLE, kernel.BRAKE):
         assert ends[0][column] == pytest.approx(ends[1][column], abs=1e-12)
     # 0.06 s from 0.3 to zero, 0.09 s at 2.5 per second; pedals 10 down and 6 up per second.

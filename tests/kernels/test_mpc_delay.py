@@ -11,9 +11,9 @@ from steersman.kernels import mpc_delay as kernel
 from steersman.kernels.vehicle import wheel_tangents
 from steersman.plants.simulator import SimulatorConfig
 from steersman.types import Command, Pose
-from steersman.vehicles import CarlaModel3
+from steersman.vehicles import CarlaModel3V1
 
-CAR = CarlaModel3()
+CAR = CarlaModel3V1()
 TABLE = CAR.table
 DT, SPACING = 0.05, 2.0
 STRAIGHT = np.stack([SPACING * np.arange(15), np.zeros(15)], axis=1)

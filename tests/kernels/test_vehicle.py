@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from steersman.kernels import tyre
 from steersman.kernels import vehicle as kernel
 from steersman.types import FloatArray
-from steersman.vehicles import Bmw320i, CarlaMkz2020, CarlaModel3, Vehicle
+from steersman.vehicles import Bmw320i, CarlaMkz2020, CarlaModel3, CarlaModel3V1, Vehicle
 
-CAR = CarlaModel3()
+CAR = CarlaModel3V1()
 TABLE = CAR.table
 WEIGHT = CAR.mass * kernel.GRAVITY
 PHYSX = CAR.replace(roll_arm=0.18, stiffness_load_limit=3.0, rotating_mass=632.0)
@@ -190,7 +190,9 @@ def test_rolls_over_when_the_inner_wheels_lift() -> None:
 
 
 @given(
-    st.sampled_from([CAR.table, CarlaMkz2020().table, Bmw320i().table, PHYSX.table]),
+    st.sampled_from(
+        [CAR.table, CarlaModel3().table, CarlaMkz2020().table, Bmw320i().table, PHYSX.table]
+    ),
     st.tuples(*[st.floats(-1.0, 1.0)] * 6),
     st.floats(0.0, 1.0),
     st.floats(0.0, 1.0),
