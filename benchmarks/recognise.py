@@ -346,16 +346,22 @@ def fit(
     bounds = [[math.log(getattr(FIGURES[n], end)) for n in names] for end in ("low", "high")]
     found = least_squares(
         misses, [math.log(start[n]) for n in names], bounds=bounds, loss="soft_l1", f_scale=_SOFT,
-        diff_step=1e-4, xtol=1e-5, ftol=1e-6, max_nfev=25,
+        diff_step=1e-4, xtol=1e-4, ftol=3e-5, max_nfev=25,
     )  # fmt: skip
     return dict(zip(names, np.exp(found.x).tolist(), strict=True)), float(found.cost)
 
 
-def fitted(base: Vehicle, drives: Sequence[Drive], lead: float) -> dict[str, Any]:
-    """The fit, its validation over logs, intervals and profiles."""
+def fitted(base: Vehicle, drives: Sequence[Drive], lead: float, *, whole: bool) -> dict[str, Any]:
+    """The fit, and if ``whole`` its validation over logs, intervals and profiles."""
     start = {name: figure.start for name, figure in FIGURES.items()}
     best, loss = fit(base, drives, start, {}, lead)
     out: dict[str, Any] = {"figures": best, "loss": loss}
+    public = {n: FIGURES[n].start for n in ("c_f", "c_r", "origin")}
+    rest = {name: value for name, value in best.items() if name not in public}
+    figures, cost = fit(base, drives, rest, public, lead)
+    out["stiffness_and_axles_held"] = {"figures": public | figures, "loss": cost}
+    if not whole:
+        return out
     say(f"lead {lead:g} s: loss {loss:.4f} {best}")
     left, held = [], {}
     for drive in drives:
@@ -378,14 +384,10 @@ def fitted(base: Vehicle, drives: Sequence[Drive], lead: float) -> dict[str, Any
         ends = [best[name] * math.exp(sign * error) for sign in (-1.0, 1.0)]
         out["intervals"][name] = ends
     out["profiles"] = {name: _profile(base, drives, best, loss, name, lead) for name in best}
-    public = {n: FIGURES[n].start for n in ("c_f", "c_r", "origin")}
-    rest = {name: value for name, value in best.items() if name not in public}
-    figures, cost = fit(base, drives, rest, public, lead)
-    out["stiffness_and_axles_held"] = {"figures": public | figures, "loss": cost}
     return out
 
 
-_FACTORS = (0.5, 0.71, 0.84, 0.92, 1.09, 1.19, 1.41, 2.0)
+_FACTORS = (0.6, 0.8, 0.9, 1.11, 1.25, 1.67)
 
 
 def _profile(
@@ -404,7 +406,7 @@ def _profile(
     samples = sum((len(d.yaw) - _LAUNCH) // STRETCH for d in drives)
     level = loss * (1.0 + 3.84 / (samples - len(best)))
     points = [(best[name], loss)]
-    for side in (_FACTORS[:4][::-1], _FACTORS[4:]):
+    for side in (_FACTORS[:3][::-1], _FACTORS[3:]):
         start = {n: v for n, v in best.items() if n != name}
         for factor in side:
             value = best[name] * factor
@@ -520,8 +522,10 @@ def figures(
         profiles = [
             PlotLine(name, [v / found["figures"][name] for v in p["values"]],
                      [loss / found["loss"] for loss in p["losses"]])
-            for name, p in found["profiles"].items()
+            for name, p in found.get("profiles", {}).items()
         ]  # fmt: skip
+        if not profiles:
+            continue
         title = f"Loss over one figure, the others fitted ({fit_name})"
         file = "profiles_" + fit_name.replace(" ", "_").replace(".", "_")
         axes = "figure / fitted figure", "loss / least loss"
@@ -537,7 +541,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         "--vehicle", action="append", help="vehicle to compare; the first is the reference"
     )
     parser.add_argument("--fit", action="store_true", help="fit, validate, profiles (minutes)")
-    parser.add_argument("--lead", type=float, action="append", help="leads of the yaw to fit [s]")
+    parser.add_argument(
+        "--lead", type=float, action="append", help="leads of the yaw to fit [s]; the first in full"
+    )
     parser.add_argument("--out", type=Path, help="folder for recognise.json")
     words = parser.parse_args(argv)
     read_out = [read(file) for file in sorted(words.carla_logs.glob("*.csv"))]
@@ -561,7 +567,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     if words.fit:
         base = next(iter(cars.values()))
         leads = words.lead or [0.0]
-        result["fits"] = {f"lead {lead:g} s": fitted(base, drives, lead) for lead in leads}
+        result["fits"] = {
+            f"lead {lead:g} s": fitted(base, drives, lead, whole=lead == leads[0]) for lead in leads
+        }
     text = json.dumps(result, indent=1, default=float)
     if words.out:
         make_folder(words.out)

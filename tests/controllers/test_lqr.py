@@ -13,6 +13,7 @@ from steersman.controllers.single_track import single_track, steady_side_slip, s
 from steersman.paths.analytic import Circle, Straight
 from steersman.speed import ConstantSpeed
 from steersman.types import FloatArray
+from steersman.vehicles import CarlaModel3V1
 
 from ..loops import CAR, DT, beside, drive, observe
 
@@ -40,7 +41,8 @@ def test_gain_is_that_of_the_riccati_iteration(v: float) -> None:
     assert gain == pytest.approx(riccati_iteration(model.a, model.b, q, 3.0), rel=1e-6)
 
 
-# control.dlqr of python-control 0.10.2, for this model, Q = diag(1, 0.02, 2, 0.05) and R = 3.
+# control.dlqr of python-control 0.10.2, for the model of carla_model3_v1,
+# Q = diag(1, 0.02, 2, 0.05) and R = 3.
 DLQR = {
     5.0: (0.51728334, 0.03110363, 1.27284193, 0.06430101),
     12.0: (0.46737335, 0.06101863, 1.4547784, 0.11882154),
@@ -50,7 +52,7 @@ DLQR = {
 
 @pytest.mark.parametrize("v", DLQR)
 def test_gain_is_that_of_python_control(v: float) -> None:
-    model = em.discrete(em.error_model(CAR, v), DT)
+    model = em.discrete(em.error_model(CarlaModel3V1(), v), DT)
     gain = lqr_gain(model.a, model.b, np.diag([1.0, 0.02, 2.0, 0.05]), 3.0)
     assert tuple(gain) == pytest.approx(DLQR[v], rel=1e-6)
 

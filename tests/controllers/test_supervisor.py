@@ -30,6 +30,7 @@ from steersman.rollout import RunConfig, run
 from steersman.sensing import WaypointSensor, track
 from steersman.speed import ConstantSpeed
 from steersman.types import Command, Decision, Driver, Observation, Pose, Reason, Status
+from steersman.vehicles import CarlaModel3V1
 
 from ..loops import CAR, DT, Posed, answers, beside, drive, observe, same, scenes
 
@@ -186,12 +187,12 @@ def test_what_is_wrong_with_an_observation_is_named() -> None:
 
 
 def test_commands_in_haste_are_limited_and_handed_over_if_they_go_on() -> None:
-    inner = Scripted(script=(0.0,) * 3 + (0.4, -0.4) * 10)
+    inner = Scripted(script=(0.0,) * 3 + (0.8, -0.8) * 10)
     got = decisions(supervised(inner), steady(15))
     assert got[3].status is Status.SATURATED
     assert [one.driver for one in got[:9]] == [Driver.INNER] * 9
     assert (got[9].driver, got[9].reason) == (Driver.FALLBACK, Reason.COMMAND_RATE)
-    calm = Scripted(script=(0.0,) * 3 + (0.4,) * 20)  # one step is no haste
+    calm = Scripted(script=(0.0,) * 3 + (0.8,) * 20)  # one step is no haste
     assert set(drivers(supervised(calm), steady(15))) == {Driver.INNER}
 
 
@@ -386,7 +387,8 @@ def test_oscillation_is_found() -> None:
     wild = {"kind": "pid", "gains": {"k_p": 0.4, "k_i": 0.0, "k_d": 0.0}}
     controller = Supervisor(inner=wild, corridor=1.45, foresight=0.0)
     speed = ConstantSpeed(speed=10.0)
-    episode = drive(controller, Circle(), speed=speed, duration=10.0)
+    car = CarlaModel3V1()  # slower to answer
+    episode = drive(controller, Circle(), speed=speed, vehicle=car, duration=10.0)
     assert "oscillation" in {one.reason for one in episode.interventions()}
 
 
