@@ -27,7 +27,7 @@ THROTTLE = 0.4
 _POINTS = 700
 # Factors of a controller's model that has the car heavier, and its tyres softer, than they are.
 WRONG = {"mass": 1.3, "yaw_inertia": 1.3, "c_f": 0.7, "c_r": 0.7}
-# Corners are taken with at most this [m/s^2], well below roll-over (14.9).
+# Corners are taken with at most this [m/s^2], well below where carla_model3_v1 rolls over (14.9).
 CAP = 12.0
 TUNED = TunedFor(track="training_circuit", speed=30.0 / 3.6)
 LABELS = {
