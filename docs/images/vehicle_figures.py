@@ -16,6 +16,7 @@ from steersman.controllers.single_track import (
 from steersman.kernels import vehicle as kernel
 from steersman.kernels.actuator import slew_lagged
 from steersman.kernels.steady_turn import steady_turn
+from steersman.kernels.tyre import side_force, tyre_stiffness
 from steersman.plants.simulator import SimulatorConfig
 from steersman.types import Command, FloatArray, Pose
 from steersman.vehicles import Bmw320i, CarlaModel3, Vehicle
@@ -35,11 +36,13 @@ def tyre_force() -> dict[str, Any]:
         ("twice the static load", 2.0, 0.0),
         ("static load, 80 % of the grip spent on braking", 1.0, 0.8),
     ):
-        stiffness, grip = car.c_f / 2.0 * load, car.friction * static * load
+        limit = car.stiffness_load_limit or 0.0
+        stiffness = tyre_stiffness(car.c_f / 2.0 / static, load * static, static, limit)
+        grip = car.friction * static * load
         left = grip * math.sqrt(1.0 - share**2)
-        forces = [-kernel.side_force(stiffness, math.tan(math.radians(a)), left) for a in angles]
+        forces = [-side_force(stiffness, math.tan(math.radians(a)), left) for a in angles]
         lines.append({"name": name, "x": angles, "y": np.array(forces) / 1e3})
-    title = "Fiala's tyre, CARLA Model 3, friction 3.5"
+    title = f"Fiala's tyre, CARLA Model 3, friction {car.friction:g}"
     return {"title": title, "x": "slip angle [deg]", "y": "|side force| [kN]", "lines": lines}
 
 
