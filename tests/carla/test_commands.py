@@ -20,7 +20,7 @@ from steersman.rollout import run
 from steersman.studies.calibrate import calibrate as module
 from steersman.studies.calibrate.calibrate import Fit, calibrate
 from steersman.types import Command, Pose
-from steersman.vehicles import Bmw320i, CarlaModel3, Vehicle
+from steersman.vehicles import Bmw320i, CarlaModel3, CarlaModel3V1, Vehicle
 
 from ..standin.serving import Serving
 from .conftest import left_behind, running
@@ -124,7 +124,12 @@ RECOVERED = {name: 1e-3 for name in WRONG}
 
 @pytest.mark.parametrize(
     "true",
-    [CarlaModel3(), CarlaModel3(c_f=120e3, c_r=95e3, yaw_inertia=2500.0), Bmw320i()],
+    [
+        CarlaModel3(),
+        CarlaModel3(c_f=120e3, c_r=95e3, yaw_inertia=2500.0),
+        # With a strong engine, so that its runs pass every speed.
+        Bmw320i(map_acceleration=CarlaModel3V1().map_acceleration),
+    ],
     ids=["model3", "other tyres", "bmw"],
 )
 def test_calibration_recovers_known_parameters(true: Vehicle) -> None:

@@ -18,7 +18,7 @@ from steersman.plants.simulator import SimulatorConfig
 from steersman.protocols import Plant
 from steersman.rollout import run
 from steersman.types import Command, Pose, VehicleState
-from steersman.vehicles import CarlaModel3
+from steersman.vehicles import CarlaMkz2020, CarlaModel3
 
 from .conftest import running
 
@@ -115,7 +115,8 @@ def test_a_model_that_the_server_tells_reaches_the_controller(carla: CarlaConfig
 
 def test_the_server_tells_of_a_roll_over(carla: CarlaConfig) -> None:
     steps = []
-    for plant in (carla.make(CarlaModel3()), SimulatorConfig().make(CarlaModel3())):
+    other = carla.model_copy(update={"vehicle": "vehicle.lincoln.mkz_2020"})
+    for plant in (other.make(CarlaMkz2020()), SimulatorConfig().make(CarlaMkz2020())):
         try:
             plant.enter(Straight())
             plant.reset(Pose(0.0, 0.0, 0.0), 25.0, 0.0)
@@ -207,7 +208,7 @@ def test_carlas_pid_drives_as_a_client_of_its_own(carla: CarlaConfig, lib: Any) 
     finally:
         plant.close()
     offsets = np.array([path.project(x, y)[1] for x, y in line])
-    assert np.abs(offsets).max() < 1.2
+    assert np.abs(offsets).max() < 1.3
     # Ours takes its point at a distance from the car, that one along the road from beside it.
     apart = np.abs(offsets - ours["lateral_error"])
     assert apart.max() < 0.1

@@ -180,9 +180,7 @@ def circle(
     return plant, states
 
 
-@pytest.mark.parametrize(
-    ("throttle", "speed", "slip"), [(0.4, 8.59, -1.47), (0.6, 19.4, 1.3), (0.8, 28.9, 6.6)]
-)
+@pytest.mark.parametrize(("throttle", "speed", "slip"), [(0.4, 8.59, -1.47), (0.6, 19.4, 1.3)])
 def test_circle_settles(throttle: float, speed: float, slip: float) -> None:
     plant, states = circle(throttle, 60.0)
     last = states[-1]

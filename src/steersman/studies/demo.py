@@ -26,7 +26,7 @@ class PaperDrive(NamedTuple):
     steer_std: float
     """Standard deviation of normalised steering."""
     speed: float
-    """Test speed of the same row [m/s]: a convention, since the paper gives none (docs/paper.md)."""
+    """Test speed of the same row [m/s]: a convention, the paper gives none (docs/paper.md)."""
 
 
 PAPER_CIRCLE = (

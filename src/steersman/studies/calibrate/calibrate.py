@@ -150,10 +150,14 @@ def steering_rates(run: Manoeuvre, vehicle: Vehicle) -> Fit:
 def _slope(share: FloatArray, dt: float) -> tuple[float, float]:
     """Slope of the ramp within a signal [1/s], and the RMS error of the line."""
     inside = (share > _RAMP[0]) & (share < _RAMP[1])
-    if inside.sum() < 2:  # noqa: PLR2004 - a line needs two
+    rows = np.flatnonzero(inside)
+    if rows.size == 0:
         # Faster than a control period: at least so fast.
         return float(np.sign(share[-1] - share[0])) / dt, 0.0
-    times = dt * np.flatnonzero(inside)
+    if rows.size == 1:
+        # The ramp began with the command, a control period before.
+        return float(share[rows[0]] - share[max(rows[0] - 1, 0)]) / dt, 0.0
+    times = dt * rows
     line = np.polyfit(times, share[inside], 1)
     return float(line[0]), float(np.sqrt(np.mean((np.polyval(line, times) - share[inside]) ** 2)))
 
