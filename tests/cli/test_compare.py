@@ -153,7 +153,7 @@ def test_who_leaves_the_road_is_not_flattered(steersman: Steersman) -> None:
         done = steersman("drive", *circle, "controller=pid", *words, "--out", name)
         assert done.exit_code == 0
     result = steersman("compare", "a", "b")
-    assert "b ended early (roll over after " in result.stderr
+    assert "b ended early (off track after " in result.stderr
     assert "what follows is not compared" in result.stderr
 
 

@@ -88,7 +88,9 @@ def test_what_steersman_drove(
     assert farthest(followed, road) < 2e-4  # the spline cuts transitions between its points
     line = McapPath(file=file)
     assert line.closed == road.closed
-    assert line.length == pytest.approx(road.length, rel=1e-3)
+    # The last row is up to a control step before the end.
+    step = 0.0 if road.closed else float(episode["v_x"][-1]) * episode.dt
+    assert line.length == pytest.approx(road.length, abs=1e-3 * road.length + step)
     # It lies beside the path by what the controller lay beside it.
     assert farthest(line, road) == pytest.approx(np.max(np.abs(episode["lateral_error"])), rel=0.1)
     assert farthest(line, road) < deviation
