@@ -363,7 +363,10 @@ trees = st.dictionaries(
 
 @given(trees, trees)
 def test_merging_twice_is_merging_once(base: dict[str, Any], change: dict[str, Any]) -> None:
-    once = merge(base, change)
+    try:
+        once = merge(base, change)
+    except ConfigError:  # fields over a number, which would be lost
+        return
     assert merge(once, change) == once
     assert merge(base, {}) == base
     assert set(once) == set(base) | set(change)
@@ -374,7 +377,10 @@ def test_what_is_assigned_is_there_and_the_rest_stays(
     tree: dict[str, Any], keys: list[str], value: int
 ) -> None:
     before = repr(tree)
-    out = override(tree, [f"{'.'.join(keys)}={value}"])
+    try:
+        out = override(tree, [f"{'.'.join(keys)}={value}"])
+    except ConfigError:  # fields over a number, which would be lost
+        return
     assert repr(tree) == before
     assert {k: v for k, v in out.items() if k != keys[0]} == {
         k: v for k, v in tree.items() if k != keys[0]

@@ -224,7 +224,7 @@ def merge(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
     for key, value in change.items():
         if isinstance(value, Mapping):
             before = out.get(key)
-            if isinstance(before, int | float) and "kind" not in value:
+            if isinstance(before, int | float) and value and "kind" not in value:
                 names = " and ".join(map(str, value))
                 raise ConfigError(
                     f"given as {before}, and {names} of it too; give fields alone", (str(key),)

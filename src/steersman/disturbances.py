@@ -198,7 +198,7 @@ class FrictionPatch(DisturbanceComponent):
     Several of them multiply where they overlap. Controllers compute with the vehicle's friction.
     """
 
-    begin: float = param(50.0, "m", "Arc length at which it begins.", ge=0)
+    begin: float = param(10.0, "m", "Arc length at which it begins.", ge=0)
     length: float = param(20.0, "m", "How long it is.", gt=0)
     every: float | None = param(
         None, "m", "Distance from one to the next; null: there is one.", gt=0
