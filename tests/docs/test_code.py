@@ -17,9 +17,10 @@ import typer
 from typer.testing import CliRunner
 
 import steersman as sm
-from steersman import files
+from steersman import files, registry
 from steersman.cli import app
 from steersman.cli.outcome import _UsageError
+from steersman.registry import components, families
 
 from . import world
 from .pages import PAGES, ROOT, Block, blocks, commands
@@ -54,6 +55,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
 @pytest.fixture(autouse=True)
 def there(folder: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
+
+
+@pytest.fixture(autouse=True)
+def unregistered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a page registers is gone after it; other tests list what is registered."""
+    for family in families():
+        monkeypatch.setitem(registry._REGISTRY, family, dict(components(family)))
 
 
 @pytest.mark.parametrize("block", [b for b in BLOCKS if b.language == "python"], ids=name)
