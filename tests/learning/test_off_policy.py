@@ -138,4 +138,7 @@ def test_an_optimiser_is_made_without_torchs_compiler(monkeypatch: pytest.Monkey
     monkeypatch.setitem(sys.modules, "torch._dynamo", None)  # an import raises
     made = torch.optim.Adam([torch.zeros(2, requires_grad=True)])
     made.zero_grad()
-    made.load_state_dict(made.state_dict())
+    before = made.state_dict()
+    made.load_state_dict(before)
+    assert made.state_dict() == before
+    assert sys.modules["torch._dynamo"] is None  # still blocked: nothing imported it
