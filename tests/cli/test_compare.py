@@ -229,3 +229,46 @@ def test_wrong_words_are_one_line(
     assert result.exit_code == 2
     assert message in result.stderr
     assert result.stderr.count("\n") == 1
+
+
+@pytest.fixture
+def seeds(tmp_path: FilePath) -> FilePath:
+    """The folder of a tuning with three seeds."""
+    for k, weight in enumerate((1.0, 2.0, 4.0)):
+        folder = tmp_path / "three" / f"seed_{k}"
+        folder.mkdir(parents=True)
+        (folder / "tuned.yaml").write_text(f"kind: lqr\nr: {weight}\n")
+    return tmp_path / "three"
+
+
+def test_a_folder_of_seeds_is_one_contestant(
+    steersman: Steersman, seeds: FilePath, tmp_path: FilePath
+) -> None:
+    result = steersman("compare", "pid", f"mine={seeds}", *SMALL, "--out", "c")
+    assert result.exit_code == 0, result.stderr
+    assert "only 3 seeds" in result.stderr
+    assert max(map(len, result.stdout.splitlines())) <= 80
+    outcome = json.loads((tmp_path / "c" / "compare.json").read_text())
+    assert [one["name"] for one in outcome["contestants"]] == ["pid", "mine"]
+    pid, mine = outcome["replicates"]["methods"]
+    assert (len(pid["runs"]), len(mine["runs"])) == (1, 3)
+    ordered = sorted(mine["runs"], key=lambda run: run["rms_m"])
+    assert mine["shown"] == ordered[1]["name"]
+    [pair] = outcome["comparisons"]
+    assert pair["figures"]["rms_m"]["own"] == pytest.approx(ordered[1]["rms_m"])
+    assert "Methods over their seeds" in (tmp_path / "c" / "report.html").read_text()
+
+
+def test_a_seed_that_is_not_done_is_named(steersman: Steersman, seeds: FilePath) -> None:
+    (seeds / "seed_1" / "tuned.yaml").unlink()
+    result = steersman("compare", "pid", str(seeds), *SMALL)
+    assert result.exit_code == 2
+    assert "seed_1: has no tuned.yaml yet" in result.stderr
+
+
+def test_seeds_and_settings_of_one_drive_do_not_go_together(
+    steersman: Steersman, seeds: FilePath
+) -> None:
+    result = steersman("compare", "pid", str(seeds), "path=circle")
+    assert result.exit_code == 2
+    assert "holds several seeds" in result.stderr

@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 
 from steersman.bench.along import distance
 from steersman.report import ReportRun
-from steersman.report.html import curves
+from steersman.report.curves import curves
 from steersman.report.signals import decimate, group_by_path, look
 
 
@@ -87,6 +87,23 @@ def test_curves_skip_empty_columns_and_cells():
     assert got["runs"][0]["panels"][0] == {"x": [2.0, 3.0], "y": [0.12346, 3e-9]}
     assert got["runs"][0]["panels"][1] == {"x": [], "y": []}
     assert curves([ReportRun("c")]) is None
+
+
+def test_seeds_of_one_training_are_a_median_and_a_range():
+    def seed(*loss):
+        steps = np.arange(1.0, 1.0 + len(loss))
+        return {"steps": steps, "loss": np.array(loss)}
+
+    records = {
+        "x/seed_0": seed(1, 5, 9),
+        "x/seed_1": seed(2, 2),
+        "x/seed_2": seed(4, 3),
+        "y": seed(7),
+    }
+    got = curves([ReportRun(name, training=one) for name, one in records.items()])
+    assert [line["name"] for line in got["runs"]] == ["x: median and range of 3 seeds", "y"]
+    [band] = got["runs"][0]["panels"]
+    assert band == {"x": [1.0, 2.0], "y": [2.0, 3.0], "low": [1.0, 2.0], "high": [4.0, 5.0]}
 
 
 def test_curves_without_a_common_axis_count_rows():

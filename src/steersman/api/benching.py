@@ -204,7 +204,7 @@ def compare(
     name = chosen.pop("suite", "").partition("=")[2].strip() or None
     over = plan(found, name, [*chosen.values()], numbers)
     engine, jobs = workers_for(over.suite.plant, engine, jobs)
-    drivers = sum(one.entrant is not None for one in found)
+    drivers = sum(len(one.drivers) for one in found)
     with kept(out) as folder:
         if drivers:
             tell(f"{len(over.scenarios)} scenarios x {drivers} controllers")
@@ -231,6 +231,8 @@ def _one_drive(
         return None
     first = chosen[own[0]]
     saved = next((one for one in found if one.entrant is None), None)
+    if saved is not None and saved.replicates:
+        raise ConfigError(f"{first}: {saved.source} holds several seeds; name one of them")
     if saved is not None:
         raise ConfigError(f"{first}: {saved.source} is driven already; it goes with controllers")
     if "suite" in words.values() or seeds is not None:

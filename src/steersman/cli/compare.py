@@ -11,6 +11,7 @@ from steersman.cli.outcome import goes_on
 from steersman.cli.output import note, show, show_json, suite_progress, table
 
 if TYPE_CHECKING:
+    from steersman.studies.compare.replicates import ReplicatedComparison
     from steersman.studies.compare.results import AnyComparison, DriveCompareResult
 
 EXAMPLES = (
@@ -21,6 +22,7 @@ EXAMPLES = (
     "  steersman compare runs/monza_mpc runs/monza_agent --out runs/monza_both\n"
     "  steersman compare runs/monza_mpc tuned/stanley      (drives what was driven there)\n"
     "  steersman compare runs/agent runs/agent2 --json     (the policies of two trainings)\n"
+    "  steersman compare tuned/lqr ddpg=runs/five td3=runs/five_td3   (folders of seeds)\n"
     "  steersman compare runs/bench:lqr,pid\n"
     "  steersman compare tuned/lqr tuned/stanley path=figure_eight duration=30\n"
     "\n"
@@ -35,7 +37,8 @@ def compare(
         list[str],
         typer.Argument(
             metavar="A B... [suite=SUITE | path=PATH] [key=value ...]",
-            help="Folders or .npz files of drives; folders of trainings, tunings or benchmarks;"
+            help="Folders or .npz files of drives; folders of trainings or tunings,"
+            " also with several seeds, or of benchmarks;"
             " controllers as 'steersman bench' takes them; each also as name=...",
         ),
     ],
@@ -85,10 +88,22 @@ def _show(outcome: AnyComparison, folder: str | None) -> None:
             out.add_row(*(row[key] for key in columns))
         if out.rows:
             show("", out)
+    if outcome.sort == "scenarios" and outcome.replicates is not None:
+        _show_replicates(outcome.replicates)
     drawn = "paths" if outcome.sort == "scenarios" else "stretches of the path"
     show("", f"In brackets: 95 % intervals of a bootstrap over {drawn}.")
     if folder is not None:
         show(f"written to {folder}")
+
+
+def _show_replicates(found: ReplicatedComparison) -> None:
+    from steersman.report.comparison import replicate_rows, replicate_words
+
+    lines = replicate_rows(found, "\n")
+    out = table(*lines[0], right=tuple(lines[0])[1:])
+    for line in lines:
+        out.add_row(*line.values())
+    show("", replicate_words(found), "", out)
 
 
 def _show_metrics(outcome: DriveCompareResult) -> None:

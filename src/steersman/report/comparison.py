@@ -17,6 +17,7 @@ from steersman.report.charts import IntervalPlot, ShownEstimate
 from steersman.report.html import write_report
 from steersman.report.runs import ReportRun, read_progress
 from steersman.report.tables import interval_text, scaled, text
+from steersman.studies.compare.replicates import ReplicatedComparison
 from steersman.studies.compare.results import (
     AnyComparison,
     CompareResult,
@@ -63,6 +64,38 @@ def rows(result: AnyComparison, k: int, gap: str = " ") -> list[dict[str, str]]:
         for name, figure in figures.items()
         if found is not None and (one := found.figures.get(name)) is not None
     ]
+
+
+def replicate_rows(found: ReplicatedComparison, gap: str = " ") -> list[dict[str, str]]:
+    """Methods over their seeds as text; errors in mm."""
+    improvements = {one.name: one.probability for one in found.improvements}
+    out = []
+    for one in found.methods:
+        errors = [text(1e3 * run.rms_m, 3) for run in one.runs]
+        better = improvements.get(one.name)
+        out.append(
+            {
+                "method": one.name,
+                "seeds": str(len(one.runs)),
+                "IQM [mm]": interval_text(one.iqm_m, 1e3, gap),
+                "RMS [mm]": ", ".join(errors),
+                "lost": ", ".join(str(run.lost) for run in one.runs),
+                "P(better)": "" if better is None else interval_text(better, gap=gap),
+            }
+        )
+    return out
+
+
+def replicate_words(found: ReplicatedComparison) -> str:
+    """What the table of methods over seeds shows."""
+    shown = ", ".join(f"{one.shown}" for one in found.methods if len(one.runs) > 1)
+    return (
+        f"Over seeds, on {found.scenarios} scenarios. IQM: interquartile mean of the error over"
+        " seeds and scenarios. RMS, lost: of each seed. P(better): probability that a seed has a"
+        f" smaller error than one of {found.methods[0].name} on the same scenario. In brackets:"
+        " 95 % intervals of a bootstrap over seeds. Everything else shows the median seed:"
+        f" {shown}."
+    )
 
 
 def sentences(found: AnyComparison, k: int) -> list[str]:
@@ -121,7 +154,7 @@ def write_comparison(
     if isinstance(found, DriveCompareResult):
         return write_report(_runs(found, episodes or {}), out, TITLE)
     summary = benchmark.sections(found.summary, cases)
-    page = [*_against(found), *_trainings(found), *summary]
+    page = [*_against(found), *_over_seeds(found), *_trainings(found), *summary]
     source = f"{found.scenarios}, seeds {', '.join(map(str, found.seeds))}."
     return write_article(page, out, TITLE, source, replay=replays(found.summary, cases))
 
@@ -175,6 +208,15 @@ def _against(found: ScenarioCompareResult) -> list[Section]:
     warnings = [f"{line[:1].upper()}{line[1:]}." for line in found.warnings]
     out[0] = out[0]._replace(text=[*who, *out[0].text], warnings=warnings)
     return out
+
+
+def _over_seeds(found: ScenarioCompareResult) -> list[Section]:
+    """The methods over their seeds; nothing if each has one."""
+    if found.replicates is None:
+        return []
+    lines = replicate_rows(found.replicates)
+    words = [replicate_words(found.replicates)]
+    return [Section("Over seeds", words, tables=[Table("Methods over their seeds", lines)])]
 
 
 def _ratio(one: PathPairs) -> float | None:

@@ -25,16 +25,18 @@ class TrainingPanel {
     const { context, width, height } = sized(this.canvas);
     const lines = this.lines();
     const xs = lines.flatMap((line) => line.x);
-    const positive = lines.flatMap((line) => line.y).filter((value) => value > 0);
+    const values = lines.flatMap((line) => [...line.y, ...(line.low || []), ...(line.high || [])]);
+    const positive = values.filter((value) => value > 0);
     const log = this.state.log && positive.length > 0;
     const scaled = log ? (value) => (value > 0 ? Math.log10(value) : NaN) : (value) => value;
-    const ys = lines.flatMap((line) => line.y).map(scaled).filter(Number.isFinite);
+    const ys = values.map(scaled).filter(Number.isFinite);
     const [x0, x1] = padded(least(xs), most(xs));
     const [y0, y1] = padded(least(ys), most(ys));
     const { left, right, top, bottom } = SMALL;
     const px = (x) => left + ((x - x0) / (x1 - x0)) * (width - left - right);
     const py = (y) => height - bottom - ((scaled(y) - y0) / (y1 - y0)) * (height - top - bottom);
     this.frame(context, { width, height, px, py, x0, x1, y0, y1, log });
+    for (const line of lines) if (line.low) this.band(context, line, px, py);
     for (const line of lines) this.line(context, line, px, py);
     if (this.hover != null && lines.length) this.tell(context, lines, px, py, width);
   }
@@ -63,6 +65,19 @@ class TrainingPanel {
     context.textAlign = "left";
     context.font = `600 12px ${font}`;
     context.fillText(this.title, SMALL.left, 9);
+  }
+
+  // From the least to the largest value of several seeds.
+  band(context, { x, low, high, run }, px, py) {
+    const inside = x.map((_, i) => i).filter((i) => Number.isFinite(py(low[i])) && Number.isFinite(py(high[i])));
+    context.beginPath();
+    for (const i of inside) context.lineTo(px(x[i]), py(high[i]));
+    for (const i of inside.reverse()) context.lineTo(px(x[i]), py(low[i]));
+    context.closePath();
+    context.globalAlpha = 0.18;
+    context.fillStyle = run.color;
+    context.fill();
+    context.globalAlpha = 1;
   }
 
   line(context, { x, y, run }, px, py) {

@@ -25,7 +25,7 @@ class Contestant(NamedTuple):
 
     name: str
     sort: str
-    """``drive``, ``rows``, ``training`` or ``controller``."""
+    """``drive``, ``rows``, ``training``, ``seeds`` or ``controller``."""
     source: str
     """The word, or the file, that it came from."""
     learned: bool = False
@@ -34,6 +34,15 @@ class Contestant(NamedTuple):
     rows: tuple[BenchRow, ...] = ()
     entrant: Entrant | None = None
     folder: FilePath | None = None
+    replicates: tuple[Entrant, ...] = ()
+    """The same training or tuning with each of several seeds."""
+
+    @property
+    def drivers(self) -> tuple[Entrant, ...]:
+        """What is driven now, under names that differ; empty if it was driven before."""
+        if self.entrant is not None:
+            return (self.entrant._replace(name=self.name),)
+        return tuple(one._replace(name=f"{self.name} {one.name}") for one in self.replicates)
 
 
 class SavedBenchmark(NamedTuple):
@@ -48,7 +57,8 @@ def contestants(words: Sequence[str]) -> list[Contestant]:
     """All contestants, under names that differ.
 
     A word is ``[name=]`` and: the folder or ``.npz`` file of a drive; the folder of a training
-    (its policy), of a tuning (the best controller) or of a benchmark (every controller in it, or
+    (its policy), of a tuning (the best controller), of either with several seeds (``seed_0``,
+    ``seed_1`` and so on in it) or of a benchmark (every controller in it, or
     those after a colon: ``runs/bench:lqr,pid``); else a controller as ``steersman bench`` takes it.
 
     Raises:
@@ -93,7 +103,25 @@ def _from_folder(folder: FilePath, name: str) -> list[Contestant]:
     for file in (_TUNED, _POLICY):
         if (folder / file).is_file():
             return [_controller(folder, file, "controller", name)]
+        if replicates := _replicates(folder, file):
+            learned = any(one.learned for one in replicates)
+            one = Contestant(name or folder.resolve().name, "seeds", str(folder), learned)
+            return [one._replace(folder=folder, replicates=replicates)]
     raise DataError(f"{folder}: {_nothing(folder)}")
+
+
+def _replicates(folder: FilePath, file: str) -> tuple[Entrant, ...]:
+    """What the trainings or tunings with several seeds have left; empty without any.
+
+    Raises:
+        DataError: some of them have left none.
+    """
+    seeds = sorted(folder.glob("seed_*/"), key=lambda one: (len(one.name), one.name))
+    found = [one for one in seeds if (one / file).is_file()]
+    if found and len(found) < len(seeds):
+        missing = next(one for one in seeds if one not in found)
+        raise DataError(f"{missing}: has no {file} yet; wait until all seeds are done")
+    return tuple(entrant(f"{one.name.replace('_', ' ')}={one / file}") for one in found)
 
 
 def _nothing(folder: FilePath) -> str:
@@ -206,6 +234,11 @@ def sort_of(found: Sequence[Contestant]) -> Literal["drives", "scenarios"]:
     by_sort = {one.sort: one for one in reversed(found)}
     if "drive" not in by_sort:
         return "scenarios"
+    if "seeds" in by_sort:
+        raise ConfigError(
+            f"{by_sort['drive'].source} is one drive and {by_sort['seeds'].source} holds several"
+            " seeds; name one of them, or compare over a suite"
+        )
     if "rows" in by_sort:
         raise ConfigError(
             f"{by_sort['drive'].source} is one drive and {by_sort['rows'].source} the rows of a"

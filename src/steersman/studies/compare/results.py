@@ -14,6 +14,7 @@ from steersman.bench.results import Summary
 from steersman.policy_file import locate, read_policy
 from steersman.stored import SourcedResult, StoredResult, optional
 from steersman.studies.compare.contestants import Contestant
+from steersman.studies.compare.replicates import ReplicatedComparison
 
 FORMAT = 1
 _LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
@@ -61,6 +62,9 @@ class ScenarioCompareResult(CompareResult):
     seeds: list[int]
     summary: Summary
     comparisons: list[PairedComparison]
+    replicates: ReplicatedComparison | None = optional()
+    """Over all seeds, if a contestant has several; ``comparisons`` and ``summary`` show the seed
+    of median error."""
 
 
 class FieldDifference(StoredResult):

@@ -7,6 +7,7 @@ from pathlib import Path as FilePath
 from typing import NamedTuple
 
 from steersman.bench import drive
+from steersman.bench.entrants import Entrant
 from steersman.bench.pairs import FEW_PATHS, against
 from steersman.bench.replay import ShownCase, median_cases, worst_cases
 from steersman.bench.results import BenchRow
@@ -17,6 +18,7 @@ from steersman.bench.summary import summarise_rows
 from steersman.errors import ConfigError
 from steersman.provenance import provenance
 from steersman.studies.compare.contestants import Contestant, SavedBenchmark, benchmark
+from steersman.studies.compare.replicates import FEW_RUNS, compare_replicates, median_run
 from steersman.studies.compare.results import ScenarioCompareResult, records
 
 QUICK, LARGER = "quick", "core"
@@ -116,11 +118,16 @@ def compare_scenarios(
         DataError: the folder cannot be read or written.
     """
     rows = _saved(found, over)
-    drivers = [one.entrant._replace(name=one.name) for one in found if one.entrant is not None]
+    drivers = [driver for one in found for driver in one.drivers]
     if drivers:
-        driven = bench(over.scenarios, drivers, folder, engine=engine, jobs=jobs, progress=progress)
-        for row in driven:
-            rows[row.controller].append(row)
+        for row in bench(
+            over.scenarios, drivers, folder, engine=engine, jobs=jobs, progress=progress
+        ):
+            rows.setdefault(row.controller, []).append(row)
+    runs = {one.name: _runs(one, rows) for one in found}
+    several = any(len(own) > 1 for own in runs.values())
+    replicates = compare_replicates(runs) if several else None
+    rows = {name: _renamed(own[median_run(own)], name) for name, own in runs.items()}
     warnings = [*over.warnings, *_missing(rows, over)]
     base, *others = found
     comparisons = []
@@ -129,6 +136,9 @@ def compare_scenarios(
         if not pairs.scenarios:
             raise ConfigError(f"{base.source} and {other.source} drove no scenario in common")
         comparisons.append(pairs)
+    fewest_runs = min((len(own) for own in runs.values() if len(own) > 1), default=FEW_RUNS)
+    if fewest_runs < FEW_RUNS:
+        warnings.append(f"only {fewest_runs} seeds: the intervals over seeds are rough")
     fewest = min(pairs.paths for pairs in comparisons)
     if fewest < FEW_PATHS:
         warnings.append(few_paths(fewest) + over.more)
@@ -139,13 +149,30 @@ def compare_scenarios(
         seeds=list(over.seeds),
         summary=summarise_rows(every, found),
         comparisons=comparisons,
+        replicates=replicates,
         warnings=warnings,
         **provenance(),
     )
-    if len(drivers) < len(found):
+    shown = [_shown(one, runs[one.name]) for one in found if one.drivers]
+    if len(shown) < len(found):
         return result, []
     finders = (worst_cases, median_cases)
-    return result, [case for find in finders for case in find(every, over.scenarios, drivers)]
+    return result, [case for find in finders for case in find(every, over.scenarios, shown)]
+
+
+def _runs(one: Contestant, rows: Mapping[str, list[BenchRow]]) -> dict[str, list[BenchRow]]:
+    """The rows of each seed of a contestant, or of its only run."""
+    return {name: rows[name] for name in [driver.name for driver in one.drivers] or [one.name]}
+
+
+def _renamed(rows: Sequence[BenchRow], name: str) -> list[BenchRow]:
+    return [row.model_copy(update={"controller": name}) for row in rows]
+
+
+def _shown(one: Contestant, runs: Mapping[str, Sequence[BenchRow]]) -> Entrant:
+    """What is replayed of a contestant: its run of median error, under the contestant's name."""
+    chosen = median_run(runs)
+    return next(d for d in one.drivers if d.name == chosen)._replace(name=one.name)
 
 
 def few_paths(count: int) -> str:
@@ -160,11 +187,10 @@ def _saved(found: Sequence[Contestant], over: ComparedScenarios) -> dict[str, li
     out: dict[str, list[BenchRow]] = {}
     for one in found:
         mine = {row.scenario: row for row in one.rows}
-        out[one.name] = [
-            mine[s.name].model_copy(update={"controller": one.name})
-            for s in over.scenarios
-            if s.name in mine
-        ]
+        if one.rows or one.entrant is not None:
+            out[one.name] = _renamed(
+                [mine[s.name] for s in over.scenarios if s.name in mine], one.name
+            )
     return out
 
 
