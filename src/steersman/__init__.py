@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from steersman.api.driving import drive as drive
     from steersman.api.driving import make as make
     from steersman.api.learning import imitate as imitate
+    from steersman.api.learning import search as search
     from steersman.api.learning import train as train
     from steersman.api.loading import load as load
     from steersman.api.studies import falsify as falsify
@@ -90,7 +91,7 @@ __version__ = "0.1.0"
 # The front door: the names behind each module. To add one: here, and above for type checkers.
 _FRONT_DOOR = {
     "api.driving": ("drive", "attempt", "configure", "make"),
-    "api.learning": ("train", "imitate"),
+    "api.learning": ("train", "search", "imitate"),
     "api.studies": ("tune", "falsify", "identify"),
     "api.benching": ("bench", "compare"),
     "api.loading": ("load",),

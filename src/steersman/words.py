@@ -15,7 +15,7 @@ Where a controller gets a name of its own (bench, compare), a word may be ``name
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -206,3 +206,24 @@ def seed_list(given: str | Iterable[int]) -> list[int]:
     if len(set(seeds)) < len(seeds):
         raise ConfigError(f"{given!r} names a seed twice", ("seeds",))
     return seeds
+
+
+def split_seeds(words: Sequence[str]) -> tuple[list[int] | None, list[str]]:
+    """The seeds that ``seeds=...`` names, None without it, and all other words.
+
+    >>> split_seeds(["demo", "seeds=0..2,7", "steps=1e4"])
+    ([0, 1, 2, 7], ['demo', 'steps=1e4'])
+
+    Raises:
+        ConfigError: they cannot be read, or come twice.
+    """
+    given = [word for word in words if word.partition("=")[0].strip() == "seeds"]
+    others = [word for word in words if word not in given]
+    if not given:
+        return None, others
+    if len(given) > 1:
+        raise ConfigError(f"given twice: {given[0]} and {given[1]}", ("seeds",))
+    rivals = [word for word in others if word.partition("=")[0].strip() == "seed"]
+    if rivals:
+        raise ConfigError(f"{given[0]} and {rivals[0]} contradict each other; give one of them")
+    return seed_list(given[0].partition("=")[2]), others

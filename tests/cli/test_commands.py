@@ -23,7 +23,7 @@ from tests.loops import random_policy
 from typer.testing import Result
 
 from steersman import commands, files, policies, tuned
-from steersman.cli import output, seeds
+from steersman.cli import output
 from steersman.config import build, components, families, read_yaml, resolve, to_yaml
 from steersman.episode import load_episode
 from steersman.errors import ConfigError, DataError
@@ -32,6 +32,7 @@ from steersman.learning.progress import TrainRow
 from steersman.metrics.base import metrics
 from steersman.rollout import RunConfig
 from steersman.types import Decision
+from steersman.words import split_seeds
 from steersman.world import Simulation
 
 Steersman = Callable[..., Result]
@@ -482,7 +483,7 @@ class TestTrain:
         [("0..4", [0, 1, 2, 3, 4]), ("0,3,7", [0, 3, 7]), ("[9, 1..2]", [9, 1, 2]), ("5", [5])],
     )
     def test_seeds(self, text: str, expected: list[int]) -> None:
-        assert seeds.split(["demo", f"seeds={text}", "a=1"]) == (expected, ["demo", "a=1"])
+        assert split_seeds(["demo", f"seeds={text}", "a=1"]) == (expected, ["demo", "a=1"])
 
     @pytest.mark.parametrize(
         ("words", "message"),

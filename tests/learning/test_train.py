@@ -15,8 +15,8 @@ from steersman.config import build, read_yaml
 from steersman.controllers.policy import Policy
 from steersman.errors import ConfigError, DataError, TrainingDiverged
 from steersman.learning.config import TrainConfig, load_preset, train_config
-from steersman.learning.progress import TrainRow, check_progress
-from steersman.learning.train import load_training, train
+from steersman.learning.progress import TrainRow, check_progress, load_training
+from steersman.learning.train import train
 from steersman.learning.validate import Validator
 
 from ..loops import Posed, drive

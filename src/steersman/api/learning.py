@@ -11,9 +11,9 @@ from steersman.commands import Notify, Word, configuration
 
 if TYPE_CHECKING:
     from steersman.learning.imitation.imitate import ImitationResult
-    from steersman.learning.progress import ImitationRow, TrainRow
+    from steersman.learning.progress import ImitationRow, TrainResult, TrainRow
     from steersman.learning.task import Judged
-    from steersman.learning.train import TrainResult
+    from steersman.studies.search import SearchResult
 
 
 def train(
@@ -61,6 +61,65 @@ def train(
         overwrite=overwrite,
         resume=resume,
     )
+
+
+def search(
+    *words: Word,
+    out: Folder,
+    trials: int = 20,
+    progress: Callable[[int, str, float], None] | None = None,
+    engine: str | None = None,
+    jobs: int | None = None,
+    notify: Notify | None = None,
+    **settings: Any,
+) -> SearchResult:
+    """Search the hyper-parameters of a training; ``best.yaml`` in ``out`` is the best one.
+
+    ``sm.search("demo", "agent.gamma=0.9..0.99", "seeds=0..2", trials=20, out="runs/search")``. The
+    same call goes on where an interrupted one stopped.
+
+    Args:
+        words: those of :func:`train`; a setting that is searched is ``"key=LOW..HIGH"``,
+            ``"key=LOW..HIGH:log"`` or ``"key=A|B"``, without any the agent's own are;
+            ``"seeds=0..2"`` trains each trial with each of them, two by default.
+        out: folder for ``search.json``, ``best.yaml`` and the trainings.
+        trials: trials in all.
+        progress: called at every validation with the trial, a few words, and the best score [m].
+        engine: ``local`` or ``ray``; None: ``ray`` if ``RAY_ADDRESS`` is set.
+        jobs: trainings at a time; None: one for each core.
+        notify: called with a sentence where something is to be said.
+        settings: fields of a training (``steersman show train``).
+
+    Returns:
+        What is written to ``search.json``.
+
+    Raises:
+        ConfigError: a word or a value is wrong, or ``out`` holds another search.
+        DataError: a file is missing or malformed.
+        TrainingDiverged: all trials diverged.
+    """
+    from steersman.api.driving import workers_for
+    from steersman.config import build
+    from steersman.files import out_folder
+    from steersman.studies.search import search as run
+    from steersman.studies.search_space import SearchConfig, is_range
+    from steersman.words import split_seeds
+
+    texts = [word for word in words if isinstance(word, str)]
+    seeds, _ = split_seeds(texts)
+    found = [text.partition("=") for text in texts if "=" in text]
+    ranges = {n.strip(): v for n, _, v in found if n.strip() != "seeds" and is_range(v)}
+    plain = [w for w in words if not (isinstance(w, str) and _key(w) in {*ranges, "seeds"})]
+    training = configuration("train", plain, settings, notify)
+    chosen = SearchConfig(training=training, ranges=ranges, trials=trials)
+    if seeds is not None:
+        chosen = build(SearchConfig, {**dict(chosen), "seeds": seeds})
+    engine, jobs = workers_for(training.problem.plant, engine, jobs)
+    return run(chosen, out_folder(str(out)), progress, engine=engine, jobs=jobs)
+
+
+def _key(word: str) -> str:
+    return word.partition("=")[0].strip() if "=" in word else ""
 
 
 def imitate(

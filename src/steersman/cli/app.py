@@ -42,6 +42,7 @@ COMMANDS = {
     ),
     "drive": Entry("drive:drive", "Drive one closed loop and print what was measured."),
     "train": Entry("train:train", "Train an agent and export its policy."),
+    "search": Entry("search:search", "Search the hyper-parameters of a training with Optuna."),
     "imitate": Entry(
         "imitate:imitate",
         "Fit a network to a controller's actions, by DAgger or behaviour cloning.",

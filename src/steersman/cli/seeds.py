@@ -10,35 +10,11 @@ import typer
 
 from steersman.cli.outcome import USER_ERROR, fail, interrupted
 from steersman.cli.output import note, show, steps_bars, table, write
-from steersman.errors import ConfigError
-from steersman.words import seed_list
 
 if TYPE_CHECKING:
     from steersman.learning.config import TrainConfig
     from steersman.learning.parallel import TrainingEvent, TrainingJob
-    from steersman.learning.progress import TrainRow
-    from steersman.learning.train import TrainResult
-
-
-def split(words: Sequence[str]) -> tuple[list[int] | None, list[str]]:
-    """The seeds that ``seeds=...`` names, None without it, and all other words.
-
-    >>> split(["demo", "seeds=0..2,7", "steps=1e4"])
-    ([0, 1, 2, 7], ['demo', 'steps=1e4'])
-
-    Raises:
-        ConfigError: they cannot be read, or come twice.
-    """
-    given = [word for word in words if word.partition("=")[0].strip() == "seeds"]
-    others = [word for word in words if word not in given]
-    if not given:
-        return None, others
-    if len(given) > 1:
-        raise ConfigError(f"given twice: {given[0]} and {given[1]}", ("seeds",))
-    rivals = [word for word in others if word.partition("=")[0].strip() == "seed"]
-    if rivals:
-        raise ConfigError(f"{given[0]} and {rivals[0]} contradict each other; give one of them")
-    return seed_list(given[0].partition("=")[2]), others
+    from steersman.learning.progress import TrainResult, TrainRow
 
 
 def train_seeds(
@@ -95,7 +71,7 @@ def progress_text(row: TrainRow) -> str:
 
 def _summary(tasks: Sequence[TrainingJob], failed: dict[str, str]) -> None:
     """Validation error of each seed's best policy, the best of all marked."""
-    from steersman.learning.train import load_training
+    from steersman.learning.progress import load_training
 
     out = table("seed", "error [mm]", "failures", "steps", "", right=("error [mm]", "failures"))
     results = {job.name: load_training(job.out) for job in tasks if job.name not in failed}

@@ -10,11 +10,11 @@ from steersman.cli import seeds, settings
 from steersman.cli.outcome import interrupted
 from steersman.cli.output import animated, note, steps_bar, write
 from steersman.errors import ConfigError
+from steersman.words import split_seeds
 
 if TYPE_CHECKING:
     from steersman.learning.config import TrainConfig
-    from steersman.learning.progress import TrainRow
-    from steersman.learning.train import TrainResult
+    from steersman.learning.progress import TrainResult, TrainRow
 
 EXAMPLES = (
     "\b\n"
@@ -44,7 +44,7 @@ def train(
     as policy.onnx with its card policy.json. seeds=0..4 (or 0,3,7) trains with each of them,
     in processes of their own, into DIR/seed_0 and so on.
     """
-    chosen, words = seeds.split(words or [])
+    chosen, words = split_seeds(words or [])
     for option, value in (("--jobs", jobs), ("--engine", engine)):
         if value is not None and chosen is None:
             raise ConfigError(f"{option}: there is one training; it goes with seeds=0..4")

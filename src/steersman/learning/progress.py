@@ -8,14 +8,13 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
+from steersman.config import build, read_yaml
 from steersman.errors import DataError, TrainingDiverged
 from steersman.files import write_text
+from steersman.learning.config import TrainConfig
 from steersman.policy_file import PolicyCard, read_policy
-
-if TYPE_CHECKING:
-    from steersman.learning.config import TrainConfig
 
 # Training is stopped when this share of the actions was at a limit for this many validations.
 _STUCK_SHARE, _STUCK_ROWS = 0.95, 3
@@ -102,6 +101,9 @@ class LearningResult(Generic[C, R]):
         return str(self.policy)
 
 
+TrainResult: TypeAlias = LearningResult[TrainConfig, TrainRow]
+
+
 def learned(folder: FilePath, config: C, row: type[R]) -> LearningResult[C, R]:
     """The result in a folder, whichever version wrote it.
 
@@ -117,6 +119,14 @@ def learned(folder: FilePath, config: C, row: type[R]) -> LearningResult[C, R]:
         return abs(one.updates - updates), abs(one.validation_error_mm - error)
 
     return LearningResult(folder, config, tuple(rows), min(rows, key=distance), policy, card)
+
+
+def chosen_words(result: TrainResult) -> str:
+    """Which of the validated policies of a training is the exported one."""
+    policy, steps = result.policy, result.card.training["steps"]
+    if steps == 0:
+        return f"{policy}: the base alone; no correction was better in validation"
+    return f"{policy}: after {steps} of {result.config.steps} steps, the best in validation"
 
 
 def read_rows(file: FilePath, row: type[R]) -> list[R]:
@@ -222,3 +232,14 @@ def check_progress(config: TrainConfig, rows: Sequence[TrainRow], largest_reward
             f"{_STUCK_ROWS * config.validation.interval} steps; try a smaller "
             "agent.learning_rate, or other reward coefficients"
         )
+
+
+def load_training(folder: FilePath) -> TrainResult:
+    """The result of a training from its folder, whichever version wrote it.
+
+    Raises:
+        DataError: there is no record or no policy, or one of them cannot be read.
+        ConfigError: ``config.yaml`` holds no training.
+    """
+    config = build(TrainConfig, read_yaml(folder / "config.yaml"))
+    return learned(folder, config, TrainRow)

@@ -6,17 +6,23 @@ import math
 import time
 from collections.abc import Callable
 from pathlib import Path as FilePath
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
-from steersman.config import build, read_yaml
 from steersman.files import alone, replacing
 from steersman.learning import checkpoint
 from steersman.learning.arithmetic import arithmetic
 from steersman.learning.config import TrainConfig
 from steersman.learning.networks import WeightAverage
-from steersman.learning.progress import LearningResult, Record, TrainRow, check_progress, learned
+from steersman.learning.progress import (
+    Record,
+    TrainResult,
+    TrainRow,
+    check_progress,
+    chosen_words,
+    learned,
+)
 from steersman.learning.snapshot import Tree
 
 # SB3's own log, which is not wanted: its interval in episodes.
@@ -24,7 +30,6 @@ _NEVER = 2**62
 # What the loop itself counts, beside agent and environments.
 _COUNTERS = ("best", "next_validation", "next_checkpoint", "_marks", "_count")
 Reporter = Callable[[TrainRow], None]
-TrainResult: TypeAlias = LearningResult[TrainConfig, TrainRow]
 
 
 @alone("out")
@@ -37,6 +42,7 @@ def train(
     notify: Callable[[str], None] | None = None,
     overwrite: bool = False,
     resume: bool = False,
+    until: int | None = None,
 ) -> TrainResult:
     """Run a training and return what it left; ``result.policy`` is the exported policy.
 
@@ -51,6 +57,8 @@ def train(
         notify: called with a sentence: where it resumes, or why not, and which policy is exported.
         overwrite: replace an earlier training in ``out``.
         resume: go on from the last checkpoint in ``out``, or begin if there is none.
+        until: stop with a checkpoint after so many environment steps, from which ``resume`` goes
+            on; at least one validation has to come before. None: to the end.
 
     Raises:
         DataError: ``out`` holds a training already, or cannot be written.
@@ -58,7 +66,7 @@ def train(
         TrainingDiverged: losses or values are no longer finite or plausible, or the action
             sticks to its limit.
     """
-    say = notify if notify is not None else _no_notice
+    say = notify or (lambda _: None)
     finished, saved = checkpoint.begin(config, out, say, overwrite=overwrite, resume=resume)
     if finished:
         return learned(out, config, TrainRow)
@@ -66,33 +74,16 @@ def train(
         done = None if saved is None else int(saved["agent"]["counters"]["num_timesteps"])
         if done is not None:
             say(f"{out}: going on after {done} steps")
-        _Training(config, out, reporter, tick, done).run(saved)
+        if until is None or done is None or done < until:
+            _Training(config, out, reporter, tick, done, until).run(saved)
     result = learned(out, config, TrainRow)
-    say(_chosen(result))
+    if until is None:
+        say(chosen_words(result))
     return result
 
 
-def load_training(folder: FilePath) -> TrainResult:
-    """The result of a training from its folder, whichever version wrote it.
-
-    Raises:
-        DataError: there is no record or no policy, or one of them cannot be read.
-        ConfigError: ``config.yaml`` holds no training.
-    """
-    config = build(TrainConfig, read_yaml(folder / "config.yaml"))
-    return learned(folder, config, TrainRow)
-
-
-def _chosen(result: TrainResult) -> str:
-    """Which of the validated policies is the exported one."""
-    policy, steps = result.policy, result.card.training["steps"]
-    if steps == 0:
-        return f"{policy}: the base alone; no correction was better in validation"
-    return f"{policy}: after {steps} of {result.config.steps} steps, the best in validation"
-
-
-def _no_notice(_: str) -> None:
-    """The default of ``notify``."""
+class _Paused(Exception):
+    """Ends a training that is to go on later."""
 
 
 class _Training:
@@ -105,13 +96,14 @@ class _Training:
         reporter: Reporter | None,
         tick: Callable[[int], None] | None,
         resumed_at: int | None = None,
+        until: int | None = None,
     ) -> None:
         from steersman.learning.datasets.recorder import Keeper
         from steersman.learning.validate import Validator
         from steersman.learning.vec_env import PathFollowingVecEnv
 
         self.config, self.out, self.reporter, self.tick = config, out, reporter, tick
-        self.next_tick = 0.0
+        self.next_tick, self.until = 0.0, until
         self.env = PathFollowingVecEnv(config.problem, config.agent.vehicles)
         self.agent = config.agent.make(config, self.env)
         self.keeper = Keeper(self.env, out) if config.keep else None
@@ -165,6 +157,8 @@ class _Training:
                 self.keeper.finish(self.config.problem, f"training by {self.config.agent.kind}")
             self._save_weights()
             checkpoint.finish(self.out)
+        except _Paused:
+            pass
         finally:
             self.record.close()
             self.env.close()
@@ -199,13 +193,17 @@ class _Training:
     def _between_steps(self) -> None:
         """Before a step: the last one is stored and learned from, so the state is whole."""
         steps = self.agent.num_timesteps
-        if steps >= self.next_checkpoint:
+        due, paused = steps >= self.next_checkpoint, self.until is not None and steps >= self.until
+        if due:
             self.next_checkpoint += self.config.checkpoint_interval
+        if due or paused:
             self.record.flush()
             self._save_weights()
             if self.keeper is not None:
                 self.keeper.flush(steps)
             checkpoint.save(self.out, steps, self.snapshot())
+        if paused:
+            raise _Paused
 
     def _after_step(self) -> None:
         rewards = self.env.driver.fleet.reward

@@ -14,7 +14,6 @@ import yaml
 from pydantic import ValidationInfo, field_validator
 
 from steersman.bench.drive import planned_seconds
-from steersman.bench.suite import derived_seed
 from steersman.bench.suites import suite
 from steersman.config import Of, Settings, build, dump, override, param
 from steersman.controllers.base import ControllerComponent
@@ -28,6 +27,12 @@ from steersman.provenance import provenance
 from steersman.rollout import RunConfig
 from steersman.studies.folder import same_study
 from steersman.studies.objective import RunCost, TrialCost, measure, together
+from steersman.studies.optuna_study import (
+    close_unfinished,
+    open_study,
+    sampler,
+    trial_states,
+)
 from steersman.studies.trials import TrialFigures, TuneResult, trade
 
 # Simulated time from which drives of a trial are handed out together [s].
@@ -113,21 +118,19 @@ def tune(
     Raises:
         ConfigError: the controller declares nothing to tune, or ``out`` holds another study.
     """
-    import optuna
-
     if not config.controller.search:
         raise ConfigError(f"controller {config.controller.kind} declares nothing to tune")
-    optuna.logging.set_verbosity(optuna.logging.WARNING)
     make_folder(out)
     same_study(config, out, ("trials",))
-    study = _opened(config, out)
+    study = open_study(out / "study.jsonl", config.controller.kind)
+    close_unfinished(study)
     done = len(_finished(study))
-    if done == 0 and not study.get_trials(deepcopy=False, states=[_states().WAITING]):
+    if done == 0 and not study.get_trials(deepcopy=False, states=[trial_states().WAITING]):
         study.enqueue_trial(_present(config.controller))
     with Workers(engine, jobs if config.plant.computed else 1) as workers:
         for number in range(done, config.trials):
             # Anew for each trial, so that an interrupted study draws what it would have drawn.
-            study.sampler = _sampler(config.seed, number)
+            study.sampler = sampler(config.seed, number)
             trial = study.ask()
             found = _drive(config, _suggest(config.controller, trial), workers)
             for name, value in found._asdict().items():
@@ -152,40 +155,8 @@ def _measured(smoothness: float, run: RunConfig, _: object) -> RunCost:
     return measure(run, smoothness)
 
 
-def _opened(config: TuneConfig, out: FilePath) -> Any:
-    """The folder's study; a trial that an interruption left unfinished is closed."""
-    import optuna
-    from optuna.storages import JournalStorage
-    from optuna.storages.journal import JournalFileBackend
-
-    journal = out / "study.jsonl"
-    # Optuna's own lock stays behind if it is killed while it writes, and would be waited for; by
-    # now this process is alone in the folder, so no other one holds it.
-    journal.with_name(f"{journal.name}.lock").unlink(missing_ok=True)
-    study = optuna.create_study(
-        study_name=config.controller.kind,
-        storage=JournalStorage(JournalFileBackend(str(journal))),
-        load_if_exists=True,
-    )
-    for trial in study.get_trials(deepcopy=False, states=[_states().RUNNING]):
-        study.tell(trial.number, state=_states().FAIL)
-    return study
-
-
-def _states() -> Any:
-    from optuna.trial import TrialState
-
-    return TrialState
-
-
-def _sampler(seed: int, number: int) -> Any:
-    from optuna.samplers import TPESampler
-
-    return TPESampler(seed=derived_seed(seed, "trial", str(number)), multivariate=True)
-
-
 def _finished(study: Any) -> list[Any]:
-    found: list[Any] = study.get_trials(deepcopy=False, states=[_states().COMPLETE])
+    found: list[Any] = study.get_trials(deepcopy=False, states=[trial_states().COMPLETE])
     return found
 
 

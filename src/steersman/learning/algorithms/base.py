@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import model_validator
 
@@ -22,8 +22,18 @@ if TYPE_CHECKING:
 
 
 class AgentComponent(Component):
-    """A learning algorithm: networks, updates and exploration."""
+    """A learning algorithm: networks, updates and exploration.
 
+    ``search`` declares what ``steersman search`` may change, in the words of that command
+    (``steersman.studies.search_space``); an option that a training does not have is left out.
+    """
+
+    search: ClassVar[Mapping[str, str]] = {
+        "learning_rate.start": "1e-4..3e-3:log",
+        "learning_rate.at": "1e-4..3e-3:log",
+        "gamma": "0.9..0.99",
+        "batch": "64|128|256|512",
+    }
     hidden: tuple[int, int] = param((128, 128), "-", "Units of the two hidden layers.")
     gamma: float = param(0.95, "-", "Discount per control step.", gt=0, lt=1)
     batch: int = param(256, "-", "Transitions in a batch.", ge=1)
@@ -75,6 +85,11 @@ class AgentComponent(Component):
 class OffPolicyComponent(AgentComponent):
     """An algorithm that learns from a replay buffer."""
 
+    search: ClassVar[Mapping[str, str]] = {
+        **AgentComponent.search,
+        "tau": "1e-3..2e-2:log",
+        "updates": "2..8",
+    }
     tau: float = param(0.005, "-", "Share by which targets follow at each update.", gt=0, le=1)
     buffer: int = param(300_000, "-", "Transitions in the replay buffer.", ge=1)
     updates: int = param(4, "-", "Updates after each step of all vehicles.", ge=0)
@@ -106,6 +121,11 @@ class OffPolicyComponent(AgentComponent):
 class DeterministicComponent(OffPolicyComponent):
     """An algorithm with a deterministic policy, which explores by noise on its action."""
 
+    search: ClassVar[Mapping[str, str]] = {
+        **OffPolicyComponent.search,
+        "noise.start": "0.05..0.4:log",
+        "noise.at": "0.05..0.4:log",
+    }
     noise: Annotated[Schedule, Of("schedule")] = param(
         Constant(at=0.2), "-", "sigma of the Ornstein-Uhlenbeck noise, of the action range."
     )
