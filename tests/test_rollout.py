@@ -408,3 +408,32 @@ def test_a_wrong_model_in_the_controller_is_the_same_as_a_wrong_nominal_vehicle(
     inside = run(RunConfig(controller={"kind": "mpc_pid", "model_error": error}, **words))
     nominal = CAR.replace(mass=1.3 * CAR.mass, c_r=0.7 * CAR.c_r)
     assert same(inside, run(RunConfig(controller=MpcPid(), nominal=nominal, **words)))
+
+
+@pytest.mark.parametrize(
+    ("length", "end"),
+    [({"duration": 1.0}, ending.DURATION), ({"laps": 1.0}, ending.TIMEOUT)],
+)
+def test_only_what_was_not_planned_is_a_timeout(
+    monkeypatch: pytest.MonkeyPatch, length: dict[str, float], end: str
+) -> None:
+    """Also where the planned time is that from which a lap is given up."""
+    monkeypatch.setattr("steersman.rollout.LONGEST", 1.0)
+    episode = run(RunConfig(controller=GOOD, path=Circle(), **length))
+    assert (episode.end, episode.completed) == (end, "duration" in length)
+
+
+@pytest.mark.parametrize(
+    ("controller", "vehicle"),
+    [
+        ({"kind": "mpc_delay"}, {"kind": "carla_model3", "c_r": 5e-324}),
+        ({"kind": "mpc_delay", "q_yaw_rate": 2.0**63}, {"kind": "carla_model3"}),
+        ({"kind": "supervisor", "inner": "mpc_delay"}, {"kind": "carla_model3", "c_r": 5e-324}),
+    ],
+)
+def test_a_design_without_a_solution_is_the_configurations_fault(
+    controller: dict[str, Any], vehicle: dict[str, Any]
+) -> None:
+    config = RunConfig.model_validate({"controller": controller, "vehicle": vehicle, "duration": 1})
+    with pytest.raises(ConfigError, match="finds no solution for this vehicle"):
+        run(config)

@@ -10,7 +10,7 @@ import pytest
 from pydantic import ValidationError
 
 from steersman.config import build, components, lookup
-from steersman.errors import SteersmanError
+from steersman.errors import ConfigError, SteersmanError
 from steersman.kernels import vehicle as kernel
 from steersman.vehicles import Bmw320i, CarlaModel3, CarlaModel3V1, Vehicle
 
@@ -86,7 +86,7 @@ def test_replace() -> None:
     assert heavier.table.rows[0, kernel.MASS] == 2000.0
     assert car.table.rows[0, kernel.MASS] == 1845.0
     assert car.replace() == car
-    with pytest.raises(ValidationError, match="mass"):
+    with pytest.raises(ConfigError, match="mass"):
         car.replace(mass=-1.0)
 
 

@@ -24,8 +24,9 @@ from pydantic import (
 from pydantic_core import PydanticKnownError, core_schema
 
 from steersman import core_yaml, words
+from steersman.bounds import DEEPEST
 from steersman.core_yaml import read_yaml
-from steersman.errors import ConfigError
+from steersman.errors import ConfigError, shortened
 from steersman.messages import config_error, field_unit
 from steersman.registry import ENTRY_POINT_GROUP, FAMILIES, components, families, register
 
@@ -266,8 +267,11 @@ def override(tree: Mapping[str, Any], assignments: Iterable[str]) -> dict[str, A
     out = dict(tree)
     for text in assignments:
         key, sign, raw = text.partition("=")
-        if not sign or not all(key.strip().split(".")):
-            raise ConfigError(f"{text!r} is not an assignment; write key=value or key.field=value")
+        names = key.strip().split(".")
+        if not sign or not all(names) or len(names) > DEEPEST:
+            raise ConfigError(
+                f"{shortened(text)!r} is not an assignment; write key=value or key.field=value"
+            )
         out = lay_over(out, key, core_yaml.value(raw))
     return out
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -17,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from steersman.bounds import MOST_ARRAYS, from_json, read_arrays
 from steersman.errors import DataError
 from steersman.files import replacing
 from steersman.types import Driver, FloatArray, Reason
@@ -178,7 +178,7 @@ def is_episode(file: FilePath) -> bool:
             return "head.npy" in archive.namelist()
     except OSError as error:
         raise DataError(f"{file}: cannot be read ({error.strerror or error})") from None
-    except (EOFError, ValueError, zipfile.BadZipFile) as error:
+    except (EOFError, ValueError, NotImplementedError, zipfile.BadZipFile) as error:
         raise DataError(f"{file}: not an .npz archive ({error})") from None
 
 
@@ -189,22 +189,22 @@ def load_episode(file: FilePath) -> Episode:
         DataError: the file is missing, not an episode, or lacks columns.
     """
     try:
-        # Opened here because numpy leaves its own handle open when the archive is damaged.
-        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
-            head = json.loads(bytes(data["head"]).decode())
-            columns = {
-                name: np.asarray(data[name], dtype=np.float64)
-                for name in COLUMNS
-                if name in data or name not in _LATER
-            }
-            for name in _LATER:
-                columns.setdefault(name, np.zeros_like(columns["time"]))
-            fine = np.asarray(data["fine"] if "fine" in data else np.zeros((0, 2)), np.float64)
+        with file.open("rb") as stream:
+            data = read_arrays(stream, MOST_ARRAYS)
+        head = from_json(bytes(data["head"]))
+        columns = {
+            name: np.asarray(data[name], dtype=np.float64)
+            for name in COLUMNS
+            if name in data or name not in _LATER
+        }
+        for name in _LATER:
+            columns.setdefault(name, np.zeros_like(columns["time"]))
+        fine = np.asarray(data["fine"] if "fine" in data else np.zeros((0, 2)), np.float64)
         episode = Episode(columns=columns, fine=fine, **head)
         check(episode)
     except OSError as error:
         raise DataError(f"{file}: cannot be read ({error.strerror or error})") from None
-    except (KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+    except (KeyError, ValueError, TypeError) as error:
         raise DataError(f"{file}: not an episode of Steersman ({error})") from None
     return episode
 

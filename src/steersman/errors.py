@@ -63,6 +63,11 @@ def one_line(text: str) -> str:
     return " ".join(line.strip() for line in text.splitlines() if line.strip())
 
 
+def shortened(text: str, most: int = 60) -> str:
+    """``text``, or its beginning with dots after it if it has more than ``most`` characters."""
+    return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
 def suggestion(word: str, allowed: Iterable[str]) -> str:
     """The end of a message about an unknown ``word``: the nearest match, or all that is allowed.
 

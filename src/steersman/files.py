@@ -10,8 +10,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import wraps
 from pathlib import Path as FilePath
-from typing import BinaryIO, ParamSpec, TypeVar
+from typing import Any, BinaryIO, ParamSpec, TypeVar
 
+from steersman.bounds import MOST_JSON, from_json
 from steersman.errors import DataError
 
 LOCK = ".lock"
@@ -60,6 +61,20 @@ def read_bytes(file: FilePath, cure: str, most: int) -> bytes:
     if len(data) > most:
         raise DataError(f"{file}: is larger than {most // 1_000_000} MB, the most that is read")
     return data
+
+
+def read_json(file: FilePath, cure: str = "give a JSON file") -> Any:
+    """The plain data in a user's JSON file.
+
+    Raises:
+        DataError: it cannot be read, is too large, or not valid JSON.
+    """
+    try:
+        return from_json(read_bytes(file, cure, MOST_JSON))
+    except DataError:
+        raise
+    except ValueError as error:
+        raise DataError(f"{file}: not valid JSON ({error})") from None
 
 
 @contextmanager

@@ -10,9 +10,7 @@ from typing import Any, NamedTuple, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from steersman.errors import ConfigError, one_line, suggestion
-
-_LONGEST_VALUE = 60
+from steersman.errors import ConfigError, one_line, shortened, suggestion
 
 # What a value of the wrong type should have been, by pydantic's error type.
 _NOT_A = {
@@ -153,8 +151,7 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
 
 
 def _show(value: Any) -> str:
-    text = one_line(repr(value))
-    return text if len(text) <= _LONGEST_VALUE else f"{text[: _LONGEST_VALUE - 3]}..."
+    return shortened(one_line(repr(value)))
 
 
 def _short(limit: Any) -> Any:

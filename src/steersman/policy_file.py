@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from importlib.resources import files
 from pathlib import Path as FilePath
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from steersman.bounds import from_json
 from steersman.errors import DataError, suggestion
 from steersman.messages import config_error
 
@@ -115,10 +115,10 @@ def read_policy(file: FilePath) -> tuple[bytes, PolicyCard]:
     card_file = file.with_suffix(".json")
     data, text = _read(file), _read(card_file)
     try:
-        content = json.loads(text.decode("utf-8"))
+        content = from_json(text)
     except UnicodeDecodeError:
         raise DataError(f"{card_file}: cannot be read (not text)") from None
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise DataError(f"{card_file}: not a policy card: not valid JSON ({error})") from None
     if not isinstance(content, dict):
         raise DataError(f"{card_file}: not a policy card: expected an object of fields")

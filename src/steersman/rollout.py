@@ -11,7 +11,7 @@ from pydantic import field_validator, model_validator
 
 from steersman import episode as ending
 from steersman.config import Of, Settings, param
-from steersman.controllers.base import ControllerComponent, timed_step, warm_up
+from steersman.controllers.base import ControllerComponent, designed, timed_step, warm_up
 from steersman.controllers.mpc_pid import MpcPid
 from steersman.disturbances import DisturbanceComponent
 from steersman.episode import COLUMNS, Episode
@@ -191,11 +191,11 @@ class _Drive:
             controller = self.config.fault.within(controller)
         # Only now, since a server knows of its vehicle when it is there.
         nominal = self.config.nominal or simulation.mover.vehicle
-        memory = controller.init(nominal, simulation.dt)
+        memory = designed(controller, nominal, simulation.dt)
         find_end(simulation.world, fleet, 0)
         if fleet.ended[0] == RUNNING:
             simulation.look(0)
-            fresh = controller.init(nominal, simulation.dt)
+            fresh = designed(controller, nominal, simulation.dt)
             warm_up(controller, fresh, simulation.observation(0))
         while fleet.ended[0] == RUNNING:
             steps, time = len(self._more), simulation.time(0)
@@ -241,7 +241,8 @@ class _Drive:
         if code == GOAL_REACHED:
             return ending.LAPS if self.config.path.closed else ending.END_OF_PATH
         if code == TIME_UP:
-            return ending.DURATION if self.limit < LONGEST else ending.TIMEOUT
+            planned = self.config.laps is None and (self.config.duration or self.config.path.closed)
+            return ending.DURATION if planned else ending.TIMEOUT
         return ending.OFF_TRACK if code == LEFT_CORRIDOR else ending.ROLL_OVER
 
     def episode(self, end: str) -> Episode:

@@ -8,8 +8,9 @@ from typing import Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from steersman.bounds import MOST_JSON
 from steersman.errors import DataError
-from steersman.files import write_text
+from steersman.files import read_bytes, write_text
 
 
 class StoredResult(BaseModel):
@@ -41,11 +42,7 @@ class StoredResult(BaseModel):
             DataError: the file is missing, not JSON, or of another form.
         """
         try:
-            return cls.model_validate_json(file.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise DataError(f"{file}: cannot be read ({error.strerror})") from None
-        except UnicodeDecodeError as error:
-            raise DataError(f"{file}: not valid JSON ({error})") from None
+            return cls.model_validate_json(read_bytes(file, "give a JSON file", MOST_JSON))
         except ValidationError as error:
             first = error.errors()[0]
             where = ".".join(map(str, first["loc"]))

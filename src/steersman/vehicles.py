@@ -179,8 +179,12 @@ class Vehicle(Component):
         return self.height if self.roll_arm is None else self.roll_arm
 
     def replace(self, **figures: Any) -> Vehicle:
-        """The same vehicle with other figures, validated."""
-        return type(self).model_validate(self.model_dump() | figures)
+        """The same vehicle with other figures, validated.
+
+        Raises:
+            ConfigError: one of them is not allowed.
+        """
+        return build(type(self), self.model_dump() | figures)
 
     def row(self) -> Any:
         """Parameters as the kernels read them, shape (N_PARAMS,)."""

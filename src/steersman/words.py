@@ -21,7 +21,7 @@ from typing import Any
 
 from steersman import policies, tuned
 from steersman.core_yaml import read_yaml
-from steersman.errors import ConfigError, DataError, suggestion
+from steersman.errors import ConfigError, DataError, shortened, suggestion
 from steersman.registry import components
 
 YAML = (".yaml", ".yml")
@@ -44,7 +44,7 @@ def unknown(family: str, word: str) -> ConfigError:
     """The error about a word that is none of the family's; it names the nearest match."""
     if family == _CONTROLLER and word.strip("/") == "tuned":
         return ConfigError(f"unknown {family} {word!r}; write one of {', '.join(tuned.names())}")
-    return ConfigError(f"unknown {family} {word!r}{suggestion(word, known(family))}")
+    return ConfigError(f"unknown {family} {shortened(word)!r}{suggestion(word, known(family))}")
 
 
 def means(family: str, word: str) -> bool:

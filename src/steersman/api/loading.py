@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from steersman.api.driving import Folder
 from steersman.config import build, read_yaml, resolve
 from steersman.errors import DataError
+from steersman.files import read_json
 
 if TYPE_CHECKING:
     from steersman.stored import StoredResult
@@ -55,10 +55,7 @@ def load(file: Folder) -> Any:
 
 
 def _from_json(file: FilePath) -> Any:
-    try:
-        data = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise DataError(f"{file}: cannot be read as JSON ({error})") from None
+    data = read_json(file)
     result = _result(file.name, data)
     return data if result is None else result.read(file)
 

@@ -18,6 +18,7 @@ from steersman.errors import SteersmanError, how_to_install, one_line
 
 USER_ERROR = 2
 INTERRUPTED = 130
+_LONGEST = 1000
 
 # Typer carries a copy of click of its own since 0.22; either way this is the UsageError.
 _UsageError: type[Any] = typer.BadParameter.__mro__[1]
@@ -96,7 +97,10 @@ def _ended_as_interrupted() -> Iterator[None]:
 
 def fail(message: str, code: int = USER_ERROR) -> int:
     """Print the one line; the exit code that goes with it."""
-    note(f"error: {one_line(message)}")
+    line = one_line(message)
+    if len(line) > _LONGEST:  # what is wrong may stand behind a long name
+        line = f"{line[: _LONGEST // 2]} ... {line[-_LONGEST // 2 :]}"
+    note(f"error: {line}")
     return code
 
 

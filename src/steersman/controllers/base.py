@@ -11,6 +11,8 @@ from contextlib import suppress
 from pathlib import Path as FilePath
 from typing import Any, ClassVar, final
 
+import numpy as np
+
 from steersman.config import Component
 from steersman.errors import ConfigError, ControllerError, one_line
 from steersman.types import Decision, Observation, Status
@@ -98,6 +100,19 @@ def within_limits(steer: float) -> float:
 def is_finite(observation: Observation) -> bool:
     """Whether every number of the observation is finite."""
     return math.isfinite(sum(observation[:8]) + float(observation.preview.sum()))
+
+
+def designed(controller: ControllerComponent, vehicle: Vehicle, dt: float) -> Any:
+    """The memory of a controller before its first step, at ``dt`` [s].
+
+    Raises:
+        ConfigError: its equations have no solution for this vehicle and these settings.
+    """
+    try:
+        return controller.init(vehicle, dt)
+    except (np.linalg.LinAlgError, ArithmeticError) as error:
+        what = f"{controller.kind} finds no solution for this vehicle and its settings ({error})"
+        raise ConfigError(what, ("controller",)) from None
 
 
 def warm_up(

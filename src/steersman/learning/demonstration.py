@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from steersman.config import Of, Settings, param
-from steersman.controllers.base import ControllerComponent
+from steersman.controllers.base import ControllerComponent, designed
 from steersman.controllers.mpc_pid import MpcPid
 from steersman.learning.schedules import Constant, Schedule
 from steersman.learning.snapshot import Tree, changed, rebuilt
@@ -36,7 +36,7 @@ class Demonstrator:
     def __init__(self, controller: ControllerComponent, vehicle: Vehicle, dt: float) -> None:
         """The state before the first step is made once: it is immutable."""
         self._controller = controller
-        self._fresh = controller.init(vehicle, dt)
+        self._fresh = designed(controller, vehicle, dt)
         self._states: dict[int, Any] = {}
 
     def restart(self, n: int) -> None:

@@ -6,7 +6,6 @@ which takes it back. A snapshot shares its arrays with what it was taken of: wri
 
 from __future__ import annotations
 
-import io
 import json
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -15,6 +14,7 @@ from typing import Any, BinaryIO, TypeAlias
 
 import numpy as np
 
+from steersman.bounds import from_json, read_arrays
 from steersman.errors import ControllerError, DataError
 
 Tree: TypeAlias = Mapping[str, Any]
@@ -41,20 +41,9 @@ def read(stream: BinaryIO) -> dict[str, Any]:
         DataError: it is truncated or damaged; every byte is checked before any is used.
     """
     try:
-        with zipfile.ZipFile(stream) as archive:
-            damaged = archive.testzip()
-            if damaged is not None:
-                raise DataError(f"{damaged} is damaged")
-            names = [name.removesuffix(".npy") for name in archive.namelist()]
-            arrays = {
-                name: np.lib.format.read_array(
-                    io.BytesIO(archive.read(f"{name}.npy")), allow_pickle=False
-                )
-                for name in names
-            }
-        tree = _unpack(json.loads(arrays.pop(_STATE).tobytes()), arrays)
-    # zipfile answers a damaged header with whatever its parser stumbles over.
-    except (OSError, EOFError, KeyError, ValueError, RuntimeError, zipfile.BadZipFile) as error:
+        arrays = read_arrays(stream)
+        tree = _unpack(from_json(arrays.pop(_STATE).tobytes()), arrays)
+    except (OSError, KeyError, ValueError, TypeError) as error:
         raise DataError(str(error) or type(error).__name__) from None
     if not isinstance(tree, dict):
         raise DataError("holds no state")

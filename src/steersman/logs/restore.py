@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
+from steersman.bounds import from_json
 from steersman.episode import COLUMNS, Episode, check
 from steersman.errors import DataError
 from steersman.logs import schemas
@@ -73,7 +73,7 @@ def _head(file: FilePath) -> dict[str, Any]:
     """The fields of the episode in the metadata record."""
     record = _record(file)
     try:
-        head = json.loads((record or {}).get("episode", "null"))
+        head = from_json((record or {}).get("episode", "null"))
     except ValueError as error:
         raise DataError(f"{file}: not an episode of Steersman ({error})") from None
     if not isinstance(head, dict):

@@ -8,7 +8,6 @@ tables, and ``config.yaml``, which holds for its folder and those below.
 from __future__ import annotations
 
 import csv
-import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,6 +19,7 @@ import numpy as np
 from steersman.config import read_yaml
 from steersman.episode import Episode, is_episode, load_episode
 from steersman.errors import DataError
+from steersman.files import read_json
 from steersman.metrics.base import summarise
 from steersman.types import FloatArray
 
@@ -179,22 +179,13 @@ def _config(file: FilePath, root: FilePath) -> dict[str, Any]:
     return {}
 
 
-def _read_json(file: FilePath) -> Any:
-    try:
-        return json.loads(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error.strerror})") from None
-    except ValueError as error:
-        raise DataError(f"{file}: not valid JSON ({error})") from None
-
-
 def read_json_object(file: FilePath) -> dict[str, Any]:
     """A JSON file that holds one object.
 
     Raises:
         DataError: the file is missing, not JSON, or holds something else.
     """
-    data = _read_json(file)
+    data = read_json(file)
     if not isinstance(data, dict):
         raise DataError(f"{file}: holds a {type(data).__name__}, expected an object")
     return data
@@ -209,7 +200,7 @@ def read_table(file: FilePath) -> Table:
     Raises:
         DataError: the file is missing, not JSON, or of another form.
     """
-    data = _read_json(file)
+    data = read_json(file)
     whole = data if isinstance(data, dict) else {"rows": data}
     rows = whole.get("rows")
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from steersman.bounds import read_arrays
 from steersman.files import replacing
 from steersman.kernels import observe
 from steersman.kernels import world as kernel
@@ -148,8 +149,8 @@ class Keeper:
         """Write the dataset, in place of one of the same training; returns its folder."""
         found: list[Trajectory] = []
         for file in sorted(self._parts().glob("step_*.npz")):
-            with np.load(file, allow_pickle=False) as part:
-                found += _unpacked(dict(part))
+            with file.open("rb") as part:
+                found += _unpacked(read_arrays(part))
         found += self._recorder.take()
         shutil.rmtree(self._folder / f"{NAME}-v0", ignore_errors=True)
         place = store.write(self._folder, NAME, store.Stored(problem, found, source))

@@ -7,7 +7,7 @@ import math
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from steersman.errors import DataError, suggestion
+from steersman.errors import DataError, shortened, suggestion
 from steersman.files import read_bytes
 
 if TYPE_CHECKING:
@@ -17,7 +17,6 @@ MAX_BYTES = 100_000_000
 """Largest file that is read."""
 FARTHEST = 1e8
 """Largest number of any kind: more is no metre, no radian and no curvature."""
-_LONGEST_SHOWN = 40
 _CURE = "give an OpenDRIVE file (*.xodr)"
 
 
@@ -76,10 +75,10 @@ class Node:
         try:
             value = float(text)
         except ValueError:
-            raise self.fault(f"{name} is {_short(text)!r}, not a number") from None
+            raise self.fault(f"{name} is {shortened(text)!r}, not a number") from None
         if not (math.isfinite(value) and low <= value <= FARTHEST):
             allowed = f"{low:g} to {FARTHEST:g}"
-            raise self.fault(f"{name} is {_short(text)}, not within {allowed}")
+            raise self.fault(f"{name} is {shortened(text)}, not within {allowed}")
         return value
 
     def integer(self, name: str) -> int:
@@ -92,9 +91,9 @@ class Node:
         try:
             value = int(text)
         except ValueError:
-            raise self.fault(f"{name} is {_short(text)!r}, not a whole number") from None
+            raise self.fault(f"{name} is {shortened(text)!r}, not a whole number") from None
         if abs(value) > FARTHEST:
-            raise self.fault(f"{name} is {_short(text)}, too large")
+            raise self.fault(f"{name} is {shortened(text)}, too large")
         return value
 
     def choice(self, name: str, allowed: dict[str, Any], default: str | None = None) -> Any:
@@ -105,7 +104,7 @@ class Node:
         """
         word = self.get(name, default)
         if word not in allowed:
-            raise self.fault(f"{name} is {_short(word)!r}{suggestion(word, allowed)}")
+            raise self.fault(f"{name} is {shortened(word)!r}{suggestion(word, allowed)}")
         return allowed[word]
 
 
@@ -143,7 +142,3 @@ def parse(file: FilePath) -> tuple[Node, str]:
 
 def _plain(tag: str) -> str:
     return tag.rpartition("}")[2]
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
