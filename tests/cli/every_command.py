@@ -40,6 +40,7 @@ CALLS: dict[str, tuple[str, ...]] = {
     "bench": ("small.yaml", "--controllers", "pid,policy", "--jobs", "1", "--out", "bench"),
     "compare": ("pid", "a_controller_with_a_long_name=lqr", "suite=small.yaml", "--jobs", "1"),
     "demo": ("--policy", "policy.onnx", "--out", "demo"),
+    "version": (),
     "path export": ("circle", "--to", "circle.xodr"),
     "path roads": ("circle.xodr",),
     "carla doctor": (NOBODY,),

@@ -82,6 +82,22 @@ class TestHelp:
     def test_version(self, steersman: Steersman) -> None:
         assert steersman("--version").stdout == f"steersman {version('steersman')}\n"
 
+    def test_version_says_what_made_a_result(self, steersman: Steersman) -> None:
+        found = json.loads(steersman("version", "--json").stdout)
+        assert found["versions"]["steersman"] == version("steersman")
+        assert {"commit", "platform", "machine"} <= set(found)
+        assert found["extras"]["tune"] == []  # the tests need it
+        assert not {"dev", "docs"} & set(found["extras"])
+
+    def test_a_missing_extra_is_named_with_what_it_lacks(
+        self, steersman: Steersman, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(
+            "steersman.cli.version.requires", lambda _: ["no-such>=1; extra == 'tune'"]
+        )
+        shown = steersman("version").stdout
+        assert re.search(r"extra tune +lacks no-such", shown)
+
 
 class TestList:
     def test_everything_as_json(self, steersman: Steersman) -> None:

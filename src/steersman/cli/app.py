@@ -63,6 +63,7 @@ COMMANDS = {
     ),
     "reproduce": Entry("reproduce:reproduce", "Run the paper's experiments beside its figures."),
     "report": Entry("report:report", "Make one HTML page of tables and plots."),
+    "version": Entry("version:version", "Print versions, commit and installed extras."),
     "path": Entry("path:app", "Paths and roads as OpenDRIVE."),
     "carla": Entry("carla:app", "CARLA: checks, calibration, a stand-in for its server."),
 }
