@@ -6,7 +6,7 @@ Every method is told what the preset tells its DDPG, where it has that option (l
 noise, mirror images); PPO keeps its own learning rate, and all else stays at its default: nothing
 is tuned. PPO has no extra action, so DDPG is there without it, too. Each seed trains in a process
 of its own, in turns, so that the seconds are those of one core; a run that was interrupted goes on.
-The best policy of each training then drives the held-out roads of the suite ``core``, clean and
+The best policy of each training then drives the held-out roads of the suite ``core_1``, clean and
 disturbed. ``results.json`` has curves, configurations, seeds and commit, ``results.md`` the table.
 """
 
@@ -24,9 +24,9 @@ import numpy as np
 
 from steersman.bench.drive import measure
 from steersman.bench.entrants import entrant
+from steersman.bench.first_stage import core_1
 from steersman.bench.results import BenchRow
 from steersman.bench.suite import CLEAN, Scenario
-from steersman.bench.suites import core
 from steersman.config import dump
 from steersman.files import make_folder, write_text
 from steersman.learning.config import TrainConfig, load_preset, train_config
@@ -103,7 +103,7 @@ def slug(method: str) -> str:
 
 def scenarios() -> list[Scenario]:
     """The suite's held-out roads."""
-    return [s for s in core().scenarios((0,)) if s.path.startswith("road_")]
+    return [s for s in core_1().scenarios((0,)) if s.path.startswith("road_")]
 
 
 def curve(folder: Path) -> dict[str, list[float]]:

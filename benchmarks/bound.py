@@ -67,7 +67,7 @@ def root_mean_square(values: list[float]) -> float:
 def main() -> None:
     """Drive everything and write the file."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--suite", default="core")
+    parser.add_argument("--suite", default="core_1")
     parser.add_argument("--out", default="results/bench/bound.json")
     given = parser.parse_args()
     controller = entrant("tuned/mpc_delay").controller

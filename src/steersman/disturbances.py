@@ -63,6 +63,10 @@ class DisturbanceComponent(Component):
     def make(self, n: int, seed: int) -> Disturber:
         """The disturbance for a fleet of ``n`` vehicles; ``seed`` is the run's."""
 
+    def friction(self, s: float) -> tuple[float, float]:
+        """Factors on the friction under left and right wheels at arc length ``s`` [m]."""
+        return 1.0, 1.0
+
 
 class _Bias(Disturber):
     errors = True
@@ -185,10 +189,10 @@ class _Patch(Disturber):
         self._config = config
 
     def act(self, world: World, fleet: Fleet, i: int, time: float) -> None:
-        if self._config.covers(float(fleet.tracking[i, observe.S])):
-            row = world.vehicles.rows[i]
-            row[car.GRIP_LEFT] *= self._config.left
-            row[car.GRIP_RIGHT] *= self._config.right
+        left, right = self._config.friction(float(fleet.tracking[i, observe.S]))
+        row = world.vehicles.rows[i]
+        row[car.GRIP_LEFT] *= left
+        row[car.GRIP_RIGHT] *= right
 
 
 @register("disturbance", "friction_patch")
@@ -212,6 +216,10 @@ class FrictionPatch(DisturbanceComponent):
         if self.every is not None and since >= 0.0:
             since %= self.every
         return 0.0 <= since < self.length
+
+    def friction(self, s: float) -> tuple[float, float]:
+        """The factors where the road at arc length ``s`` [m] is part of it."""
+        return (self.left, self.right) if self.covers(s) else (1.0, 1.0)
 
     def make(self, n: int, seed: int) -> Disturber:
         """The patch under the vehicles."""

@@ -154,7 +154,7 @@ class _Drive:
             ConfigError: the path has no laps, or ends before the start.
         """
         self.config, path = config, config.path
-        self.goal, self.limit = _goal(path, config.start.s, config.duration, config.laps)
+        self.goal, self.limit = goal(path, config.start.s, config.duration, config.laps)
         profile = config.speed.profile()
         more = () if config.fault is None else (config.fault,)
         disturbances = [one.make(1, config.seed) for one in (*config.disturbances, *more)]
@@ -275,7 +275,7 @@ _MORE = (
 )
 
 
-def _goal(
+def goal(
     path: PathComponent, start: float, duration: float | None, laps: float | None
 ) -> tuple[float, float]:
     """Distance to drive [m] and time limit [s] of a run."""

@@ -22,6 +22,7 @@ def test_the_files_and_the_last_lines(
     names = {file.name for file in (tmp_path / "t").iterdir()}
     outcome = {"tuned.yaml", "result.json", "pareto.json", "pareto.svg", "report.html"}
     assert names == outcome | {"config.yaml", "study.jsonl"}
+    assert "warning: the runs hold no steering delay, no waypoint noise, " in result.stderr
     chosen, spent = result.stderr.splitlines()[-2:]
     found = json.loads((tmp_path / "t" / "result.json").read_text())["chosen"]
     assert chosen.startswith(f"Trial {found['number']} of pid was chosen, cost ")
@@ -41,3 +42,18 @@ def test_the_files_and_the_last_lines(
     assert "none was driven" not in result.stderr
     assert "no report.html: it needs the extra 'report'" in again.stderr
     assert (tmp_path / "t" / "pareto.svg").read_text() == drawing
+
+
+def test_one_line_for_ones_own_car_and_road(steersman: Steersman, tmp_path: FilePath) -> None:
+    (tmp_path / "my_car.yaml").write_text("base: bmw_320i\n")
+    rows = "\n".join(f"{5 * k},{0.001 * (5 * k) ** 2}" for k in range(8))
+    (tmp_path / "my_track.csv").write_text(f"x,y\n{rows}\n")
+    words = ("tune", "lqr", "--car", "my_car.yaml", "--road", "my_track.csv", "--trials", "1")
+    result = steersman(*words, "seeds=0..1", "--out", "t")
+    assert result.exit_code == 0, result.stderr
+    assert "warning" not in result.stderr
+    assert "seed_1: Trial 0 of lqr was chosen" in result.stderr
+    assert (tmp_path / "t" / "tuned.yaml").is_file()
+    suite = json.loads((tmp_path / "t" / "seed_0" / "result.json").read_text())["suite"]
+    assert {run["path"]["file"] for run in suite} == {"my_track.csv"}
+    assert {run["vehicle"]["kind"] for run in suite} == {"file"}

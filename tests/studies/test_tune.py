@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import time
 from pathlib import Path as FilePath
 from typing import Any
 
 import pytest
 
+from steersman.bench.suites import suite
 from steersman.config import build, override, read_yaml
 from steersman.errors import ConfigError
 from steersman.metrics.driving import rms_lateral_error, steer_change_rms
@@ -16,8 +18,18 @@ from steersman.rollout import RunConfig, run
 from steersman.studies import objective
 from steersman.studies import tune as tuning
 from steersman.studies.objective import RunCost, measure
+from steersman.studies.ranges import (
+    SearchRange,
+    TriedValues,
+    declared,
+    field_bounds,
+    ranges,
+    widened,
+)
 from steersman.studies.trials import TuneResult, TuningTrials, front
 from steersman.studies.tune import TuneConfig, cost, tune
+from steersman.studies.tune_seeds import SeedsResult, tune_seeds
+from steersman.studies.unseen import CLASSES, unseen, warning
 
 RUN = {
     "path": {"kind": "circle", "radius": 30.0},
@@ -140,9 +152,9 @@ def test_an_empty_suite_is_refused() -> None:
 
 
 def test_a_suite_may_be_given_by_its_name() -> None:
-    named = build(TuneConfig, override({}, ["suite=tuning"]))
-    assert len(named.suite) == 10
-    assert {r.path.kind for r in named.suite} == {"training_circuit"}
+    named = build(TuneConfig, override({}, ["suite=quick"]))
+    assert [run for run in named.suite] == [s.run for s in suite("quick").scenarios()]
+    assert build(TuneConfig, {}).suite == build(TuneConfig, {"suite": "tuning"}).suite
     with pytest.raises(ConfigError, match="did you mean 'tuning'"):
         build(TuneConfig, override({}, ["suite=tunning"]))
 
@@ -209,10 +221,9 @@ def test_a_study_from_before_the_figures_goes_on(tmp_path: FilePath) -> None:
     config = study(trials=3)
     tune(config, tmp_path)
     file = tmp_path / "study.jsonl"
-    lines = file.read_text().splitlines()
-    kept = [line for line in lines if '"user_attr":' not in line]
-    assert len(kept) < len(lines)
-    file.write_text("\n".join(kept) + "\n")
+    lines = [json.loads(line) for line in file.read_text().splitlines()]
+    assert sum(bool(line.pop("user_attrs", None)) for line in lines) == 3
+    file.write_text("".join(f"{json.dumps(line)}\n" for line in lines))
     tune(study(trials=4), tmp_path)
     trade = trade_of(tmp_path)
     assert [row.rms_error_m is None for row in trade.trials] == [True, True, True, False]
@@ -255,3 +266,92 @@ def test_studies_of_earlier_versions_load(folder: FilePath) -> None:
         assert result.cost_m == trials.chosen().cost_m
         best = [row.number for row in trials.trials if row.on_front]
         assert [trials.trials[i].number for i in front(trials.trials)] == best
+
+
+def test_the_users_car_and_road_meet_the_whole_suite(tmp_path: FilePath) -> None:
+    (tmp_path / "car.yaml").write_text("base: bmw_320i\nmass: 1500\n")
+    line = "x,y\n" + "\n".join(f"{5 * k},{0.002 * (5 * k) ** 2}" for k in range(40))
+    (tmp_path / "road.csv").write_text(line)
+    words = {"vehicle": str(tmp_path / "car.yaml"), "road": str(tmp_path / "road.csv")}
+    runs, usual = build(TuneConfig, words).suite, build(TuneConfig, {}).suite
+    assert len(runs) == len(usual)
+    assert unseen(runs) == unseen(usual) == []
+    assert {run.path.kind for run in runs} == {"csv"}
+    assert len({run.start.s for run in runs}) > 1
+    light = [run.vehicle.mass for run in runs]
+    assert min(light) == pytest.approx(0.85 * 1500.0) or min(light) < 1500.0
+    grip = 0.61 * build(TuneConfig, words).vehicle.friction * 9.81  # type: ignore[union-attr]
+    assert all((run.speed.a_lat_max or 0.0) <= grip for run in runs if run.vehicle.friction > 1.0)
+
+
+def test_what_the_runs_do_not_show_is_named() -> None:
+    clean = study().suite
+    assert set(unseen(clean)) == set(CLASSES)
+    said = warning(clean) or ""
+    assert all(words in said for words in CLASSES)
+    assert "no steering delay" not in (warning(build(TuneConfig, {"suite": "quick"}).suite) or "")
+    assert warning(build(TuneConfig, {}).suite) is None
+
+
+@pytest.mark.parametrize(
+    ("given", "value", "wider"),
+    [
+        (SearchRange(0.1, 10.0, True), 9.9, SearchRange(0.1, 40.0, True)),
+        (SearchRange(0.1, 10.0, True), 0.1, SearchRange(0.025, 10.0, True)),
+        (SearchRange(0.0, 2.0, False), 0.05, SearchRange(0.0, 2.0, False)),  # the field's bound
+        (SearchRange(0.0, 2.0, False), 1.95, SearchRange(0.0, 3.0, False)),
+        (SearchRange(0.0, 2.0, False), 1.0, SearchRange(0.0, 2.0, False)),
+    ],
+)
+def test_a_range_whose_end_is_pressed_against_is_widened(
+    given: SearchRange, value: float, wider: SearchRange
+) -> None:
+    assert given.wider(value, (0.0, 100.0)) == wider
+
+
+def test_ranges_follow_from_the_trials_alone() -> None:
+    controller = study(controller="lqr").controller
+    first = declared(controller)
+    assert ranges(controller, []) == first
+    assert widened(controller, first) == []
+    best = {name: one.high for name, one in first.items()}
+    middle = {name: one.low + 0.5 * (one.high - one.low) for name, one in first.items()}
+    tried = [TriedValues(1.0, middle)] * 19 + [TriedValues(0.5, best)]
+    assert ranges(controller, tried[:19]) == first
+    now = ranges(controller, tried)
+    assert all(now[name].high > first[name].high for name in first)
+    assert all(now[name].low == first[name].low for name in first)
+    assert [said.partition(":")[0] for said in widened(controller, now)] == list(first)
+    for name, one in now.items():
+        low, high = field_bounds(controller, name)
+        assert low <= one.low < one.high <= high
+
+
+def test_a_search_goes_beyond_a_range_that_is_too_narrow(tmp_path: FilePath) -> None:
+    narrow = type(
+        "Narrow", (type(study().controller),), {"search": {"gains.k_p": (1e-4, 2e-4, True)}}
+    )
+    config = study(trials=1)
+    start = narrow.model_validate(config.controller.model_dump(exclude={"kind"}))
+    many = config.model_copy(update={"controller": start, "trials": 45})
+    result = tune(many, tmp_path)
+    (said,) = result.widened
+    assert said.startswith("gains.k_p: searched from 0.0001 to ")
+    assert max(row.parameters["gains.k_p"] for row in trade_of(tmp_path).trials) > 2e-4
+
+
+def test_the_median_of_several_seeds_is_kept(tmp_path: FilePath) -> None:
+    config = study(trials=3)
+    seen: list[int] = []
+    result = tune_seeds(config, [0, 1, 2], tmp_path, lambda done, _: seen.append(done))
+    assert seen == list(range(1, 10))
+    each = {k: TuneResult.read(tmp_path / f"seed_{k}" / "result.json") for k in range(3)}
+    assert each[1] == tune(config.model_copy(update={"seed": 1}), tmp_path / "alone")
+    costs = sorted(one.cost_m for one in each.values())
+    assert result.cost_m == costs[1]
+    kept = SeedsResult.read(tmp_path / "seeds.json")
+    assert [one.cost_m for one in kept.seeds] == costs
+    assert each[kept.median] == result
+    assert build(RunConfig, read_yaml(tmp_path / "tuned.yaml")).controller == result.controller
+    assert tune_seeds(config, [0, 1, 2], tmp_path, lambda *_: seen.append(0)) == result
+    assert 0 not in seen

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, cast
 
@@ -11,6 +11,7 @@ from steersman.api.driving import Folder, announce, workers_for
 from steersman.commands import Notify, Word, configuration
 from steersman.config import resolve
 from steersman.errors import ConfigError, how_to_install
+from steersman.words import seed_list
 
 if TYPE_CHECKING:
     from steersman.studies.findings import FalsifyResult
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 def tune(
     *words: Word,
     out: Folder,
+    seeds: Sequence[int] | str | None = None,
     progress: Callable[[int, float], None] | None = None,
     engine: str | None = None,
     jobs: int | None = None,
@@ -30,21 +32,24 @@ def tune(
 ) -> TuneResult:
     """Search a controller's gains on a suite of drives; ``result.controller`` is the best.
 
-    ``sm.tune("controller=pid", suite="tuning", trials=200, out="runs/tune")``. The same call goes
-    on where an interrupted one stopped.
+    ``sm.tune("lqr", vehicle="my_car.yaml", road="my_track.csv", trials=200, out="runs/tune")``. The
+    same call goes on where an interrupted one stopped.
 
     Args:
         words: a controller or a YAML file, assignments, components, or a ``TuneConfig``.
         out: folder of the study: ``study.jsonl``, ``tuned.yaml``, ``result.json``,
             ``pareto.json``, ``pareto.svg`` and, if its extra is installed, ``report.html``.
+        seeds: seeds of the search, a list or ``"0..2"``: each has its study in ``seed_N`` of
+            ``out``, and ``tuned.yaml`` is that of the median cost. None: the one of the settings.
         progress: called after each trial with the trials done and the least cost so far [m].
         engine: ``local`` or ``ray``; None: ``ray`` if ``RAY_ADDRESS`` is set.
         jobs: drives at a time; None: one for each core.
-        notify: called with a sentence about the server, and about what was found at what price.
+        notify: called with a sentence about the server, about what the runs do not show, and about
+            what was found at what price.
         settings: fields of a tuning (``steersman show tune``).
 
     Returns:
-        What is written to ``result.json``.
+        What is written to ``result.json``; with several seeds, that of the median.
 
     Raises:
         ConfigError: a word or a value is wrong, or ``out`` holds another study.
@@ -53,18 +58,32 @@ def tune(
     from steersman.report.tuning import chosen_words, spent_words, write_tuning
     from steersman.studies.trials import TuningTrials
     from steersman.studies.tune import tune as run
+    from steersman.studies.tune_seeds import seed_folder, tune_seeds
+    from steersman.studies.unseen import warning
 
     tell = notify or (lambda _: None)
     chosen = configuration("tune", words, settings)
     engine, jobs = workers_for(chosen.plant, engine, jobs)
     announce(chosen.plant, tell)
+    blind = warning(chosen.suite)
+    if blind is not None:
+        tell(f"warning: {blind}")
     folder = files.out_folder(str(out))
-    result = run(chosen, folder, progress, engine=engine, jobs=jobs)
-    trials = TuningTrials.read(folder / "pareto.json")
-    if not write_tuning(trials, folder):
-        tell(f"no report.html: it needs {how_to_install('report')}")
-    tell(chosen_words(trials))
-    tell(spent_words(trials))
+    if seeds is None:
+        folders, result = [folder], run(chosen, folder, progress, engine=engine, jobs=jobs)
+    else:
+        numbers = seed_list(seeds)
+        folders = [seed_folder(folder, seed) for seed in numbers]
+        result = tune_seeds(chosen, numbers, folder, progress, engine=engine, jobs=jobs)
+    for each in folders:
+        trials = TuningTrials.read(each / "pareto.json")
+        if not write_tuning(trials, each):
+            tell(f"no report.html: it needs {how_to_install('report')}")
+        where = "" if each == folder else f"{each.name}: "
+        tell(f"{where}{chosen_words(trials)}")
+        tell(f"{where}{spent_words(trials)}")
+    for sentence in result.widened:
+        tell(sentence)
     return result
 
 

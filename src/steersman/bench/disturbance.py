@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 
-from steersman.config import Settings, param
+from steersman.config import Of, Settings, param
 from steersman.controllers.mpc_pid import ModelError
+from steersman.disturbances import DisturbanceComponent, PositionDrift, SensorBias
 from steersman.faults import Fault
 from steersman.kernels.vehicle import GRAVITY
 from steersman.plants.base import ComputedComponent, PlantComponent
@@ -21,8 +22,6 @@ C = TypeVar("C", bound=Any)
 _NOISES = ("position_noise", "heading_noise", "speed_noise", "yaw_rate_noise")
 # Steps that differ by less are the same, but for rounding.
 _SAME = 1e-6
-# Share of the grip that speeds on a slippery road ask for.
-_USED_GRIP = 0.6
 
 
 class Disturbance(Settings):
@@ -43,6 +42,9 @@ class Disturbance(Settings):
     friction: float | None = param(
         None, "-", "Tyre friction coefficient, with speeds to match; null: the vehicle's.", gt=0
     )
+    used_grip: float = param(
+        0.6, "-", "Share of that friction which speeds ask for in bends.", gt=0, le=2
+    )
     steer_rate: float = param(1.0, "-", "Factor on the steering actuator's rates.", gt=0)
     steer_bias: float = param(0.0, "rad", "Inner wheel angle at centred steering.")
     wind: float = param(0.0, "m/s", "Strongest gust of side wind.", ge=0)
@@ -50,6 +52,12 @@ class Disturbance(Settings):
     heading_noise: float = param(0.0, "rad", "SD of the measured yaw.", ge=0)
     speed_noise: float = param(0.0, "m/s", "SD of the measured v_x and v_y.", ge=0)
     yaw_rate_noise: float = param(0.0, "rad/s", "SD of the measured yaw rate.", ge=0)
+    latency: float = param(0.0, "s", "Age of the observation that arrives.", ge=0, le=0.5)
+    start_offset: float = param(0.0, "m", "The run starts so far beside the path, left positive.")
+    start_heading: float = param(0.0, "rad", "It starts turned by this against the path.")
+    disturbances: tuple[Annotated[DisturbanceComponent, Of("disturbance")], ...] = param(
+        (), "-", "Further ones: biased sensors, drift, drop-outs, friction that changes."
+    )
     model: ModelError = param(
         ModelError(), "-", "Factors on the nominal vehicle of model-based controllers."
     )
@@ -63,6 +71,8 @@ class Disturbance(Settings):
         """
         nothing = Disturbance()
         found = sorted(n for n in plant.cannot if getattr(self, n) != getattr(nothing, n))
+        if not plant.computed and any(one.make(1, 0).on_vehicle for one in self.disturbances):
+            found.append("disturbances")
         steps = self.delay / plant.h
         whole = plant.computed or abs(steps - round(steps)) <= _SAME
         return found if whole or "delay" in found else [*found, "delay"]
@@ -83,11 +93,16 @@ class Disturbance(Settings):
             "vehicle": true,
             "nominal": None if nominal == true else nominal,
             "plant": run.plant.model_copy(update=plant),
-            "sensor": run.sensor.model_copy(update={"error_range": self.waypoint_noise, **noise}),
+            "sensor": run.sensor.model_copy(
+                update={"error_range": self.waypoint_noise, "latency": self.latency, **noise}
+            ),
             "fault": self.fault,
+            "disturbances": (*run.disturbances, *self.disturbances),
         }
         if isinstance(run, RunConfig):
             changes["speed"] = self._careful(run.speed)
+            beside = {"offset": self.start_offset, "heading": self.start_heading}
+            changes["start"] = run.start.model_copy(update=beside)
         else:
             changes["speeds"] = tuple(map(self._careful, run.speeds))
         disturbed: C = run.model_copy(update=changes)
@@ -97,7 +112,7 @@ class Disturbance(Settings):
         """Slower on a slippery road, so that part of the grip stays unused."""
         if self.friction is None or not isinstance(speed, SpeedTracking):
             return speed
-        cap = _USED_GRIP * self.friction * GRAVITY
+        cap = self.used_grip * self.friction * GRAVITY
         cap = cap if speed.a_lat_max is None else min(cap, speed.a_lat_max)
         return speed.model_copy(update={"a_lat_max": cap})
 
@@ -121,11 +136,18 @@ class Disturbance(Settings):
         return vehicle.replace(**figures)
 
     def figures(self) -> dict[str, float | str | None]:
-        """Every number by its name (``model_mass`` for the model's), what breaks by its kind."""
+        """Every number by its name, what breaks by its kind.
+
+        Those of the model and of further disturbances have ``model_`` or their kind before them.
+        """
         plain = self.model_dump()
         model, fault = plain.pop("model"), plain.pop("fault")
         plain["fault"] = None if fault is None else fault["kind"]
-        return plain | {f"model_{name}": value for name, value in model.items()}
+        parts = {"model": model}
+        for count, one in enumerate(plain.pop("disturbances")):
+            kind = one.pop("kind")
+            parts[f"{kind}_{count}" if kind in parts else kind] = one
+        return plain | {f"{n}_{k}": value for n, part in parts.items() for k, value in part.items()}
 
 
 class Mixed(Settings):
@@ -136,12 +158,28 @@ class Mixed(Settings):
     mass: float = param(0.2, "-", "Mass is scaled by up to 1 +- this.", ge=0, lt=1)
     yaw_inertia: float = param(0.2, "-", "Yaw inertia is scaled by up to 1 +- this.", ge=0, lt=1)
     stiffness: float = param(0.3, "-", "Each axle's stiffness, up to 1 +- this.", ge=0, lt=1)
+    v_y: float = param(0.0, "m/s", "Largest error of the measured lateral velocity.", ge=0)
+    yaw_rate: float = param(0.0, "rad/s", "Largest error of the measured yaw rate.", ge=0)
+    v_x_scale: float = param(0.0, "-", "Largest share by which v_x is read wrong.", ge=0, lt=1)
+    drift: float = param(0.0, "m", "Largest SD of the position's slow error.", ge=0)
 
     def draw(self, rng: np.random.Generator) -> Disturbance:
         """One disturbance out of the ranges."""
         delay, noise = rng.uniform(0.0, 1.0, 2) * (self.delay, self.waypoint_noise)
         spread = (self.mass, self.yaw_inertia, self.stiffness, self.stiffness)
         mass, inertia, c_f, c_r = (1.0 + rng.uniform(-1.0, 1.0, 4) * spread).tolist()
+        more: list[DisturbanceComponent] = []
+        if self.v_y or self.yaw_rate or self.v_x_scale:
+            v_y, yaw_rate, scale = rng.uniform(-1.0, 1.0, 3).tolist()
+            more.append(
+                SensorBias(
+                    v_y=v_y * self.v_y,
+                    yaw_rate=yaw_rate * self.yaw_rate,
+                    v_x_scale=scale * self.v_x_scale,
+                )
+            )
+        if self.drift:
+            more.append(PositionDrift(deviation=float(rng.uniform(0.0, self.drift))))
         return Disturbance(
             delay=float(delay),
             waypoint_noise=float(noise),
@@ -149,4 +187,5 @@ class Mixed(Settings):
             yaw_inertia=inertia,
             c_f=c_f,
             c_r=c_r,
+            disturbances=tuple(more),
         )

@@ -14,6 +14,7 @@ import time
 import numpy as np
 
 from steersman.bench.entrants import Entrant
+from steersman.bench.grip import demanded_grip
 from steersman.bench.results import BenchRow, row_version
 from steersman.bench.suite import Scenario
 from steersman.config import dump
@@ -93,6 +94,7 @@ def measure(scenario: Scenario, entrant: Entrant, key: str = "") -> BenchRow:
         scenario=scenario.name,
         **{name: getattr(scenario, name) for name in FACTORS},
         applied=scenario.applied.figures(),
+        grip_share=demanded_grip(config),
         dt_s=episode.dt,
         end=episode.end,
         driven_share=share,

@@ -13,9 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from steersman.bench.courses import Speeds, changing, constant
 from steersman.bench.results import MapRecord
+from steersman.bench.standard import core
 from steersman.bench.suite import Course, Suite
-from steersman.bench.suites import Speeds, changing, constant, core
 from steersman.errors import ConfigError, DataError
 from steersman.paths.opendrive import OpenDrivePath
 from steersman.paths.xodr.read import read_network

@@ -13,6 +13,7 @@ from typing import Any
 from pydantic import Field, model_validator
 
 from steersman.bench.disturbance import Disturbance
+from steersman.bench.grip import BEYOND, grip_class
 from steersman.bench.statistics import Interval
 from steersman.files import replacing
 from steersman.metrics.base import Values, metrics
@@ -44,6 +45,8 @@ class BenchRow(StoredResult):
     seed: int
     applied: dict[str, float | str | None]
     """Every number of the disturbance by its name."""
+    grip_share: float | None = None
+    """Largest share of grip that path and speeds ask for; None in rows of before it was known."""
     dt_s: float
     end: str
     """How the drive ended."""
@@ -91,6 +94,16 @@ class BenchRow(StoredResult):
     def completed(self) -> bool:
         """Whether the drive reached its planned end."""
         return bool(self.metrics["completed"])
+
+    @property
+    def grip(self) -> str:
+        """The class of the grip that it asks for; empty where that is not known."""
+        return "" if self.grip_share is None else grip_class(self.grip_share)
+
+    @property
+    def beyond_grip(self) -> bool:
+        """Whether it asks for more grip than a controller can be asked to hold."""
+        return self.grip == BEYOND
 
     def number(self, metric: str) -> float:
         """A metric that is always defined, such as a count."""
@@ -157,6 +170,8 @@ class ControllerSummary(StoredResult):
     all: PooledErrors
     clean: PooledErrors
     disturbed: PooledErrors
+    beyond: PooledErrors | None = None
+    """Scenarios that ask for more than there is of grip; no other figure counts them."""
     runs: int
     failures: int
     ends: dict[str, int]

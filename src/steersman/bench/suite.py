@@ -13,7 +13,7 @@ from pydantic import field_validator, model_validator
 from steersman.bench.disturbance import Disturbance, Mixed
 from steersman.config import Of, Settings, param, required
 from steersman.errors import ConfigError, suggestion
-from steersman.paths.base import PathComponent
+from steersman.paths.base import PathComponent, Start
 from steersman.plants.base import PlantComponent
 from steersman.plants.simulator import SimulatorConfig
 from steersman.rollout import RunConfig
@@ -35,6 +35,7 @@ class Course(Settings):
         None, "s", "Length of a run; null with laps null: to the end of an open path.", gt=0
     )
     laps: float | None = param(None, "-", "Laps of a closed path, instead of a duration.", gt=0)
+    start: float = param(0.0, "m", "Arc length at which runs start.", ge=0)
     only: dict[str, tuple[str, ...]] = param(
         {}, "-", "Disturbances by the name of a speed; a speed without them meets all."
     )
@@ -145,6 +146,7 @@ class Suite(Settings):
             duration=course.duration,
             laps=course.laps,
             corridor=self.corridor,
+            start=Start(s=course.start),
             plant=self.plant,
             seed=own,
         )

@@ -32,7 +32,7 @@ from steersman.metrics.comfort import MOST_ACCELERATION
 from steersman.provenance import provenance
 from steersman.types import FloatArray
 
-# Rows of a group, by whether their disturbance belongs to it.
+# Rows of a group, by whether their disturbance belongs to it; none is beyond grip.
 GROUPS: dict[str, Callable[[str], bool]] = {
     "all": lambda _: True,
     "clean": lambda name: name == CLEAN,
@@ -82,8 +82,13 @@ def results(
 
 
 def summarise_rows(rows: Sequence[BenchRow], entrants: Sequence[Named]) -> Summary:
-    """Figures of every controller, in the order of their error over all scenarios."""
-    table = {e.name: [row for row in rows if row.controller == e.name] for e in entrants}
+    """Figures of every controller, in the order of their error over all scenarios.
+
+    Scenarios beyond grip are summed up for themselves, and under their disturbances and paths.
+    """
+    driven = {e.name: [row for row in rows if row.controller == e.name] for e in entrants}
+    beyond = {name: [row for row in own if row.beyond_grip] for name, own in driven.items()}
+    table = {name: [r for r in own if not r.beyond_grip] for name, own in driven.items()}
     learned = {e.name: e.learned for e in entrants}
     figures = {name: _figures(own) for name, own in table.items()}
     order = sorted(table, key=lambda name: figures[name]["all"].rms_m.value)
@@ -95,13 +100,14 @@ def summarise_rows(rows: Sequence[BenchRow], entrants: Sequence[Named]) -> Summa
                 learned=learned[name],
                 **figures[name],
                 **_standards([row for row in table[name] if row.scenario in gentle]),
+                beyond=_errors(beyond[name]) if beyond[name] else None,
                 ratio=None if best is None else _ratios(table[name], table[best]),
             )
             for name in order
         },
         best_classical=best,
         profiles=profiles(table),
-        by={factor: _by(table, factor) for factor in ("disturbance", "path", "speed")},
+        by={factor: _by(driven, factor) for factor in ("disturbance", "path", "speed", "grip")},
         sweeps={name: _sweep(rows, name) for name in SWEPT},
         paths=len({row.path for row in rows}),
         scenarios=len({row.scenario for row in rows}),
@@ -189,7 +195,7 @@ def _sweep(rows: Sequence[BenchRow], name: str) -> list[SweepStep]:
     neutral = Disturbance().figures()
     found = {}
     for row in rows:
-        alone = all(row.applied.get(k, v) == v for k, v in neutral.items() if k != name)
+        alone = all(v == neutral.get(k) for k, v in row.applied.items() if k != name)
         value = row.applied.get(name)
         if alone and isinstance(value, (int, float)):
             found[row.disturbance] = float(value)

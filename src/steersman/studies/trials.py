@@ -73,6 +73,8 @@ class TuneResult(SourcedResult):
     plant: str | None = None
     suite: list[dict[str, Any]]
     smoothness: float
+    widened: list[str] = Field([])
+    """Ranges that were widened, as sentences."""
     seed: int
 
 

@@ -5,7 +5,7 @@ What a trial costs, and of what parts, :mod:`steersman.studies.objective` define
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path as FilePath
 from typing import Annotated, Any
@@ -15,25 +15,24 @@ from pydantic import ValidationInfo, field_validator
 
 from steersman.bench.drive import planned_seconds
 from steersman.bench.suites import suite
+from steersman.bench.tuning import on_car, on_road
 from steersman.config import Of, Settings, build, dump, override, param
 from steersman.controllers.base import ControllerComponent
 from steersman.engine.jobs import Workers
 from steersman.engine.work import Job
 from steersman.errors import ConfigError
 from steersman.files import alone, make_folder, write_text
+from steersman.paths.base import PathComponent
 from steersman.plants.base import PlantComponent
 from steersman.plants.simulator import SimulatorConfig
 from steersman.provenance import provenance
 from steersman.rollout import RunConfig
 from steersman.studies.folder import same_study
 from steersman.studies.objective import RunCost, TrialCost, measure, together
-from steersman.studies.optuna_study import (
-    close_unfinished,
-    open_study,
-    sampler,
-    trial_states,
-)
+from steersman.studies.optuna_study import open_study, sampler, trial_states
+from steersman.studies.ranges import TriedValues, ranges, widened
 from steersman.studies.trials import TrialFigures, TuneResult, trade
+from steersman.vehicles import Vehicle
 
 # Simulated time from which drives of a trial are handed out together [s].
 _PIECE_SIZE = 300.0
@@ -50,16 +49,14 @@ class TuneConfig(Settings):
         "-",
         "Plant of the runs; what of a suite it cannot do is left out.",
     )
+    vehicle: Annotated[Vehicle | None, Of("vehicle", optional=True)] = param(
+        None, "-", "Car of the runs; null: the suite's."
+    )
+    road: Annotated[PathComponent | None, Of("path", optional=True)] = param(
+        None, "-", "Road of the runs; null: the suite's."
+    )
     suite: tuple[RunConfig, ...] = param(
-        (
-            {
-                "path": {"kind": "training_circuit"},
-                "speed": {"kind": "constant_speed", "speed": 30.0 / 3.6},
-                "laps": 1,
-            },
-        ),
-        "-",
-        "Runs to tune on, or the name of a suite; their controller is replaced.",
+        "tuning", "-", "Runs to tune on, or the name of a suite; their controller is replaced."
     )
     trials: int = param(200, "-", "Trials in all, those of earlier sessions included.", ge=1)
     smoothness: float = param(
@@ -70,12 +67,19 @@ class TuneConfig(Settings):
     @field_validator("suite", mode="before")
     @classmethod
     def _driven(cls, value: Any, info: ValidationInfo) -> Any:
-        plant = info.data.get("plant")  # absent if it was refused, which is an error of its own
+        # What was refused is absent, which is an error of its own.
+        parts = {name: info.data.get(name) for name in ("plant", "vehicle", "road")}
+        plant, vehicle, road = parts.values()
         if isinstance(value, str):
-            return [s.run for s in suite(value).model_copy(update={"plant": plant}).scenarios()]
+            found = suite(value).model_copy(update={"plant": plant})
+            found = found if vehicle is None else on_car(found, vehicle)
+            found = found if road is None else on_road(found, road)
+            return [s.run for s in found.scenarios()]
         if not isinstance(value, (list, tuple)):
             return value
-        return [{"plant": plant, **run} if isinstance(run, dict) else run for run in value]
+        given = {"plant": plant, "vehicle": vehicle, "path": road}
+        own = {name: part for name, part in given.items() if part is not None}
+        return [{**own, **run} if isinstance(run, dict) else run for run in value]
 
     @field_validator("suite")
     @classmethod
@@ -118,28 +122,55 @@ def tune(
     Raises:
         ConfigError: the controller declares nothing to tune, or ``out`` holds another study.
     """
+    import optuna
+
     if not config.controller.search:
         raise ConfigError(f"controller {config.controller.kind} declares nothing to tune")
     make_folder(out)
     same_study(config, out, ("trials",))
     study = open_study(out / "study.jsonl", config.controller.kind)
-    close_unfinished(study)
-    done = len(_finished(study))
-    if done == 0 and not study.get_trials(deepcopy=False, states=[trial_states().WAITING]):
-        study.enqueue_trial(_present(config.controller))
     with Workers(engine, jobs if config.plant.computed else 1) as workers:
-        for number in range(done, config.trials):
-            # Anew for each trial, so that an interrupted study draws what it would have drawn.
-            study.sampler = sampler(config.seed, number)
-            trial = study.ask()
-            found = _drive(config, _suggest(config.controller, trial), workers)
-            for name, value in found._asdict().items():
-                trial.set_user_attr(name, value)
-            study.tell(trial, found.cost_m)
+        for number in range(len(_finished(study)), config.trials):
+            values, space = _next(config, _finished(study))
+            found = _drive(config, _apply(config.controller, values), workers)
+            study.add_trial(
+                optuna.trial.create_trial(
+                    params=values,
+                    distributions=space,
+                    value=found.cost_m,
+                    user_attrs=found._asdict(),
+                )
+            )
             if progress is not None:
                 progress(number + 1, study.best_value)
     best = _apply(config.controller, study.best_params)
     return _write(config, out, best, study)
+
+
+def _next(config: TuneConfig, finished: Sequence[Any]) -> tuple[dict[str, float], dict[str, Any]]:
+    """The values of the next trial, and the ranges that they come from.
+
+    The sampler is made anew and sees the trials as if all came from the present ranges, so that an
+    interrupted study draws what it would have drawn.
+    """
+    import optuna
+
+    space: dict[str, Any] = {
+        name: optuna.distributions.FloatDistribution(low, high, log=log)
+        for name, (low, high, log) in ranges(config.controller, _tried(finished)).items()
+    }
+    if not finished:
+        return _present(config.controller), space
+    known = optuna.create_study(sampler=sampler(config.seed, len(finished)))
+    known.add_trials(
+        optuna.trial.create_trial(params=one.params, distributions=space, value=one.value)
+        for one in finished
+    )
+    return known.ask(space).params, space
+
+
+def _tried(finished: Sequence[Any]) -> list[TriedValues]:
+    return [TriedValues(one.value, one.params) for one in finished]
 
 
 def _drive(config: TuneConfig, controller: ControllerComponent, workers: Workers) -> TrialCost:
@@ -158,14 +189,6 @@ def _measured(smoothness: float, run: RunConfig, _: object) -> RunCost:
 def _finished(study: Any) -> list[Any]:
     found: list[Any] = study.get_trials(deepcopy=False, states=[trial_states().COMPLETE])
     return found
-
-
-def _suggest(controller: ControllerComponent, trial: Any) -> ControllerComponent:
-    values = {
-        name: trial.suggest_float(name, low, high, log=log)
-        for name, (low, high, log) in controller.search.items()
-    }
-    return _apply(controller, values)
 
 
 def _apply(controller: ControllerComponent, values: dict[str, float]) -> ControllerComponent:
@@ -204,6 +227,7 @@ def _write(config: TuneConfig, out: FilePath, best: ControllerComponent, study: 
         plant=config.plant.source(),
         suite=[dump(r) or {} for r in config.suite],
         smoothness=config.smoothness,
+        widened=widened(config.controller, ranges(config.controller, _tried(_finished(study)))),
         seed=config.seed,
         **provenance(),
     )

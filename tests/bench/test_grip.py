@@ -1,0 +1,72 @@
+"""The grip that a run asks for, against what can be computed by hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from steersman.bench.grip import demanded_grip, grip_class
+from steersman.bench.standard import disturbances, standard
+from steersman.config import build
+from steersman.rollout import RunConfig
+from steersman.vehicles import CarlaModel3
+
+CAR = CarlaModel3()
+GRIP = CAR.friction * 9.81
+
+
+def share(**words: Any) -> float:
+    run = {"path": "circle", "speed": {"kind": "constant_speed", "speed": 15.0}, "duration": 5.0}
+    return demanded_grip(build(RunConfig, run | words))
+
+
+def test_a_steady_turn_asks_for_its_lateral_acceleration() -> None:
+    assert share() == pytest.approx(15.0**2 / 50.0 / GRIP)
+    slippery = CAR.replace(friction=1.0)
+    assert share(vehicle=slippery) == pytest.approx(15.0**2 / 50.0 / 9.81)
+
+
+def test_braking_adds_to_it_and_speeding_up_does_not() -> None:
+    """Stop and go with 2 m/s^2 on a straight: its braking is all that is asked for."""
+    speed = {"kind": "stop_and_go", "speed": 8.0, "change": 2.0, "hold": 1.0, "stand": 1.0}
+    found = share(path="straight", speed=speed, duration=12.0)
+    assert found == pytest.approx(2.0 / GRIP, rel=0.05)
+    assert share(path="straight", speed=speed, duration=5.5) == 0.0
+
+
+def test_a_patch_takes_its_share_where_the_drive_meets_it() -> None:
+    patch = {"kind": "friction_patch", "begin": 40.0, "length": 10.0, "left": 0.2, "right": 0.6}
+    assert share(disturbances=[patch]) == pytest.approx(share() / 0.4)
+    assert share(disturbances=[patch], duration=2.0) == pytest.approx(share())
+
+
+def test_a_slow_engine_does_not_reach_what_is_wished_for() -> None:
+    wish = {"kind": "constant_throttle", "throttle": 0.4, "initial": 5.0}
+    assert share(speed=wish) < share()
+
+
+@pytest.mark.parametrize("path", ["circle_50_left", "clothoid_0", "surveyed_3"])
+def test_only_what_is_named_so_is_beyond_grip(path: str) -> None:
+    whole = standard()
+    part = whole.model_copy(update={"courses": {path: whole.courses[path]}})
+    for scenario in part.scenarios():
+        beyond = grip_class(demanded_grip(scenario.run)) == "beyond"
+        assert beyond <= ("beyond" in scenario.disturbance), scenario.name
+        if scenario.speed == "constant" and not scenario.run.path.closed:
+            assert beyond == ("beyond" in scenario.disturbance), scenario.name
+
+
+def test_every_class_of_grip_is_there() -> None:
+    whole = standard()
+    names = ("clean", "friction_0.7_fast", "friction_0.5_beyond")
+    assert set(names) <= set(disturbances())
+    part = whole.model_copy(
+        update={
+            "courses": {"spline_1": whole.courses["spline_1"]},
+            "disturbances": {name: whole.disturbances[name] for name in names},
+            "mixed": {},
+        }
+    )
+    found = [grip_class(demanded_grip(s.run)) for s in part.scenarios() if s.speed == "constant"]
+    assert found == ["within 60 %", "60 to 90 %", "beyond"]
