@@ -49,11 +49,11 @@ def tune(
     pareto.svg and report.html.
     """
     import steersman as sm
-    from steersman.cli.seeds import split
     from steersman.config import to_yaml
+    from steersman.words import split_seeds
 
     given = {"vehicle": car, "road": road, "trials": trials}
-    seeds, others = split(words or [])
+    seeds, others = split_seeds(words or [])
     more = [f"{name}={value}" for name, value in given.items() if value is not None]
     config = sm.configure("tune", *others, *more)
     total = config.trials * len(seeds or (0,))
