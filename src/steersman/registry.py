@@ -23,6 +23,8 @@ FAMILIES: dict[str, str] = {
     "vehicle": "steersman.vehicles",
     "plant": "steersman.plants",
     "controller": "steersman.controllers",
+    "estimator": "steersman.estimators",
+    "predictor": "steersman.estimators",
     "speed": "steersman.speed",
     "sensor": "steersman.sensing",
     "disturbance": "steersman.disturbances",

@@ -12,10 +12,12 @@ from pydantic import field_validator, model_validator
 from steersman import episode as ending
 from steersman.config import Of, Settings, param
 from steersman.controllers.base import ControllerComponent, designed, timed_step, warm_up
+from steersman.controllers.estimated import in_front
 from steersman.controllers.mpc_pid import MpcPid
 from steersman.disturbances import DisturbanceComponent
 from steersman.episode import COLUMNS, Episode
 from steersman.errors import ConfigError, ControllerError, PlantError
+from steersman.estimators.base import EstimatorComponent, PredictorComponent
 from steersman.faults import Fault
 from steersman.kernels.world import (
     CLOCK_DISTANCE,
@@ -46,6 +48,12 @@ class RunConfig(Settings):
 
     controller: Annotated[ControllerComponent, Of("controller")] = param(
         MpcPid(), "-", "Lateral controller."
+    )
+    estimator: Annotated[EstimatorComponent | None, Of("estimator", optional=True)] = param(
+        None, "-", "State estimator in front of the controller; null: none."
+    )
+    predictor: Annotated[PredictorComponent | None, Of("predictor", optional=True)] = param(
+        None, "-", "Predictor in front of the controller, for delays; null: none."
     )
     path: Annotated[PathComponent, Of("path")] = param("circle", "-", "Path to follow.")
     speed: Annotated[SpeedComponent, Of("speed")] = param(
@@ -186,7 +194,7 @@ class _Drive:
     ) -> tuple[str, ControllerError | PlantError | None]:
         """Drive to the end; returns how it ended, and what failed."""
         simulation, fleet = self.simulation, self.simulation.fleet
-        controller = self.config.controller
+        controller = in_front(self.config.controller, self.config.estimator, self.config.predictor)
         if self.config.fault is not None:
             controller = self.config.fault.within(controller)
         # Only now, since a server knows of its vehicle when it is there.

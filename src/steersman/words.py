@@ -8,7 +8,8 @@ A word for a component of a family is
   of ``steersman tune``), or one that a kind of the family reads: ``policy.onnx``, ``track.csv``,
   ``road.xodr``, ``my_car.yaml``;
 - the folder of a training or tuning: its policy, or the controller that it found;
-- ``supervised/`` and a word for a controller: that controller under a supervisor.
+- ``supervised/``, ``estimated/`` or ``predicted/`` and a word for a controller: that controller
+  under a supervisor, behind a state estimator, behind a predictor.
 
 Where a controller gets a name of its own (bench, compare), a word may be ``name=word``.
 """
@@ -26,7 +27,15 @@ from steersman.registry import components
 
 YAML = (".yaml", ".yml")
 _CONTROLLER, _POLICY = "controller", "policy"
-_SUPERVISED = "supervised/"
+# What a word for a controller may begin with: the controller around it, by its fields.
+_AROUND: dict[str, tuple[str, dict[str, Any]]] = {
+    "supervised": ("inner", {"kind": "supervisor"}),
+    "estimated": ("controller", {"kind": "estimated"}),
+    "predicted": (
+        "controller",
+        {"kind": "estimated", "estimator": None, "predictor": "single_track"},
+    ),
+}
 _MOST_SEEDS = 10_000
 # What the folder of a training or tuning holds for a controller.
 RESULTS = ("policy.onnx", "tuned.yaml")
@@ -49,7 +58,7 @@ def unknown(family: str, word: str) -> ConfigError:
 
 def means(family: str, word: str) -> bool:
     """Whether a word stands for a component of the family, be it a faulty one."""
-    if family == _CONTROLLER and word.startswith((_SUPERVISED, "tuned/")):
+    if family == _CONTROLLER and (around(word)[0] or word.startswith("tuned/")):
         return True
     if word in known(family):
         return True
@@ -84,10 +93,11 @@ def fields_of(family: str, word: str) -> dict[str, Any]:
 
 
 def _controller(word: str, file: FilePath) -> dict[str, Any] | None:
-    """What only controllers have: supervision, those of the package, results of commands."""
-    if word.startswith(_SUPERVISED):
-        inner = fields_of(_CONTROLLER, word.removeprefix(_SUPERVISED))
-        return {"kind": "supervisor", "inner": inner}
+    """What only controllers have: others around them, those of the package, commands' results."""
+    outer, inner = around(word)
+    if outer:
+        field, fields = _AROUND[outer]
+        return {**fields, field: fields_of(_CONTROLLER, inner)}
     if word in policies.names():
         return {"kind": _POLICY, "file": word}
     shipped = tuned.locate(word)
@@ -97,6 +107,12 @@ def _controller(word: str, file: FilePath) -> dict[str, Any] | None:
         inside = next(name for name in RESULTS if (file / name).is_file())
         return fields_of(_CONTROLLER, str(file / inside))
     return None
+
+
+def around(word: str) -> tuple[str, str]:
+    """What a word puts around a controller, and the rest; nothing and the word, if it does not."""
+    outer, slash, inner = word.partition("/")
+    return (outer, inner) if slash and outer in _AROUND else ("", word)
 
 
 def _by_suffix(family: str, suffix: str) -> str | None:
@@ -158,8 +174,9 @@ def short(word: str) -> str:
     >>> short("supervised/tuned/lqr"), short("runs/agent/policy.onnx"), short("my_pid.yaml")
     ('supervised/lqr', 'agent', 'my_pid')
     """
-    if word.startswith(_SUPERVISED):
-        return f"{_SUPERVISED}{short(word.removeprefix(_SUPERVISED))}"
+    outer, inner = around(word)
+    if outer:
+        return f"{outer}/{short(inner)}"
     file = FilePath(word)
     if not file.suffix:
         return file.name or file.resolve().name

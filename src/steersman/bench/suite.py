@@ -13,6 +13,7 @@ from pydantic import field_validator, model_validator
 from steersman.bench.disturbance import Disturbance, Mixed
 from steersman.config import Of, Settings, param, required
 from steersman.errors import ConfigError, suggestion
+from steersman.estimators.base import EstimatorComponent, PredictorComponent
 from steersman.paths.base import PathComponent, Start
 from steersman.plants.base import PlantComponent
 from steersman.plants.simulator import SimulatorConfig
@@ -70,6 +71,12 @@ class Suite(Settings):
         {}, "-", "Disturbances that are drawn from the seed, by name; anew in each scenario."
     )
     vehicles: dict[str, _Car] = param({"carla_model3": CarlaModel3()}, "-", "Vehicles by name.")
+    estimator: Annotated[EstimatorComponent | None, Of("estimator", optional=True)] = param(
+        None, "-", "State estimator in front of every controller; null: none."
+    )
+    predictor: Annotated[PredictorComponent | None, Of("predictor", optional=True)] = param(
+        None, "-", "Predictor in front of every controller, for delays; null: none."
+    )
     corridor: float = param(1.5, "m", "Half width of the corridor; leaving it ends a run.", gt=0)
     plant: Annotated[PlantComponent, Of("plant")] = param(
         SimulatorConfig(), "-", "Plant; scenarios that it cannot do are left out, and counted."
@@ -148,6 +155,8 @@ class Suite(Settings):
             corridor=self.corridor,
             start=Start(s=course.start),
             plant=self.plant,
+            estimator=self.estimator,
+            predictor=self.predictor,
             seed=own,
         )
         return Scenario(path, speed, disturbance, vehicle, seed, applied, applied.apply(run))

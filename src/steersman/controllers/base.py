@@ -62,10 +62,10 @@ class ControllerComponent(Component):
         overflow on their way. Only a :class:`Wrapper` overrides this.
         """
         if not is_finite(observation):
-            return _hold(observation), state
+            return present(observation), state
         steer, status, after = self.decide(state, observation)
         if not math.isfinite(steer):
-            return _hold(observation), state
+            return present(observation), state
         if not -1.0 <= steer <= 1.0:
             steer = within_limits(steer)
             status = Status.SATURATED if status == Status.SOLVED else status
@@ -86,7 +86,7 @@ class Wrapper(ControllerComponent):
         return decision.steer, decision.status, after
 
 
-def _hold(observation: Observation) -> Decision:
+def present(observation: Observation) -> Decision:
     """The present steering, marked as a fallback."""
     held = observation.steer if math.isfinite(observation.steer) else 0.0
     return Decision(within_limits(held), Status.FALLBACK)

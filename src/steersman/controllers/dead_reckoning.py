@@ -14,7 +14,10 @@ from steersman.controllers.mpc_delay_plan import pose
 from steersman.controllers.single_track import steady_wheel_angle
 from steersman.kernels import mpc_delay as kernel
 from steersman.kernels import road_filter
-from steersman.kernels.preview import curvature_at, point_at
+from steersman.kernels.observe import O_PREVIEW
+from steersman.kernels.predict import seen_from
+from steersman.kernels.preview import curvature_at
+from steersman.sensing import to_observation
 from steersman.types import FloatArray, Observation
 from steersman.vehicles import Vehicle
 
@@ -22,8 +25,6 @@ from steersman.vehicles import Vehicle
 STRAIGHTEN = 0.5
 # A car that is slower is taken to stand, as the model has no meaning there [m/s].
 _STANDING = 0.5
-# Half a step along the road for its direction [m].
-_HALF = 0.05
 _NOTHING = np.zeros(2)
 # Sum of the squared coefficients of a third difference.
 _THIRD = 20.0
@@ -70,26 +71,9 @@ def reckoned(seen: Observation, motion: FloatArray, time: float) -> Observation 
     if not (np.isfinite(motion).all() and 0.0 <= way <= (len(seen.preview) - 1) * seen.spacing):
         return None
     road = seen.preview, seen.spacing
-    x, y = point_at(*road, way)
-    before, behind = point_at(*road, way - _HALF), point_at(*road, way + _HALF)
-    tangent = math.atan2(behind[1] - before[1], behind[0] - before[0])
-    d, heading = float(motion[kernel.E1]), float(motion[kernel.E2])
-    x, y, yaw = x - d * math.sin(tangent), y + d * math.cos(tangent), tangent + heading
-    points = [point_at(*road, way + i * seen.spacing) for i in range(len(seen.preview))]
-    c, s = math.cos(yaw), math.sin(yaw)
-    preview = (np.array(points) - (x, y)) @ np.array([[c, -s], [s, c]])
-    return Observation(
-        time,
-        d,
-        math.remainder(heading, math.tau),
-        seen.v_x,
-        float(motion[kernel.VY]),
-        float(motion[kernel.RATE]),
-        float(motion[kernel.STEER]),
-        float(curvature_at(*road, seen.curvature, way)),
-        preview,
-        seen.spacing,
-    )
+    row = np.empty(O_PREVIEW + seen.preview.size)
+    seen_from(*road, seen.curvature, motion, seen.v_x, row)
+    return to_observation(row, time, seen.spacing)
 
 
 def warm_up_kernels(vehicle: Vehicle, dt: float) -> None:

@@ -18,9 +18,11 @@ from steersman.bench.suites import suite
 from steersman.bench.tuning import on_car, on_road
 from steersman.config import Of, Settings, build, dump, override, param
 from steersman.controllers.base import ControllerComponent
+from steersman.controllers.estimated import in_front
 from steersman.engine.jobs import Workers
 from steersman.engine.work import Job
 from steersman.errors import ConfigError
+from steersman.estimators.base import EstimatorComponent, PredictorComponent
 from steersman.files import alone, make_folder, write_text
 from steersman.paths.base import PathComponent
 from steersman.plants.base import PlantComponent
@@ -43,6 +45,12 @@ class TuneConfig(Settings):
 
     controller: Annotated[ControllerComponent, Of("controller")] = param(
         "mpc_pid", "-", "Controller to tune; its other fields stay as given here."
+    )
+    estimator: Annotated[EstimatorComponent | None, Of("estimator", optional=True)] = param(
+        None, "-", "State estimator in front of it; null: none."
+    )
+    predictor: Annotated[PredictorComponent | None, Of("predictor", optional=True)] = param(
+        None, "-", "Predictor in front of it, for delays; null: none."
     )
     plant: Annotated[PlantComponent, Of("plant")] = param(
         SimulatorConfig(),
@@ -174,8 +182,9 @@ def _tried(finished: Sequence[Any]) -> list[TriedValues]:
 
 
 def _drive(config: TuneConfig, controller: ControllerComponent, workers: Workers) -> TrialCost:
+    driver = in_front(controller, config.estimator, config.predictor)
     jobs = [
-        Job(str(k), run.model_copy(update={"controller": controller}), planned_seconds(run))
+        Job(str(k), run.model_copy(update={"controller": driver}), planned_seconds(run))
         for k, run in enumerate(config.suite)
     ]
     work = partial(_measured, config.smoothness)
@@ -210,7 +219,8 @@ def _present(controller: ControllerComponent) -> dict[str, float]:
 
 def _write(config: TuneConfig, out: FilePath, best: ControllerComponent, study: Any) -> TuneResult:
     # As a run's configuration, so that ``steersman drive tuned.yaml`` drives it.
-    text = yaml.safe_dump({"controller": dump(best)}, sort_keys=False)
+    driver = in_front(best, config.estimator, config.predictor)
+    text = yaml.safe_dump({"controller": dump(driver)}, sort_keys=False)
     write_text(out / "tuned.yaml", f"# Tuned on: {config.plant.source()}\n{text}")
     traded = trade(config.controller.kind, _finished(study))
     traded.write(out / "pareto.json")

@@ -1,0 +1,121 @@
+"""The state estimator: car, road and biases from all observations so far."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from steersman.config import param, register
+from steersman.estimators.base import EstimatorComponent
+from steersman.kernels import estimate as kernel
+from steersman.kernels.estimate_update import (
+    BEGUN,
+    COMMAND,
+    COUNT,
+    N_MEMORY,
+    SEEN,
+    TIME,
+    Estimates,
+    Scratch,
+)
+from steersman.kernels.observe import O_PREVIEW
+from steersman.kernels.road_walk import N_MOVED, NODES
+from steersman.sensing import to_observation
+from steersman.types import FloatArray, Observation
+from steersman.vehicles import Vehicle
+
+# Cells of the road beyond the car's own, at most.
+_CELLS = 16
+# A gap in the observations that is longer than this is a new beginning [s].
+_LONGEST_GAP = 1.0
+
+
+class KalmanState(NamedTuple):
+    """What the estimator carries from step to step."""
+
+    vehicle: Vehicle
+    dt: float
+    settings: FloatArray
+    time: float = 0.0
+    """That the estimates hold for [s]."""
+    kept: Estimates | None = None
+    """None before the first observation."""
+
+
+@register("estimator", "kalman")
+class Kalman(EstimatorComponent):
+    """Extended Kalman filter of the car, of the road ahead and of the sensors' biases.
+
+    The noise of waypoints, pose and velocities is found from the measurements; an exact road passes
+    unchanged. Outliers are left out, lost samples are bridged by the prediction.
+    """
+
+    curvature_change: float = param(
+        2e-3, "1/m", "SD of the change of the road's curvature over a metre.", gt=0
+    )
+    v_y_bias: float = param(0.1, "m/s", "SD of the constant error of v_y.", ge=0)
+    yaw_rate_bias: float = param(0.01, "rad/s", "SD of the constant error of the yaw rate.", ge=0)
+    v_x_scale: float = param(0.03, "-", "SD of the relative error of v_x.", ge=0)
+    exact: float = param(
+        4e-3, "m", "Errors of the waypoints up to which the road passes unchanged.", ge=0
+    )
+
+    def init(self, vehicle: Vehicle, dt: float) -> KalmanState:
+        """State before the first observation."""
+        biases = self.v_y_bias, self.yaw_rate_bias, self.v_x_scale
+        return KalmanState(vehicle, dt, np.array([self.curvature_change, *biases, self.exact]))
+
+    def estimate(
+        self, state: KalmanState, observation: Observation
+    ) -> tuple[Observation, KalmanState]:
+        """The posterior's observation, at the time of the measurement."""
+        o, dt = observation, state.dt
+        n = len(o.preview)
+        span = (n - 1) * o.spacing
+        h = max(o.spacing, span / _CELLS)
+        size = NODES + int(span / h + 0.5) + 4
+        row = np.array(o[1:8])
+        preview = np.ascontiguousarray(o.preview)
+        seen = float(row.sum() + preview.sum())
+        before, time, periods, fresh = state.kept, o.time, 1, True
+        if before is None or len(before.mean) != size:
+            kept = Estimates(np.zeros(N_MEMORY), np.zeros(size), np.zeros((size, size)))
+        else:
+            kept = Estimates(*(array.copy() for array in before))
+            fresh = bool(o.time != kept.memory[TIME] or seen != kept.memory[SEEN])
+            if not fresh:
+                time = state.time + dt
+            elif o.time != kept.memory[TIME]:
+                periods = round((time - state.time) / dt)
+                if not 0 <= periods * dt <= _LONGEST_GAP or time < state.time - 0.5 * dt:
+                    kept.memory[BEGUN] = kept.memory[COUNT] = 0.0
+                    periods = 1
+        kept.memory[TIME], kept.memory[SEEN] = o.time, seen
+        out = np.empty(O_PREVIEW + 2 * n)
+        kernel.step(
+            state.vehicle.table, 0, state.settings, o.spacing, h, dt, periods, fresh, row, preview,
+            kept, _scratch(n, size), out,
+        )  # fmt: skip
+        if not (math.isfinite(out.sum()) and math.isfinite(kept.cov.sum())):
+            return o, state._replace(kept=None)
+        return to_observation(out, time, o.spacing), state._replace(time=time, kept=kept)
+
+    def executed(self, state: KalmanState, steer: float) -> KalmanState:
+        """A lost sample is bridged by the steering that goes to this command."""
+        if state.kept is None or state.kept.memory[COMMAND] == steer:
+            return state
+        memory = state.kept.memory.copy()
+        memory[COMMAND] = steer
+        return state._replace(kept=state.kept._replace(memory=memory))
+
+
+def _scratch(n: int, size: int) -> Scratch:
+    return Scratch(
+        np.empty((2 * N_MOVED, size)),
+        np.empty((n, 2)),
+        np.empty(n),
+        np.empty((n, size)),
+        np.empty(2 * n),
+    )
