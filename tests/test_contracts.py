@@ -27,6 +27,7 @@ from .loops import Posed, random_policy, scenes
 
 # Further settings of kinds whose defaults leave code aside.
 VARIANTS: dict[str, dict[str, Any]] = {
+    "estimated-predicted": {"kind": "estimated", "predictor": "single_track"},
     "mpc-limits": {"kind": "mpc", "rate_limit": True, "corridor": 0.2, "scheduled": True},
     "mpc_delay-given": {"kind": "mpc_delay", "delay": 0.12},
     "mpc_delay-plain": {"kind": "mpc_delay", "disturbance_time": None, "filter_road": False},

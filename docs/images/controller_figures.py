@@ -192,6 +192,28 @@ def mpc_delay_noise() -> dict[str, Any]:
     return {"title": title, "x": "time [s]", "y": "steering command [-]", "lines": lines}
 
 
+def predicted() -> dict[str, Any]:
+    """What the predictor makes of LQR under 0.2 s of steering delay."""
+    lines = []
+    alone = {"kind": "lqr"}
+    for name, fields in (
+        ("lqr", alone),
+        (
+            "lqr behind the predictor",
+            {
+                "kind": "estimated",
+                "estimator": None,
+                "predictor": "single_track",
+                "controller": alone,
+            },
+        ),
+    ):
+        episode = drive(fields, FigureEight(), 8.0, seconds=20.0, delay=0.2)
+        lines.append({"name": name, "x": episode["time"], "y": episode["lateral_error"]})
+    title = "Steering that acts 0.2 s late, figure-eight at 8 m/s"
+    return {"title": title, "x": "time [s]", "y": "lateral error [m]", "lines": lines}
+
+
 def policy_trim() -> dict[str, Any]:
     """The integral loop around the network."""
     lines = []
@@ -264,6 +286,7 @@ FIGURES = {
     "mpc_pid_speed": mpc_pid_speed,
     "mpc_delay": mpc_delay,
     "mpc_delay_noise": mpc_delay_noise,
+    "predicted": predicted,
     "policy_trim": policy_trim,
     "supervisor": supervisor,
     "everybody": everybody,

@@ -194,9 +194,10 @@ class _Drive:
     ) -> tuple[str, ControllerError | PlantError | None]:
         """Drive to the end; returns how it ended, and what failed."""
         simulation, fleet = self.simulation, self.simulation.fleet
-        controller = in_front(self.config.controller, self.config.estimator, self.config.predictor)
+        controller = self.config.controller
         if self.config.fault is not None:
             controller = self.config.fault.within(controller)
+        controller = in_front(controller, self.config.estimator, self.config.predictor)
         # Only now, since a server knows of its vehicle when it is there.
         nominal = self.config.nominal or simulation.mover.vehicle
         memory = designed(controller, nominal, simulation.dt)

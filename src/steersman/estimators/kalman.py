@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -13,12 +13,10 @@ from steersman.kernels import estimate as kernel
 from steersman.kernels.estimate_update import (
     BEGUN,
     COMMAND,
-    COUNT,
     N_MEMORY,
-    SEEN,
-    TIME,
+    NOW,
     Estimates,
-    Scratch,
+    EstimatorWork,
 )
 from steersman.kernels.observe import O_PREVIEW
 from steersman.kernels.road_walk import N_MOVED, NODES
@@ -28,8 +26,7 @@ from steersman.vehicles import Vehicle
 
 # Cells of the road beyond the car's own, at most.
 _CELLS = 16
-# A gap in the observations that is longer than this is a new beginning [s].
-_LONGEST_GAP = 1.0
+_NOTHING = Estimates(np.zeros(N_MEMORY), np.zeros(0), np.zeros((0, 0)))
 
 
 class KalmanState(NamedTuple):
@@ -38,10 +35,7 @@ class KalmanState(NamedTuple):
     vehicle: Vehicle
     dt: float
     settings: FloatArray
-    time: float = 0.0
-    """That the estimates hold for [s]."""
-    kept: Estimates | None = None
-    """None before the first observation."""
+    kept: Estimates
 
 
 @register("estimator", "kalman")
@@ -65,54 +59,44 @@ class Kalman(EstimatorComponent):
     def init(self, vehicle: Vehicle, dt: float) -> KalmanState:
         """State before the first observation."""
         biases = self.v_y_bias, self.yaw_rate_bias, self.v_x_scale
-        return KalmanState(vehicle, dt, np.array([self.curvature_change, *biases, self.exact]))
+        settings = np.array([self.curvature_change, *biases, self.exact])
+        return KalmanState(vehicle, dt, settings, _NOTHING)
 
     def estimate(
         self, state: KalmanState, observation: Observation
     ) -> tuple[Observation, KalmanState]:
         """The posterior's observation, at the time of the measurement."""
-        o, dt = observation, state.dt
-        n = len(o.preview)
+        o, n = observation, len(observation.preview)
         span = (n - 1) * o.spacing
         h = max(o.spacing, span / _CELLS)
         size = NODES + int(span / h + 0.5) + 4
-        row = np.array(o[1:8])
-        preview = np.ascontiguousarray(o.preview)
-        seen = float(row.sum() + preview.sum())
-        before, time, periods, fresh = state.kept, o.time, 1, True
-        if before is None or len(before.mean) != size:
-            kept = Estimates(np.zeros(N_MEMORY), np.zeros(size), np.zeros((size, size)))
+        if len(state.kept.mean) == size:
+            kept = Estimates(*(array.copy() for array in state.kept))
         else:
-            kept = Estimates(*(array.copy() for array in before))
-            fresh = bool(o.time != kept.memory[TIME] or seen != kept.memory[SEEN])
-            if not fresh:
-                time = state.time + dt
-            elif o.time != kept.memory[TIME]:
-                periods = round((time - state.time) / dt)
-                if not 0 <= periods * dt <= _LONGEST_GAP or time < state.time - 0.5 * dt:
-                    kept.memory[BEGUN] = kept.memory[COUNT] = 0.0
-                    periods = 1
-        kept.memory[TIME], kept.memory[SEEN] = o.time, seen
+            kept = Estimates(np.zeros(N_MEMORY), np.zeros(size), np.zeros((size, size)))
+        row, preview = np.array(o[1:8]), np.ascontiguousarray(o.preview)
         out = np.empty(O_PREVIEW + 2 * n)
-        kernel.step(
-            state.vehicle.table, 0, state.settings, o.spacing, h, dt, periods, fresh, row, preview,
-            kept, _scratch(n, size), out,
-        )  # fmt: skip
-        if not (math.isfinite(out.sum()) and math.isfinite(kept.cov.sum())):
-            return o, state._replace(kept=None)
-        return to_observation(out, time, o.spacing), state._replace(time=time, kept=kept)
+        usable = kernel.step(
+            *(state.vehicle.table, 0, state.settings, o.spacing, h, state.dt, o.time),
+            *(row, preview, kept, _scratch(n, size), out),
+        )
+        if not usable:
+            return o, state._replace(kept=_NOTHING)
+        return to_observation(out, float(kept.memory[NOW]), o.spacing), state._replace(kept=kept)
 
     def executed(self, state: KalmanState, steer: float) -> KalmanState:
         """A lost sample is bridged by the steering that goes to this command."""
-        if state.kept is None or state.kept.memory[COMMAND] == steer:
+        if not state.kept.memory[BEGUN] or state.kept.memory[COMMAND] == steer:
             return state
         memory = state.kept.memory.copy()
         memory[COMMAND] = steer
         return state._replace(kept=state.kept._replace(memory=memory))
 
 
-def _scratch(n: int, size: int) -> Scratch:
-    return Scratch(
+@lru_cache(maxsize=8)
+def _scratch(n: int, size: int) -> EstimatorWork:
+    """Written before it is read, in one call that nothing interrupts."""
+    return EstimatorWork(
         np.empty((2 * N_MOVED, size)),
         np.empty((n, 2)),
         np.empty(n),

@@ -68,7 +68,7 @@ class SingleTrack(PredictorComponent):
         o = observation
         kept = Predictions(*(array.copy() for array in state.kept))
         out = np.empty(O_PREVIEW + 2 * len(o.preview))
-        kernel.step(
+        usable = kernel.step(
             state.vehicle.table,
             o.spacing,
             state.dt,
@@ -82,7 +82,7 @@ class SingleTrack(PredictorComponent):
             np.empty((2, model.N_MOTION)),
             out,
         )
-        if not math.isfinite(out.sum() + kept.memory.sum() + kept.scores.sum()):
+        if not usable:
             return o, self.init(state.vehicle, state.dt)
         ahead = float(kept.memory[kernel.DELAY] + kept.memory[kernel.AGE])
         seen = to_observation(out, o.time + ahead, o.spacing)

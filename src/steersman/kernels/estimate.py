@@ -7,6 +7,8 @@ docs/equations/estimator.md has the equations.
 
 from __future__ import annotations
 
+import math
+
 from steersman.kernels import observe
 from steersman.kernels.actuator import slew
 from steersman.kernels.compiled import kernel
@@ -14,14 +16,18 @@ from steersman.kernels.estimate_motion import predict
 from steersman.kernels.estimate_update import (
     BEGUN,
     COMMAND,
+    COUNT,
     CURVATURE,
     EXACT,
     LOST,
     NOISE,
+    NOW,
     POINT,
+    SEEN,
     STEER,
+    TIME,
     Estimates,
-    Scratch,
+    EstimatorWork,
     begin,
     listen,
     update,
@@ -43,6 +49,8 @@ from steersman.types import FloatArray
 
 # Steps without a plausible road after which the filter begins anew.
 _LOST_STEPS = 4.0
+# A longer gap in the observations is a new beginning [s].
+_LONGEST_GAP = 1.0
 # Errors measured that differ more from the posterior are not passed on [m], [rad].
 _PASS_D, _PASS_HEADING = 0.1, 0.05
 
@@ -55,15 +63,16 @@ def step(  # noqa: PLR0917 - numba takes no keyword-only arguments
     spacing: float,
     h: float,
     dt: float,
-    periods: int,
-    fresh: bool,
+    time: float,
     row: FloatArray,
     preview: FloatArray,
     kept: Estimates,
-    work: Scratch,
+    work: EstimatorWork,
     out: FloatArray,
-) -> None:
+) -> bool:
     """Bring the estimates up to the present and write the observation that they mean.
+
+    Returns whether all numbers are finite; if not, the estimates are to be made anew.
 
     Args:
         table: nominal vehicles.
@@ -74,15 +83,16 @@ def step(  # noqa: PLR0917 - numba takes no keyword-only arguments
         spacing: distance between waypoints [m].
         h: distance between nodes of the road [m].
         dt: control period [s].
-        periods: periods since the last step.
-        fresh: whether ``row`` was measured since then; the first has to be.
-        row: observation row, of which only the numbers before the waypoints are read.
+        time: of the observation [s]. One with the time and the numbers of the last is the last
+            again: a sample got lost.
+        row: numbers of an observation row before the waypoints (O_PREVIEW,).
         preview: its waypoints (count, 2).
         kept: the estimates, in place.
         work: scratch.
         out: observation row that is written.
     """
     memory = kept.memory
+    periods, fresh = _elapsed(dt, time, row, preview, memory)
     first = memory[BEGUN] == 0.0
     if not first:
         _advance(table, n, settings, h, dt, periods, fresh, row[observe.O_STEER], kept, work)
@@ -95,6 +105,35 @@ def step(  # noqa: PLR0917 - numba takes no keyword-only arguments
         memory[STEER] = row[observe.O_STEER]
     kept.mean[HEADING] = wrap_angle(kept.mean[HEADING])
     _write(settings, h, spacing, fresh, row, preview, kept, work, out)
+    total = observe.total(out) + observe.total(kept.mean)
+    for i in range(kept.mean.shape[0]):
+        total += kept.cov[i, i]
+    return math.isfinite(total)
+
+
+@kernel
+def _elapsed(
+    dt: float, time: float, row: FloatArray, preview: FloatArray, memory: FloatArray
+) -> tuple[int, bool]:
+    """Periods since the last step, and whether there is a new observation.
+
+    An observation that is much older or newer than the last one is a new beginning.
+    """
+    total = observe.total(row)
+    for i in range(preview.shape[0]):
+        total += preview[i, 0] + preview[i, 1]
+    same_time, same = time == memory[TIME], total == memory[SEEN]
+    memory[TIME], memory[SEEN] = time, total
+    if memory[BEGUN] != 0.0 and same_time:
+        # A clock that stands still with new numbers is none: a period has passed.
+        memory[NOW] += dt
+        return 1, not same
+    gap = time - memory[NOW]
+    memory[NOW] = time
+    if not -0.5 * dt <= gap <= _LONGEST_GAP:
+        memory[BEGUN] = memory[COUNT] = memory[LOST] = 0.0
+        return 0, True
+    return int(gap / dt + 0.5), True
 
 
 @kernel
@@ -108,7 +147,7 @@ def _advance(  # noqa: PLR0917 - numba takes no keyword-only arguments
     fresh: bool,
     steer: float,
     kept: Estimates,
-    work: Scratch,
+    work: EstimatorWork,
 ) -> None:
     """Predict period by period; the steering goes to that measured or else to the command."""
     memory, mean, cov = kept
@@ -153,7 +192,7 @@ def _write(  # noqa: PLR0917 - numba takes no keyword-only arguments
     row: FloatArray,
     preview: FloatArray,
     kept: Estimates,
-    work: Scratch,
+    work: EstimatorWork,
     out: FloatArray,
 ) -> None:
     """The observation of the posterior; the measured road as far as it is exact."""

@@ -169,8 +169,8 @@ def _move(
 
 
 @kernel
-def _spread(dt: float, v: float, f: FloatArray, cov: FloatArray, work: FloatArray) -> None:
-    """The covariance becomes F P F' + Q; only the first N_MOVED rows of F are not the identity."""
+def _propagate(f: FloatArray, cov: FloatArray, work: FloatArray) -> None:
+    """The covariance becomes F P F'."""
     size, reach = cov.shape[0], min(NODES + _NODES_AT_CAR, cov.shape[0])
     for i in range(N_MOVED):
         out = work[i]
@@ -189,6 +189,12 @@ def _spread(dt: float, v: float, f: FloatArray, cov: FloatArray, work: FloatArra
             cov[i, k] = cov[k, i] = total
         for k in range(N_MOVED, size):
             cov[i, k] = cov[k, i] = work[i, k]
+
+
+@kernel
+def _spread(dt: float, v: float, f: FloatArray, cov: FloatArray, work: FloatArray) -> None:
+    """The covariance becomes F P F' + Q; only the first N_MOVED rows of F are not the identity."""
+    _propagate(f, cov, work)
     moving = min(v / 5.0, 1.0) * dt
     for i in range(3):
         cov[i, i] += _GROWTH[i] * moving

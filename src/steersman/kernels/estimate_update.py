@@ -30,11 +30,11 @@ from steersman.kernels.road_walk import (
 from steersman.kernels.sensor_noise import points_variance, variance, watch
 from steersman.types import FloatArray
 
-# Columns of what is kept beside mean and covariance: whether there was an observation, its time
-# and a sum of its numbers, the steering now and the last command, steps without a plausible road,
-# number of observations, variance of a waypoint's errors, variances of the signals' noise; medians
-# of the signals' surprises.
-BEGUN, TIME, SEEN, STEER, COMMAND, LOST, COUNT, POINT, NOISE = range(9)
+# Columns of what is kept beside mean and covariance: whether there was an observation; the time
+# that the estimates hold for; time and sum of the numbers of the last observation; the steering now
+# and the last command; steps without a plausible road; number of observations; variance of a
+# waypoint's errors, of the signals' noise; medians of the signals' surprises.
+BEGUN, NOW, TIME, SEEN, STEER, COMMAND, LOST, COUNT, POINT, NOISE = range(10)
 # Signals whose noise is watched: lateral error, heading error, v_x, v_y, yaw rate.
 _N_SIGNALS = 5
 SIZES = NOISE + _N_SIGNALS
@@ -73,7 +73,7 @@ class Estimates(NamedTuple):
     """(N, N)"""
 
 
-class Scratch(NamedTuple):
+class EstimatorWork(NamedTuple):
     """Arrays to work in, for n waypoints."""
 
     rows: FloatArray
@@ -184,7 +184,7 @@ def update(
     row: FloatArray,
     preview: FloatArray,
     kept: Estimates,
-    work: Scratch,
+    work: EstimatorWork,
     gated: bool,
 ) -> None:
     """Correct the estimates by an observation; ``work.spread[i]`` is 1 for a waypoint taken in.
@@ -231,7 +231,7 @@ def begin(
     row: FloatArray,
     preview: FloatArray,
     kept: Estimates,
-    work: Scratch,
+    work: EstimatorWork,
 ) -> None:
     """Take the first look: a road of the measured curvature, corrected by the waypoints."""
     memory, mean, cov = kept

@@ -29,6 +29,15 @@ def wrap_angle(angle: float) -> float:
 
 
 @kernel
+def total(values: FloatArray) -> float:
+    """Sum of the values, which is finite only if all are."""
+    out = 0.0
+    for i in range(values.shape[0]):
+        out += values[i]
+    return out
+
+
+@kernel
 def track(table: PathTable, p: int, state: FloatArray, near: float, out: FloatArray) -> None:
     """Fill a tracking row: projection, errors and path point beside the centre of mass."""
     s, d, psi, kappa = paths.project_near(table, p, state[vehicle.X], state[vehicle.Y], near)

@@ -83,7 +83,7 @@ def _bounded(value: float) -> float:
 
 
 @kernel
-def _learn(
+def _learn(  # noqa: PLR0917 - numba takes no keyword-only arguments
     table: VehicleTable, spacing: float, dt: float, finds: bool, time: float, row: FloatArray,
     preview: FloatArray, kept: Predictions, motion: FloatArray, work: FloatArray,
 ) -> None:  # fmt: skip
@@ -129,8 +129,10 @@ def step(  # noqa: PLR0917 - numba takes no keyword-only arguments
     motion: FloatArray,
     work: FloatArray,
     out: FloatArray,
-) -> None:
+) -> bool:
     """Take an observation in and write the one that is predicted.
+
+    Returns whether all numbers are finite; if not, what is kept is to be made anew.
 
     Args:
         table: the nominal vehicle.
@@ -139,7 +141,7 @@ def step(  # noqa: PLR0917 - numba takes no keyword-only arguments
         finds: whether the delay is found from the measured steering.
         time: time constant of what the model lacks [s]; 0: nothing.
         fresh: whether the observation was measured since the last step.
-        row: observation row, of which only the numbers before the waypoints are read.
+        row: numbers of an observation row before the waypoints (O_PREVIEW,).
         preview: its waypoints (count, 2).
         kept: in place; ``commands`` without the one that is to come.
         motion: scratch (model.N_MOTION,).
@@ -180,3 +182,4 @@ def step(  # noqa: PLR0917 - numba takes no keyword-only arguments
             out[observe.O_PREVIEW + 2 * i + 1] = preview[i, 1]
     for i in range(commands.shape[0] - 1, 0, -1):
         commands[i] = commands[i - 1]
+    return math.isfinite(observe.total(out) + observe.total(memory))
