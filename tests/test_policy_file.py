@@ -69,7 +69,7 @@ def test_a_sound_policy_loads(file: FilePath) -> None:
 FAULTS: dict[str, tuple[Callable[[FilePath], object], str]] = {
     "no network": (lambda f: f.unlink(), r"policy\.onnx: cannot be read \(No such file"),
     "no card": (lambda f: f.with_suffix(".json").unlink(), r"policy\.json: cannot be read"),
-    "folder": (lambda f: (f.unlink(), f.mkdir()), "cannot be read"),
+    "folder": (lambda f: (f.unlink(), f.mkdir()), "is a folder"),
     "damaged": (lambda f: f.write_bytes(f.read_bytes()[:-7]), "its SHA-256 is"),
     "other policy's card": (
         lambda f: edit(f, files={"policy.onnx": "0" * 64}),
@@ -82,7 +82,7 @@ FAULTS: dict[str, tuple[Callable[[FilePath], object], str]] = {
     "another file is missing": (lambda f: more(f, "policy.c", None), "policy.c: cannot be read"),
     "another file was changed": (lambda f: more(f, "policy.c", b"new"), "policy.c: its SHA-256 is"),
     "a file elsewhere": (lambda f: more(f, "../a.c", None), "files"),
-    "no onnx": (lambda f: replace(f, b"no network"), "not a network that ONNX Runtime reads"),
+    "no onnx": (lambda f: replace(f, b"no network"), "not a network of layers"),
     "empty": (lambda f: replace(f, b""), "policy.onnx: "),
     "other inputs": (
         lambda f: replace(f, network(random_net(3), [1.0] * 3)), "does not map .* features",

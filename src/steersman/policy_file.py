@@ -9,8 +9,9 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from steersman.bounds import from_json
+from steersman.bounds import MOST_JSON, from_json
 from steersman.errors import DataError, suggestion
+from steersman.files import read_bytes
 from steersman.messages import config_error
 
 FORMAT = 2
@@ -134,10 +135,7 @@ def read_policy(file: FilePath) -> tuple[bytes, PolicyCard]:
 
 
 def _read(file: FilePath) -> bytes:
-    try:
-        return file.read_bytes()
-    except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error.strerror})") from None
+    return read_bytes(file, "give a policy (*.onnx) with its card (*.json) beside it", MOST_JSON)
 
 
 def _of_today(content: dict[str, Any], network: str) -> dict[str, Any]:

@@ -100,7 +100,7 @@ WRONG = [
     (f"drive {POLICY} controller.file=other.onnx", "other.onnx: its SHA-256 is"),
     (f"drive {POLICY} controller.file=scales.onnx", "scales.onnx: card: 1 scales for"),
     (f"drive {POLICY} controller.file=encoding.onnx", "encoding.onnx: card: unknown encoding"),
-    (f"drive {POLICY} controller.file=nonsense.onnx", "nonsense.onnx: not a network that ONNX"),
+    (f"drive {POLICY} controller.file=nonsense.onnx", "nonsense.onnx: not a network of layers"),
     (f"drive {POLICY} controller.file=period.onnx", "trained for a control period of 0.1 s, but"),
     # the configuration of another command
     ("drive training.yaml", "of 'steersman train'; its policy drives with controller=policy"),

@@ -15,6 +15,7 @@ from steersman.errors import ConfigError, DataError, one_line
 from steersman.kernels import encode as kernel
 from steersman.kernels import observe
 from steersman.kernels.encode import EncodingTable
+from steersman.network_file import check_network
 from steersman.policy_file import PolicyCard, locate, read_policy
 from steersman.provenance import missing_plugins
 from steersman.sensing import to_observation
@@ -234,10 +235,12 @@ def load_network(data: bytes, name: str, features: int) -> Any:
     """The network in an ONNX file as a function.
 
     Raises:
-        DataError: ONNX Runtime cannot read it, or it does not map that many features to an action.
+        DataError: it holds more than layers, ONNX Runtime cannot read it, or it does not map that
+            many features to an action.
     """
     import onnxruntime
 
+    check_network(data, name)
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 3

@@ -1,8 +1,11 @@
-"""How kernels are compiled."""
+"""How kernels are compiled, and what becomes of a cache that cannot be used."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
+from contextlib import suppress
+from functools import lru_cache
 from typing import Any, TypeVar, cast
 
 from numba import njit
@@ -17,7 +20,7 @@ def allocating(function: F) -> F:
 
     With numpy's error model a zero divisor gives infinity or NaN, without a test each time.
     """
-    return cast("F", njit(cache=True, error_model="numpy")(function))
+    return compiled(function)
 
 
 def kernel(function: F) -> F:
@@ -26,4 +29,50 @@ def kernel(function: F) -> F:
     Without numba's run time it need not count references to a table's arrays at every call,
     which makes calls between kernels several times faster.
     """
-    return cast("F", njit(cache=True, error_model="numpy", **_WITHOUT_RUN_TIME)(function))
+    return compiled(function, **_WITHOUT_RUN_TIME)
+
+
+def compiled(function: F, **options: Any) -> F:
+    """Compile with numba, through its cache on disk where that can be used, else without it."""
+    options["error_model"] = "numpy"
+    try:
+        made = njit(cache=True, **options)(function)
+    except RuntimeError:  # there is no folder that can be written
+        tell(
+            "no folder for compiled code can be written, so it is compiled at every start; "
+            "NUMBA_CACHE_DIR names one"
+        )
+        return cast("F", njit(**options)(function))
+    made._cache = _MendedCache(made._cache)
+    return cast("F", made)
+
+
+@lru_cache
+def tell(line: str) -> None:
+    """Log a line, once in a process; where nothing is set up for logs, it goes to stderr."""
+    logging.getLogger("steersman").warning(line)
+
+
+class _MendedCache:
+    """numba's cache of one function, of which a damaged file counts as missing."""
+
+    def __init__(self, inner: Any) -> None:
+        self._inner = inner
+
+    def load_overload(self, *key: Any) -> Any:
+        """The compiled function; None if it is not there, or cannot be read."""
+        try:
+            return self._inner.load_overload(*key)
+        except Exception:  # noqa: BLE001 - pickle answers damaged bytes with whatever it finds
+            tell(f"damaged files in {self._inner.cache_path} are compiled anew")
+            with suppress(OSError):
+                self._inner.flush()
+            return None
+
+    def save_overload(self, *entry: Any) -> None:
+        """Keep a compiled function, if that is possible."""
+        with suppress(OSError):
+            self._inner.save_overload(*entry)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._inner, name)

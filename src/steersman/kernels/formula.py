@@ -16,6 +16,7 @@ import math
 import re
 import textwrap
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import cache
 from typing import Any, NamedTuple, cast
 
@@ -171,8 +172,8 @@ def _cfunc(plain: Callable[..., float], where: str) -> Any:
     compiler: Any = cfunc
     options = {"error_model": "numpy", "_nrt": False}
     try:
-        return compiler(_SIGNATURE, cache=True, **options)(plain)
-    except (RuntimeError, OSError):  # no folder for the cache can be written
+        with suppress(Exception):  # no folder can be written, or what is in it is damaged
+            return compiler(_SIGNATURE, cache=True, **options)(plain)
         return compiler(_SIGNATURE, **options)(plain)
     except Exception as error:
         raise ConfigError(f"{where}: numba cannot compile it: {_reason(error)}") from error

@@ -14,17 +14,16 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from stable_baselines3 import DDPG
 
 from steersman.learning.networks import (
-    FAST,
     Draw,
     Moments,
     Net,
     Work,
     back_hidden,
     descend,
+    fast,
     follow,
     forward,
     gather,
@@ -78,7 +77,7 @@ def draw_batches(buffer: Any, count: int, batch: int, mirror: Any) -> Draw:
     return Draw(rows, envs, sides, mirror)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@fast
 def _targets(
     batch: Batch, draw: Draw, k: int, actor: Net, critic: Net, gamma: float, work: Scratch
 ) -> None:
@@ -99,7 +98,7 @@ def _targets(
         )
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@fast
 def _improve_critic(
     batch: Batch, draw: Draw, k: int, critic: Net, moments: Moments, rate: float, work: Scratch
 ) -> tuple[float, float]:
@@ -122,7 +121,7 @@ def _improve_critic(
     return loss, mean
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@fast
 def _improve_actor(actor: Net, critic: Net, moments: Moments, rate: float, work: Scratch) -> float:
     """Ascend Q(s, mu(s)) for the observations in ``work.actor.x``; returns the loss, -mean Q."""
     of_actor, of_critic = work.actor, work.critic
@@ -145,7 +144,7 @@ def _improve_actor(actor: Net, critic: Net, moments: Moments, rate: float, work:
     return loss
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@fast
 def update(
     batch: Batch,
     draw: Draw,

@@ -17,14 +17,19 @@ from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from steersman.kernels.compiled import F, compiled
 from steersman.learning.snapshot import Tree, fill
 
 _BETA1, _BETA2, _EPS = np.float32(0.9), np.float32(0.999), np.float32(1e-8)
 _ONE = np.float32(1.0)
 # Sums may be reordered (so that they vectorise); NaN and infinity keep their meaning.
-FAST = {"reassoc", "contract", "nsz", "arcp"}
+_FAST = {"reassoc", "contract", "nsz", "arcp"}
+
+
+def fast(function: F) -> F:
+    """Compile arithmetic on networks."""
+    return compiled(function, fastmath=_FAST)
 
 
 class Net(NamedTuple):
@@ -115,7 +120,7 @@ def make_moments(size: int) -> Moments:
     return Moments(np.zeros(size, np.float32), np.zeros(size, np.float32), np.zeros(1, np.int64))
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@fast
 def _bias_relu(h: Any, b: Any) -> None:
     for i in range(h.shape[0]):
         for j in range(h.shape[1]):
@@ -123,7 +128,7 @@ def _bias_relu(h: Any, b: Any) -> None:
             h[i, j] = value if value > 0.0 else np.float32(0.0)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@fast
 def forward(net: Net, work: Work) -> None:
     """Fill ``work.y`` with network(``work.x``), keeping the hidden layers for the way back."""
     np.dot(work.x, net.w1.T, work.h1)
@@ -137,7 +142,7 @@ def forward(net: Net, work: Work) -> None:
         work.y[i, 0] = total
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@fast
 def back_hidden(net: Net, work: Work) -> None:
     """Gradients at the hidden layers' inputs from the gradient at the output, ``work.dy``."""
     d1, d2, dy = work.d1, work.d2, work.dy
@@ -151,7 +156,7 @@ def back_hidden(net: Net, work: Work) -> None:
                 d1[i, j] = np.float32(0.0)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@fast
 def weight_gradients(work: Work) -> None:
     """Gradients of all weights from those at the layers' inputs; sums over the batch."""
     d1, d2, dy, grad = work.d1, work.d2, work.dy, work.grad
@@ -171,7 +176,7 @@ def weight_gradients(work: Work) -> None:
     grad.b3[0] = total
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@fast
 def adam(weights: Any, gradient: Any, moments: Moments, rate: float) -> None:
     """One step of Adam in torch's arrangement (bias corrections in double precision)."""
     moments.count[0] += 1
@@ -186,7 +191,7 @@ def adam(weights: Any, gradient: Any, moments: Moments, rate: float) -> None:
         weights[i] -= step * first[i] / (np.sqrt(second[i]) * root + _EPS)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@fast
 def descend(net: Net, moments: Moments, rate: float, work: Work) -> None:
     """One step of Adam down the gradient at the output, ``work.dy``."""
     back_hidden(net, work)
@@ -207,7 +212,7 @@ class Draw(NamedTuple):
     """(features,) factor on each feature that mirrors it (float32)."""
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@fast
 def gather(source: Any, draw: Draw, k: int, out: Any) -> None:
     """Observations of update ``k`` out of (rows, vehicles, features); side -1 mirrored."""
     for i in range(out.shape[0]):
@@ -217,7 +222,7 @@ def gather(source: Any, draw: Draw, k: int, out: Any) -> None:
             out[i, j] = value * draw.mirror[j] if mirrored else value
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@fast
 def follow(slow: Any, own: Any, tau: float) -> None:
     """Move a target's weights by the share ``tau`` towards a network's own."""
     share = np.float32(tau)

@@ -11,12 +11,11 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from steersman.learning import networks
 from steersman.learning.imitation.config import FitConfig
 from steersman.learning.imitation.driving import Dataset
-from steersman.learning.networks import FAST, Draw, Moments, Net, Work, descend, forward, gather
+from steersman.learning.networks import Draw, Moments, Net, Work, descend, fast, forward, gather
 from steersman.learning.snapshot import Tree, fill
 
 _ONE = np.float32(1.0)
@@ -24,7 +23,7 @@ _ONE = np.float32(1.0)
 _CHUNK = 100
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@fast
 def update(
     data: Dataset,
     draw: Draw,

@@ -1,0 +1,165 @@
+"""Whether an ONNX file is a network that a policy may be, before ONNX Runtime sees it.
+
+ONNX is a language: it has loops, tensors in other files, and operators that turn a few bytes into
+gigabytes. A policy needs layers on one row of features. So what it may hold is listed, and all
+else is refused. With these operators a row stays one row, as wide as a tensor of the file, so
+time and memory are bounded by the size of the file.
+
+The file is read by the rules of https://protobuf.dev/programming-guides/encoding, its fields are
+those of https://github.com/onnx/onnx/blob/main/onnx/onnx.proto.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import defaultdict
+from collections.abc import Iterator
+from typing import TypeAlias
+
+from steersman.errors import DataError, shortened
+
+MOST_BYTES, MOST_NODES = 20_000_000, 100
+"""Largest file [bytes], and the most operators in it."""
+ROW_BY_ROW = frozenset(
+    (
+        *("Abs", "Add", "Clip", "Div", "Elu", "Gelu", "HardSigmoid", "Identity", "Max", "Min"),
+        *("LayerNormalization", "LeakyRelu", "Mul", "Neg", "Relu", "Selu", "Sigmoid"),
+        *("Softplus", "Softsign", "Sub", "Tanh"),
+    )
+)
+"""Operators that leave a row as wide as it is, or as wide as a tensor that is added to it."""
+PRODUCTS = frozenset(("Gemm", "MatMul"))
+"""Products of a row with a matrix of the file."""
+# Fields that may be there, by their numbers.
+_MODEL = {*range(1, 9), 14}
+_GRAPH = {1, 2, 5, 10, 11, 12, 13, 16}
+_NODE = {*range(1, 8), 9}
+_ATTRIBUTE = {1, 2, 3, 4, 7, 8, 13, 20}
+_TENSOR = {1, 2, 4, 5, 7, 8, 9, 10, 12, 16}
+_GRAPH_OF_MODEL, _NODES, _TENSORS = 7, 1, 5
+_INPUTS, _OPERATOR, _ATTRIBUTES, _DOMAIN = 1, 4, 5, 7
+_ATTRIBUTE_NAME, _ATTRIBUTE_INTEGER = 1, 3
+_DIMENSIONS, _TENSOR_NAME = 1, 8
+# Kinds of fields on the wire.
+_VARINT, _EIGHT, _SIZED, _FOUR = 0, 1, 2, 5
+_MATRIX = 2
+_MOST_VALUES, _MOST_DIMENSIONS = 10_000, 8
+
+Value: TypeAlias = "int | memoryview"
+Message: TypeAlias = "dict[int, list[Value]]"
+
+
+def check_network(data: bytes, name: str) -> None:
+    """Refuse a file that holds anything but layers.
+
+    Raises:
+        DataError: it does, or is no ONNX file; ``name`` is the file's.
+    """
+    if len(data) > MOST_BYTES:
+        raise DataError(
+            f"{name}: is larger than {MOST_BYTES // 1_000_000} MB, the most for a policy"
+        )
+    try:
+        model = _message(memoryview(data), _MODEL, "model")
+        graphs = [_message(_bytes(v), _GRAPH, "graph") for v in model[_GRAPH_OF_MODEL]]
+        tensors = dict[str, tuple[int, ...]]()
+        for each in _inner(graphs, _TENSORS):
+            tensor = _message(each, _TENSOR, "tensor")
+            shape = tuple(itertools.islice(_integers(tensor[_DIMENSIONS]), _MOST_DIMENSIONS))
+            for label in map(_text, tensor[_TENSOR_NAME]):
+                if label in tensors:
+                    raise ValueError(f"two tensors are called {shortened(label)!r}")
+                tensors[label] = shape
+        nodes = [_message(each, _NODE, "operator") for each in _inner(graphs, _NODES)]
+        if not nodes or len(nodes) > MOST_NODES:
+            raise ValueError(f"{len(nodes)} operators; 1 to {MOST_NODES} are allowed")
+        for node in nodes:
+            _check(node, tensors)
+    except (ValueError, IndexError) as error:
+        raise DataError(f"{name}: not a network of layers: {error}") from None
+
+
+def _check(node: Message, tensors: dict[str, tuple[int, ...]]) -> None:
+    """Refuse an operator that could make a row into more than a row."""
+    kind, *more = [_text(v) for v in node[_OPERATOR]] or [""]
+    domains = {_text(v) for v in node[_DOMAIN]}
+    if more or kind not in ROW_BY_ROW | PRODUCTS or domains - {"", "ai.onnx"}:
+        raise ValueError(f"operator {shortened(kind)!r} is none that a policy needs")
+    attributes = [_message(_bytes(v), _ATTRIBUTE, "attribute") for v in node[_ATTRIBUTES]]
+    given = [(name, tensors.get(name)) for name in map(_text, node[_INPUTS])]
+    if kind in PRODUCTS:
+        shapes = [shape for _, shape in given[:_MATRIX]]
+        turned = any(
+            "transA" in map(_text, each[_ATTRIBUTE_NAME]) and any(each[_ATTRIBUTE_INTEGER])
+            for each in attributes
+        )
+        if turned or [shape and len(shape) for shape in shapes] != [None, _MATRIX]:
+            raise ValueError(f"{kind} is no product of a row with a matrix of the file")
+        given = given[_MATRIX:]
+    for name, shape in given:
+        if shape and math.prod(shape) != shape[-1]:
+            raise ValueError(f"{shortened(name)!r} has the shape {shape}, expected one row")
+
+
+def _inner(messages: list[Message], field: int) -> Iterator[memoryview]:
+    return (_bytes(value) for message in messages for value in message[field])
+
+
+def _message(data: memoryview, allowed: set[int], what: str) -> Message:
+    """The values of a message by the numbers of their fields, every one that is there."""
+    found: Message = defaultdict(list)
+    at = 0
+    while at < len(data):
+        key, at = _varint(data, at)
+        field, wire = key >> 3, key & 7
+        if field not in allowed:
+            raise ValueError(f"its {what} holds field {field}, which no policy needs")
+        value: Value
+        if wire == _VARINT:
+            value, at = _varint(data, at)
+        elif wire in {_EIGHT, _FOUR, _SIZED}:
+            size, at = _varint(data, at) if wire == _SIZED else (8 if wire == _EIGHT else 4, at)
+            if size > len(data) - at:
+                raise ValueError(f"its {what} ends in the middle")
+            value, at = data[at : at + size], at + size
+        else:
+            raise ValueError("not an ONNX file")
+        found[field].append(value)
+        if len(found[field]) > _MOST_VALUES:
+            raise ValueError(f"its {what} holds more than {_MOST_VALUES} values")
+    return found
+
+
+def _varint(data: memoryview, at: int) -> tuple[int, int]:
+    """A number in groups of seven bits, and where it ends."""
+    value = 0
+    for shift in range(0, 70, 7):
+        byte = data[at]
+        at += 1
+        value |= (byte & 0x7F) << shift
+        if byte < 0x80:  # noqa: PLR2004 - the last group has no mark
+            return value, at
+    raise ValueError("not an ONNX file")
+
+
+def _integers(values: list[Value]) -> Iterator[int]:
+    """Numbers of a repeated field, packed or one by one."""
+    for value in values:
+        if isinstance(value, int):
+            yield value
+            continue
+        at = 0
+        while at < len(value):
+            number, at = _varint(value, at)
+            yield number
+
+
+def _bytes(value: Value) -> memoryview:
+    if isinstance(value, int):
+        raise ValueError("not an ONNX file")
+    return value
+
+
+def _text(value: Value) -> str:
+    return bytes(_bytes(value)).decode("utf-8", "replace")
