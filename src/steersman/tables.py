@@ -1,9 +1,12 @@
-"""Tables in CSV files: what stands in which line; the callers know what the columns mean."""
+"""Tables in text files: what stands in which line; the callers know what the columns mean."""
 
 from __future__ import annotations
 
+import csv
 import math
-from collections.abc import Callable
+import re
+from collections import Counter
+from collections.abc import Callable, Sequence
 from pathlib import Path as FilePath
 from typing import NamedTuple
 
@@ -16,6 +19,17 @@ from steersman.types import FloatArray
 # Cells, in lower case, in which nothing was measured.
 _EMPTY = frozenset({"", "nan", "null", "none", "na", "n/a"})
 _LONGEST_SHOWN = 40
+_COMMENT = ("#", "%", "//")
+# What separates cells, the most telling first; None: blanks.
+_SEPARATORS = (";", "\t", "|", ",", None)
+# Rows that are looked at to find the separator.
+_SAMPLE = 50
+# Words in a title.
+_LONGEST_TITLE = 2
+_DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
+_BLANKS_BEFORE_UNIT = re.compile(r"\s+(?=[\[(])")
+# What files begin with that are not UTF-8.
+_MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
 
 
 class Sheet(NamedTuple):
@@ -27,22 +41,24 @@ class Sheet(NamedTuple):
     rows: list[list[str]]
     lines: list[int]
     """Line of each row in the file, from 1."""
+    headed: bool = True
+    """Whether a line names the columns; else the titles are their numbers from 1."""
 
     def fault(self, line: int, text: str) -> DataError:
         """The error to raise about a line."""
         return DataError(f"{self.file}, line {line}: {text}")
 
-    def numbers(self, title: str, *, gaps: bool = False) -> FloatArray:
-        """The column of that title, one number for each row.
+    def numbers(self, title: str | int, *, gaps: bool = False) -> FloatArray:
+        """A column as one number for each row; a comma may be the decimal mark.
 
         Args:
-            title: as in ``titles``.
+            title: as in ``titles``, or its place there.
             gaps: whether a cell may be empty, which gives NaN.
 
         Raises:
             DataError: a cell is missing, or holds no finite number.
         """
-        place = self.titles.index(title)
+        place = title if isinstance(title, int) else self.titles.index(title)
         rows = zip(self.lines, self.rows, strict=True)
         return np.array([self._number(line, cells, place, gaps) for line, cells in rows])
 
@@ -52,10 +68,7 @@ class Sheet(NamedTuple):
             return math.nan
         if not cell:
             raise self.fault(line, f"{title} is missing")
-        try:
-            value = float(cell)
-        except ValueError:
-            value = math.nan
+        value = _value(cell)
         if not math.isfinite(value):
             hint = "; leave the cell empty if nothing was measured" * gaps
             shown = repr(cell[:_LONGEST_SHOWN])
@@ -63,13 +76,22 @@ class Sheet(NamedTuple):
         return value
 
 
+def _value(cell: str) -> float:
+    """The number in a cell; NaN if there is none."""
+    try:
+        return float(cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell)
+    except ValueError:
+        return math.nan
+
+
 def read_sheet(
     file: FilePath, cure: str, is_header: Callable[[list[str]], bool], most_bytes: int = 200_000_000
 ) -> Sheet:
-    """Read a CSV file with a header; cells are separated by semicolons, tabs or commas.
+    """Read a table; cells are separated by semicolons, tabs, bars, commas or blanks.
 
-    Empty lines and comments (#) are left out. A comment above the header is the header if
-    ``is_header`` says so of its cells.
+    Empty lines and comments (#, %, //) are left out. A comment above the table is its header if
+    ``is_header`` says so of its cells, or if the table has no other and the comment has as many
+    cells as its rows. Without any header the titles are the numbers of the columns.
 
     Args:
         file: the file; ~ is the user's home.
@@ -78,30 +100,83 @@ def read_sheet(
         most_bytes: larger files are refused.
 
     Raises:
-        DataError: the file cannot be read, is no text, too large, empty, or has no header.
+        DataError: the file cannot be read, is no text, too large, empty, or only has comments.
     """
     lines = _text(file, cure, most_bytes).splitlines()
     filled = [(number, line.strip()) for number, line in enumerate(lines, 1) if line.strip()]
-    for k, (number, line) in enumerate(filled):
-        separator = next((mark for mark in (";", "\t") if mark in line), ",")
-        titles = _cells(line.lstrip("# "), separator)
-        if not line.startswith("#") or is_header(titles):
-            body = [(n, row) for n, row in filled[k + 1 :] if not row.startswith("#")]
-            rows = [_cells(row, separator) for _, row in body]
-            return Sheet(file, titles, number, rows, [n for n, _ in body])
+    body = [(number, line) for number, line in filled if not line.startswith(_COMMENT)]
+    begin = body[0][0] if body else math.inf
+    above = [(n, line.lstrip("#%/ ")) for n, line in filled if n < begin]
+    # The first row may be a header, whose words have blanks and commas of their own.
+    separator = _separator([line for _, line in body[1 : _SAMPLE + 1] or body or above])
+    rows = [(number, _cells(line, separator)) for number, line in body]
+    width = Counter(len(row) for _, row in rows[1 : _SAMPLE + 1] or rows).most_common(1)
+    count = width[0][0] if width else 0
+    first = rows[0][1] if rows else []
+    numeric = bool(first) and not any(math.isnan(_value(cell)) for cell in first if cell)
+    for number, line in above:
+        titles = _titles(line, count)
+        if is_header(titles):
+            return _sheet(file, titles, number, rows)
+    if numeric:
+        for number, line in reversed(above):
+            titles = _titles(line, count)
+            if len(titles) == count > 1 and separator and not _is_prose(line, titles, separator):
+                return _sheet(file, titles, number, rows)
+        numbers = [str(k + 1) for k in range(count)]
+        return _sheet(file, numbers, rows[0][0], rows)._replace(headed=False)
+    if rows:
+        return _sheet(file, _titles(body[0][1], count), body[0][0], rows[1:])
     raise DataError(f"{file}: {'has no header' if filled else 'is empty'}; {cure}")
 
 
-def _cells(line: str, separator: str) -> list[str]:
-    return [cell.strip().strip("\"'") for cell in line.split(separator)]
+def _sheet(
+    file: FilePath, titles: list[str], line: int, rows: Sequence[tuple[int, list[str]]]
+) -> Sheet:
+    return Sheet(file, titles, line, [row for _, row in rows], [number for number, _ in rows])
+
+
+def _separator(rows: Sequence[str]) -> str | None:
+    """What separates the cells of most rows."""
+    for mark in _SEPARATORS:
+        if mark is None or 2 * sum(mark in row for row in rows) > len(rows):
+            blanks = mark == "," and all(_are_decimal_commas(row) for row in rows)
+            return None if blanks else mark
+    return None
+
+
+def _are_decimal_commas(row: str) -> bool:
+    """Whether blanks separate the row's numbers, and commas are decimal marks."""
+    cells = row.split()
+    return len(cells) > 1 and all(_DECIMAL_COMMA.fullmatch(c) or c.isdecimal() for c in cells)
+
+
+def _titles(line: str, count: int) -> list[str]:
+    """The cells of a header, which may be separated in another way than the rows' ``count``."""
+    ways = [_cells(line, mark) for mark in _SEPARATORS if mark is None or mark in line]
+    return next((cells for cells in ways if len(cells) == count), ways[0])
+
+
+def _is_prose(line: str, titles: Sequence[str], separator: str) -> bool:
+    """Whether a comment is a remark, rather than the titles of columns."""
+    return separator not in line or any(len(t.split()) > _LONGEST_TITLE for t in titles)
+
+
+def _cells(line: str, separator: str | None) -> list[str]:
+    if separator is None:
+        return [cell.strip("\"'") for cell in _BLANKS_BEFORE_UNIT.sub("", line).split()]
+    cells = line.split(separator)
+    if '"' in line:  # a separator inside quotes separates nothing
+        cells = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+    return [cell.strip().strip("\"'") for cell in cells]
 
 
 def _text(file: FilePath, cure: str, most_bytes: int) -> str:
     data = read_bytes(file, cure, most_bytes)
     try:
-        text = data.decode("utf-8-sig")
+        text = data.decode(_MARKS.get(data[:2], "utf-8-sig"))
     except UnicodeDecodeError:
-        text = "\0"
+        text = data.decode("latin-1")  # what spreadsheets in Europe write: only titles have accents
     if "\0" in text:
         raise DataError(f"{file}: is not a text file; {cure}")
     return text

@@ -43,7 +43,8 @@ def make(folder: FilePath) -> None:
     config = build(RunConfig, override({}, ["path=monza", "controller=mpc_pid"]))
     (runs / "monza").mkdir()
     (runs / "monza" / "config.yaml").write_text(to_yaml(config))
-    (folder / "my_road.csv").write_text(shown("your_road.md", "text"))
+    for number, name in enumerate(("my_road.csv", "messung.csv")):
+        (folder / name).write_text(shown("your_road.md", "text", number))
     for name in ("my_car.yaml", "car.yaml"):
         (folder / name).write_text(shown("your_car.md", "yaml"))
     for number, name in enumerate(("my_suite.yaml", "my_test.yaml"), start=1):

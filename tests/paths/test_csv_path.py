@@ -3,24 +3,30 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 import pytest
 
-from steersman.errors import DataError
+from steersman.config import build
+from steersman.errors import ConfigError, DataError
 from steersman.kernels import path as kernel
+from steersman.paths.analytic import Circle
+from steersman.paths.bends import too_sharp
 from steersman.paths.csv_path import CsvPath
 from steersman.paths.tracks import Monza
+from steersman.vehicles import CarlaModel3
 
 from .conftest import ellipse, write_csv
 
 LINE = [(10.0 * i, 0.0) for i in range(6)]
 
 
-def refused(file: FilePath, *, loop: bool | None = None, smoothing: float = 0.0) -> str:
+def refused(file: FilePath, **fields: Any) -> str:
     with pytest.raises(DataError) as caught:
-        _ = CsvPath(file=file, loop=loop, smoothing=smoothing).table
+        _ = CsvPath(file=file, **fields).table
     text = str(caught.value)
     assert "\n" not in text
     assert text.startswith(str(file))
@@ -135,7 +141,16 @@ def test_missing_folder_and_binary(tmp_path: FilePath) -> None:
         ("\n \n", "is empty"),
         ("# only a remark\n", "has no header"),
         ("x,z\n0,0\n", "line 1: no column y"),
-        ("0.0,1.0\n2.0,3.0\n", "line 1: no column x and y"),
+        ("0.0,1.0\n2.0,3.0\n", "holds 2 points"),
+        ("0,1,2\n2,3,4\n4,5,6\n", "line 1: no header names the 3 columns; set columns to x=NUMBER"),
+        (
+            "# time; way\n2;3\n4;5\n6;7\n",
+            "line 1: no column x and y in 'time, way'",
+        ),
+        ("lat,z\n0,0\n", "line 1: no column longitude"),
+        ("lat,lon\n48,11\n98,11\n", "line 3: (98, 11) is no latitude and longitude"),
+        ("x [furlong],y [m]\n0,0\n", "line 1: x in 'furlong' is not known; its units: m, km"),
+        ("X,Y\n11.57,48.13\n11.571,48.13\n11.572,48.13\n", "set columns to longitude=X,latitude=Y"),
         ("x,y\n", "holds 0 points"),
         ("x,y\n0,0\n1,1\n", "holds 2 points"),
         ("x,y\n0,0\n1,nan\n2,2\n", "line 3: y is 'nan'"),
@@ -144,12 +159,12 @@ def test_missing_folder_and_binary(tmp_path: FilePath) -> None:
         ("x,y\n0,0\n1,one\n2,2\n", "line 3: y is 'one', not a finite number"),
         ("x,y\n\n0,0\n1\n2,2\n", "line 4: y is missing"),
         ("x,y\n0,0\n1,\n2,2\n", "line 3: y is missing"),
-        ("x;y\n0,5;1\n2;3\n3;4\n", "line 2: x is '0,5', not a finite number"),
-        ("x,y\n0,0\n1,1\n1,1\n2,2\n", "line 4: repeats (almost) the point of line 3"),
+        ("x;y\n1.000,5;1\n2;3\n3;4\n", "line 2: x is '1.000,5', not a finite number"),
+        ("x,y\n0,0\n0,0\n1,1\n1,1\n", "holds 2 points"),
+        ("x,y\n5,5\n5,5\n5,5\n", "holds 1 points"),
         ("x,y\n0,0\n10,0\n5,0.1\n15,0\n", "line 3: the path turns back"),
         ("x,y\n0,0\n1e7,0\n2e7,0\n", "give positions in metres"),
-        ("x,y\n0,0\n1,0\n1.0001,0.0001\n2,0\n3,0\n", "line 4: repeats (almost)"),
-        ("x,y\n0,0\n.02,0\n.02,.02\n.04,.02\n.04,.04\n", "turns with a radius of 0.0"),
+        ("x,y\n0,0\n.5,0\n.5,.02\n1,.02\n1,.04\n1.5,.04\n1.5,.06\n", "turns with a radius of 0.0"),
     ],
 )
 def test_bad_content(tmp_path: FilePath, text: str, words: str) -> None:
@@ -159,13 +174,89 @@ def test_bad_content(tmp_path: FilePath, text: str, words: str) -> None:
 
 
 @pytest.mark.parametrize("surplus", [2, 3, 5])
-def test_a_lap_that_runs_past_its_start(tmp_path: FilePath, surplus: int) -> None:
+def test_a_lap_that_runs_past_its_start_is_cut_there(tmp_path: FilePath, surplus: int) -> None:
     # A second lap's beginning, half a metre further out.
     extra = [(x * 1.005, y * 1.005 + 0.3) for x, y in ellipse()[:surplus]]
     file = write_csv(tmp_path / "lap.csv", ellipse() + extra)
-    assert "set loop to false" in refused(file, loop=True)
-    assert "set loop to false" in refused(file)
+    whole = CsvPath(file=write_csv(tmp_path / "whole.csv", ellipse()))
+    path = CsvPath(file=file)
+    assert path.closed
+    assert path.length == pytest.approx(whole.length, rel=0.005)
+    assert "it passes its start again after line" in " ".join(path.notes())
     assert not CsvPath(file=file, loop=False).closed
+    assert CsvPath(file=file, loop=False).length > 1.01 * whole.length
+
+
+def test_repeated_points_and_standing_are_left_out(tmp_path: FilePath) -> None:
+    stood = [*LINE[:3], *([(20.0, 0.001)] * 4), *LINE[3:]]
+    path = CsvPath(file=write_csv(tmp_path / "stood.csv", stood))
+    assert np.array_equal(
+        path.table.pieces, CsvPath(file=write_csv(tmp_path / "line.csv", LINE)).table.pieces
+    )
+    assert path.notes() == ("4 points within 0.05 m of the last one left out, from line 5",)
+    thin = CsvPath(file=path.file, spacing=15.0)
+    assert thin.length == pytest.approx(40.0)
+
+
+def test_a_last_point_near_the_first_is_it(tmp_path: FilePath) -> None:
+    whole = CsvPath(file=write_csv(tmp_path / "whole.csv", ellipse()))
+    for gap in (0.0005, 0.01):
+        ring = [*ellipse(), (80.0 + gap / 2, -gap)]
+        path = CsvPath(file=write_csv(tmp_path / "ring.csv", ring))
+        assert np.array_equal(path.table.pieces, whole.table.pieces)
+
+
+def test_rows_without_a_position_are_left_out(tmp_path: FilePath) -> None:
+    file = tmp_path / "gaps.csv"
+    file.write_text("t,x,y\n0,0,0\n1,,\n2,10,0\n3,nan,nan\n4,20,1\n5,30,3\n", encoding="utf-8")
+    path = CsvPath(file=file)
+    assert path.length == pytest.approx(30.2, abs=0.1)
+    assert path.notes() == ("2 rows without a position are left out",)
+
+
+def test_columns_that_the_user_names(tmp_path: FilePath) -> None:
+    file = tmp_path / "own.csv"
+    rows = [f"{t};{-y};{x / 1000!r};9" for t, (x, y) in enumerate(ellipse())]
+    file.write_text("\n".join(["t;down;E [km];speed", *rows]), encoding="utf-8")
+    plain = CsvPath(file=write_csv(tmp_path / "plain.csv", ellipse()))
+    given: list[Any] = ["x=E,y=-down", "x=3,y=-2", "x_m=E*1e3,y=-down", {"x": "E", "y": "-down"}]
+    for columns in given:
+        path = CsvPath(file=file, columns=columns)
+        assert path.table.pieces == pytest.approx(plain.table.pieces, abs=1e-9)
+        speeds = path.speeds()
+        assert speeds is not None
+        assert speeds[1].tolist() == [9.0] * 60
+    with pytest.raises(ConfigError, match=r"no column is called 'xx' here; did you mean 'x'"):
+        build(CsvPath, {"file": str(file), "columns": "xx=E"})
+    with pytest.raises(ConfigError, match=r"'E' is not NAME=TITLE; write e.g. x=TITLE,y=TITLE"):
+        build(CsvPath, {"file": str(file), "columns": "E"})
+    assert "no column 'Q' for x" in refused(file, columns="x=Q,y=down")
+
+
+def test_the_noise_is_found(tmp_path: FilePath) -> None:
+    rng = np.random.default_rng(2)
+    for noise in (0.02, 0.1):
+        noisy = [(x + rng.normal(0.0, noise), y + rng.normal(0.0, noise)) for x, y in ellipse(400)]
+        path = CsvPath(file=write_csv(tmp_path / "noisy.csv", noisy), smoothing="auto")
+        told = float(path.notes()[-1].split()[1])
+        assert told == pytest.approx(noise, rel=0.2)  # what lies across the path
+        sharpest = float(np.max(np.abs(path.table.pieces[:, kernel.KAPPA0])))
+        assert sharpest == pytest.approx(0.032, abs=0.008)
+
+
+def test_what_bends_more_than_the_car_can_turn_is_named(tmp_path: FilePath) -> None:
+    rounded = [(0.1 * i, round(0.01 * round(0.02 * (0.1 * i) ** 2 * 100), 2)) for i in range(200)]
+    path = CsvPath(file=write_csv(tmp_path / "rounded.csv", rounded))
+    text = too_sharp(path, CarlaModel3())
+    assert text is not None
+    radius = r"it bends with a radius of 0\.\d+ m at s = \d+\.\d m \(line \d+\), in \d+ places"
+    car = r" in all; the car turns no tighter than 2\.7 m; path\.smoothing=auto smooths it"
+    assert re.match(radius + car, text)
+    smooth = path.model_copy(update={"smoothing": "auto"})
+    assert too_sharp(smooth, CarlaModel3()) is None
+    tight = too_sharp(Circle(radius=2.0), CarlaModel3())
+    assert tight is not None
+    assert "radius of 2 m at s = 0.0 m; the car" in tight
 
 
 def test_ends_that_cross(tmp_path: FilePath) -> None:
@@ -180,4 +271,4 @@ def test_ends_that_cross(tmp_path: FilePath) -> None:
 
 def test_smoothing_needs_points(tmp_path: FilePath) -> None:
     file = write_csv(tmp_path / "short.csv", LINE[:3])
-    assert "at least 4 points" in refused(file, smoothing=0.1)
+    assert "at least 5 points" in refused(file, smoothing=0.1)

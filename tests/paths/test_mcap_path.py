@@ -16,8 +16,9 @@ from steersman.errors import ConfigError, DataError
 from steersman.logs import schemas
 from steersman.logs.write import write_episode
 from steersman.paths.base import PathComponent
+from steersman.paths.course import first_lap, thinned
 from steersman.paths.csv_path import CsvPath
-from steersman.paths.mcap_path import McapPath, first_lap, thinned
+from steersman.paths.mcap_path import McapPath
 from steersman.rollout import RunConfig, run
 
 from ..logs import bags

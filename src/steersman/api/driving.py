@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from steersman.episode import Episode
     from steersman.outcome import Attempt
     from steersman.plants.base import PlantComponent
+    from steersman.rollout import RunConfig
 
 
 Folder: TypeAlias = str | PathLike[str]
@@ -172,6 +173,25 @@ def announce(plant: PlantComponent, notify: Notify | None) -> None:
     """
     if notify is not None and not plant.embedded:
         notify(f"driven on: {plant.source()}")
+
+
+def announce_drive(config: RunConfig, notify: Notify | None) -> None:
+    """Say what is driven on, what was made of the path's file, and what the car cannot do.
+
+    Raises:
+        PlantError: the server does not answer.
+        DataError: the path's file cannot be used.
+    """
+    from steersman.paths.bends import too_sharp
+
+    if notify is None:
+        return
+    announce(config.plant, notify)
+    for note in config.path.notes():
+        notify(f"path: {note}")
+    bend = too_sharp(config.path, config.vehicle)
+    if bend is not None:
+        notify(f"path: {bend}")
 
 
 def workers_for(

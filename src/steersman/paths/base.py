@@ -71,6 +71,18 @@ class PathComponent(Component):
             s, d, _, _ = kernel.project_near(self.table, 0, float(x), float(y), float(near))
         return float(s), float(d)
 
+    def notes(self) -> tuple[str, ...]:
+        """What was assumed about its source, and what was changed; a clause each."""
+        return ()
+
+    def whereabouts(self, s: float) -> str:
+        """Where in its source an arc length is, besides s; empty without a source."""
+        return ""
+
+    def cure(self) -> str:
+        """What makes bends wider that no car can follow."""
+        return "a road for this car has wider bends"
+
     def speeds(self) -> tuple[FloatArray, FloatArray] | None:
         """Arc lengths [m] and speeds [m/s] there, if its source gives any."""
         return None
@@ -82,7 +94,8 @@ class PathComponent(Component):
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """A copy, as pydantic's, that does not inherit geometry built for other fields."""
         copy = super().model_copy(update=update, deep=deep)
-        copy.__dict__.pop("geometry", None)
+        for made in ("geometry", "course"):
+            copy.__dict__.pop(made, None)
         return copy
 
 

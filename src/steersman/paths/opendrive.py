@@ -82,6 +82,11 @@ class OpenDrivePath(PathComponent):
             raise ConfigError("lane goes with road or route, a random way draws its own")
         return self
 
+    def cure(self) -> str:
+        """Transitions, or other lanes."""
+        wider = "" if self.road is not None else ", path.min_radius=6 takes other lanes"
+        return f"path.smooth=0.5 lays transitions{wider}"
+
     def build_table(self) -> PathTable:
         """Short clothoids through positions and tangents of the lanes' centres.
 

@@ -1,38 +1,41 @@
-"""The points of a path, from a CSV file or elsewhere; what cannot be driven is refused."""
+"""The points of a path, from a table or elsewhere, as they were recorded."""
 
 from __future__ import annotations
 
-import math
+from collections.abc import Mapping
 from pathlib import Path as FilePath
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from steersman.columns import ANGLE, LENGTH, SPEED, ExpectedColumn, Found, Wanted, find
 from steersman.errors import DataError
+from steersman.paths.geodetic import projected
 from steersman.tables import Sheet, read_sheet
 from steersman.types import FloatArray
 
-_CURE = "give a CSV file whose header names the columns x,y or x_m,y_m"
-# Columns of speed and their units [m/s]: of TUM's race lines, F1TENTH's waypoints, Autoware's
-# trajectories and others.
-SPEEDS = {
-    **dict.fromkeys(
-        ("vx_mps", "v_mps", "vx", "v_x", "v", "speed", "speed_mps", "speed_m_s", "velocity"), 1.0
-    ),
-    **dict.fromkeys(("velocity_mps", "longitudinal_velocity_mps"), 1.0),
-    **dict.fromkeys(("speed_km_h", "speed_kmh", "v_kmh"), 1.0 / 3.6),
+_CURE = "give a table of positions with a header like x,y or latitude,longitude"
+_DEGREES = {"deg": 1.0, "rad": 1.0 / ANGLE["deg"]}
+# Titles of TUM's race lines, UTM and ROS.
+_X = ("x_ref", "pos_x", "x_pos", "position_x", "pose_position_x", "east", "easting")
+_Y = ("y_ref", "pos_y", "y_pos", "position_y", "pose_position_y", "north", "northing")
+_LATITUDE, _LONGITUDE = ("lat", "breitengrad"), ("lon", "long", "lng", "laengengrad")
+_SPEED = ("vx", "v", "v_x", "velocity", "longitudinal_velocity", "vel")
+COLUMNS = {
+    "x": ExpectedColumn("position to the east, or ahead", LENGTH, _X),
+    "y": ExpectedColumn("position to the north, or to the left", LENGTH, _Y),
+    "latitude": ExpectedColumn("latitude, north positive", _DEGREES, _LATITUDE),
+    "longitude": ExpectedColumn("longitude, east positive", _DEGREES, _LONGITUDE),
+    "speed": ExpectedColumn("speed", SPEED, _SPEED),
 }
-_MOST_BYTES = 50_000_000
+MOST_BYTES = 50_000_000
 _FARTHEST = 1e8
-_DUPLICATE = 1e-6
-# So much closer than the median, two points would make the spline bulge.
-_ALMOST = 1e-3
-_LEAST_POINTS = 3
-# A vertex that turns by more goes back where it came from.
-_BACK = math.radians(135.0)
-# Closing a lap whose end runs past its start makes two opposite turns of more than this.
-_KINK = math.radians(60.0)
-_NEAR_JOINT = 10
+# A shorter path in "metres" of such numbers is one in degrees [m].
+_TOO_SHORT = 1.0
+_PAIR = 2
+# Largest latitude, and longitude as some write it [deg].
+_NORTHMOST, _ROUND = 90.0, 360.0
 
 
 class Points(NamedTuple):
@@ -42,173 +45,183 @@ class Points(NamedTuple):
     x: FloatArray
     y: FloatArray
     lines: list[int]
-    closed: bool
-    place: str = "line"
+    closed: bool | None
+    """Whether the last one is followed by the first; None: where it is near."""
+    counted: str = "line"
     """What ``lines`` count."""
     speed: FloatArray | None = None
     """Speed at each point [m/s]; None: it is not known, or was not read."""
+    notes: tuple[str, ...] = ()
+    """What was assumed or changed, a clause each."""
+    hint: str = ""
+    """What ends every message about them."""
+
+    @property
+    def place(self) -> FloatArray:
+        """Positions, shape (n, 2) [m]."""
+        return np.column_stack((self.x, self.y))
+
+    def rows(self, rows: NDArray[np.int64]) -> Points:
+        """Some of the points."""
+        return self.moved(self.place[rows], rows)
+
+    def moved(self, place: FloatArray, rows: NDArray[np.int64]) -> Points:
+        """Points at other places, each with the line and the speed of one of these."""
+        speed = None if self.speed is None else self.speed[rows]
+        lines = [self.lines[row] for row in rows.tolist()]
+        x, y = np.ascontiguousarray(place.T)
+        return self._replace(x=x, y=y, lines=lines, speed=speed)
+
+    def noted(self, text: str) -> Points:
+        """The same with one more note."""
+        return self._replace(notes=(*self.notes, text))
 
     def fault(self, row: int, text: str) -> DataError:
         """The error to raise about the point ``row``."""
-        return DataError(f"{self.file}, {self.place} {self.lines[row % len(self.lines)]}: {text}")
+        place = f"{self.counted} {self.lines[row % len(self.lines)]}"
+        return DataError(f"{self.file}, {place}: {text}{self.hint}")
+
+    def error(self, text: str) -> DataError:
+        """The error to raise about all of them."""
+        return DataError(f"{self.file}: {text}{self.hint}")
 
 
-def read_points(file: FilePath, closed: bool | None = None, *, speeds: bool = False) -> Points:
-    """The points of a file; a closed path's last point is dropped if it repeats the first.
+def read_points(
+    file: FilePath, columns: Mapping[str, Wanted] | None = None, *, speeds: bool = False
+) -> Points:
+    """The points of a table.
 
-    Without ``closed`` the path is closed if its end comes near its start: within twice the
-    median spacing, and a tenth of the length.
+    Rows without any position are left out: nothing was measured there.
 
-    With ``speeds`` a column of speeds is read, too, if there is one.
+    Args:
+        file: the table.
+        columns: titles or numbers of the columns x and y, or latitude and longitude, and speed.
+        speeds: whether a column of speeds is read, if there is one.
 
     Raises:
-        DataError: the file or the course of its points cannot be used; one line says where and
-            what to do.
+        DataError: the file cannot be used; one line says where and what to do.
     """
-    sheet = read_sheet(file, _CURE, lambda titles: None not in _titles(titles), _MOST_BYTES)
-    titles = _titles(sheet.titles)
-    lacking = [name for name, title in zip("xy", titles, strict=True) if title is None]
-    if lacking:
-        found = ", ".join(sheet.titles)[:60]
+
+    def is_header(titles: list[str]) -> bool:
+        alike = Sheet(file, titles, 0, [], [])
+        return _pair(find(alike, COLUMNS)) is not None
+
+    sheet = read_sheet(file, _CURE, is_header, MOST_BYTES)
+    given = dict(columns or {})
+    notes: tuple[str, ...] = ()
+    if not sheet.headed and not given:
+        given, notes = _unnamed(sheet)
+    found = find(sheet, COLUMNS, given)
+    pair = _pair(found, {"latitude", "longitude"} <= given.keys())
+    if pair is None:
+        raise _lacking(sheet, found)
+    first, second = (sheet.numbers(found[name].place, gaps=True) for name in pair)
+    empty = np.isnan(first) & np.isnan(second)
+    for name, values in zip(pair, (first, second), strict=True):
+        alone = np.flatnonzero(np.isnan(values) & ~empty)
+        if alone.size:  # the other one is there: the same reading says what the cell holds
+            raise _of_cell(sheet, found[name].place, int(alone[0]))
+    a, b = (found[name].factor * values for name, values in zip(pair, (first, second), strict=True))
+    if pair == ("latitude", "longitude"):
+        empty |= (a == 0.0) & (b == 0.0)  # what receivers write without a fix
+    rows = np.flatnonzero(~empty)
+    points = Points(file, a, b, sheet.lines, None, notes=notes)
+    if speeds and "speed" in found:
+        points = points._replace(speed=_speeds(sheet, found["speed"]))
+    points = points.rows(rows)
+    if empty.any():
+        points = points.noted(f"{int(empty.sum())} rows without a position are left out")
+    return _checked(points, pair, sheet, found)
+
+
+def _pair(found: Mapping[str, Found], geodetic: bool = False) -> tuple[str, str] | None:
+    """The two columns of positions; None if there are none."""
+    pairs = [("x", "y"), ("latitude", "longitude")]
+    known = [pair for pair in pairs if found.keys() >= set(pair)]
+    return (known[-1] if geodetic else known[0]) if known else None
+
+
+def _unnamed(sheet: Sheet) -> tuple[dict[str, Wanted], tuple[str, ...]]:
+    """The columns of a table without a header, if it has just two."""
+    if len(sheet.titles) != _PAIR:
         raise sheet.fault(
-            sheet.title_line, f"no column {' and '.join(lacking)} in {found!r}; {_CURE}"
+            sheet.title_line,
+            f"no header names the {len(sheet.titles)} columns; set columns to x=NUMBER,y=NUMBER,"
+            f" or put a line like x,y on top",
         )
-    x, y = (sheet.numbers(title) for title in titles if title is not None)
-    points = Points(file, x, y, sheet.lines, closed is not False)
-    if speeds:
-        points = points._replace(speed=_speeds(sheet))
-    far = np.flatnonzero(np.maximum(np.abs(x), np.abs(y)) > _FARTHEST)
-    if far.size:
-        row = int(far[0])
-        raise points.fault(row, f"({x[row]:g}, {y[row]:g}) is too far; positions are in metres")
-    return checked(points, closed)
+    return {"x": Wanted("1"), "y": Wanted("2")}, (
+        "without a header its two columns are x and y [m]",
+    )
 
 
-def _titles(titles: list[str]) -> list[str | None]:
-    """The titles of the columns x and y; None where there is none."""
-    known = {title.lower(): title for title in reversed(titles)}
-    return [known.get(name, known.get(f"{name}_m")) for name in "xy"]
+def _lacking(sheet: Sheet, found: Mapping[str, Found]) -> DataError:
+    names = ("latitude", "longitude") if {"latitude", "longitude"} & found.keys() else ("x", "y")
+    lacking = " and ".join(name for name in names if name not in found)
+    titles = ", ".join(sheet.titles)[:60]
+    return sheet.fault(
+        sheet.title_line,
+        f"no column {lacking} in {titles!r}; set columns to {names[0]}=TITLE,{names[1]}=TITLE",
+    )
 
 
-def _speeds(sheet: Sheet) -> FloatArray | None:
-    """The column of speeds [m/s], if there is one."""
-    known = {title.lower(): title for title in reversed(sheet.titles)}
-    name = next((name for name in SPEEDS if name in known), None)
-    if name is None:
-        return None
-    speed = sheet.numbers(known[name]) * SPEEDS[name]
+def _of_cell(sheet: Sheet, place: int, row: int) -> DataError:
+    """The fault of a cell that holds no number."""
+    one = sheet._replace(rows=[sheet.rows[row]], lines=[sheet.lines[row]])
+    try:
+        one.numbers(place)
+    except DataError as error:
+        return error
+    return sheet.fault(sheet.lines[row], f"{sheet.titles[place]} is missing")
+
+
+def _speeds(sheet: Sheet, found: Found) -> FloatArray:
+    """The column of speeds [m/s]."""
+    title = sheet.titles[found.place]
+    speed = sheet.numbers(found.place) * found.factor
     back = np.flatnonzero(speed < 0.0)
     if back.size:
-        raise sheet.fault(sheet.lines[int(back[0])], f"{known[name]} must not be negative")
+        raise sheet.fault(sheet.lines[int(back[0])], f"{title} must not be negative")
     return speed
 
 
-def checked(points: Points, closed: bool | None) -> Points:
-    """Points that can be driven, without a last one that repeats the first of a closed path.
-
-    Raises:
-        DataError: there are too few, or their course cannot be used.
-    """
-    file, x, y, lines = points[:4]
-    if len(x) < _LEAST_POINTS:
-        raise DataError(f"{file}: holds {len(x)} points, a path needs at least {_LEAST_POINTS}")
-    points = points._replace(closed=_ends_meet(points) if closed is None else closed)
-    if points.closed and math.dist((x[0], y[0]), (x[-1], y[-1])) < _DUPLICATE:
-        speed = None if points.speed is None else points.speed[:-1]
-        points = points._replace(x=points.x[:-1], y=points.y[:-1], lines=lines[:-1], speed=speed)
-        if len(lines) - 1 < _LEAST_POINTS:
-            raise DataError(
-                f"{file}: a closed path needs at least {_LEAST_POINTS} different points"
-            )
-    _check_course(points)
+def _checked(
+    points: Points, pair: tuple[str, str], sheet: Sheet, found: Mapping[str, Found]
+) -> Points:
+    """Points in metres, each where the earth or a road can be."""
+    if pair == ("latitude", "longitude"):
+        return in_the_plane(points)
+    far = np.flatnonzero(np.maximum(np.abs(points.x), np.abs(points.y)) > _FARTHEST)
+    if far.size:
+        row = int(far[0])
+        place = f"({points.x[row]:g}, {points.y[row]:g})"
+        raise points.fault(row, f"{place} is too far; positions are in metres")
+    chords = np.hypot(np.diff(points.x), np.diff(points.y))
+    length = float(np.sum(chords))
+    if 0.0 < length < _TOO_SHORT and np.all(np.abs(points.y) <= _NORTHMOST):
+        x, y = (sheet.titles[found[name].place] for name in pair)
+        raise DataError(
+            f"{points.file}: the path is {length:.2g} m long; if it is in degrees, set"
+            f" columns to longitude={x},latitude={y}"
+        )
     return points
 
 
-def _ends_meet(points: Points) -> bool:
-    x, y = points.x, points.y
-    steps = np.hypot(np.diff(x), np.diff(y))
-    near = min(2.0 * float(np.median(steps)), 0.1 * float(np.sum(steps)))
-    if math.hypot(x[-1] - x[0], y[-1] - y[0]) <= near:
-        return True
-    # The end of a lap that was recorded too long passes the start in the same direction.
-    half = len(x) // 2
-    gap = np.hypot(x[half:] - x[0], y[half:] - y[0])
-    row = half + int(np.argmin(gap))
-    if gap[row - half] <= near and row + 1 < len(x):
-        ahead = (x[1] - x[0]) * (x[row + 1] - x[row]) + (y[1] - y[0]) * (y[row + 1] - y[row])
-        if ahead > 0.5 * steps[0] * steps[row]:
-            raise points.fault(
-                row + 1,
-                f"the path runs on past its start ({points.place} {points.lines[0]});"
-                f" cut the file off here, or set loop to false",
-            )
-    return False
+def in_the_plane(points: Points) -> Points:
+    """Points whose x and y are latitude and longitude [deg], in metres.
 
-
-def _check_course(points: Points) -> None:
-    dx, dy = _chords(points)
-    size = np.hypot(dx, dy)
-    same = np.flatnonzero(size < max(_DUPLICATE, _ALMOST * float(np.median(size))))
-    if same.size:
-        row = int(same[0])
-        raise points.fault(
-            row + 1,
-            f"repeats (almost) the point of {points.place} {points.lines[row]}; remove one of them",
-        )
-    # Turning at the end of each chord; a closed path's last is the turn at its first point.
-    ahead, before = slice(1, None), slice(None, -1)
-    if points.closed:
-        dx, dy = np.append(dx, dx[0]), np.append(dy, dy[0])
-    cross = dx[before] * dy[ahead] - dy[before] * dx[ahead]
-    turn = np.arctan2(cross, dx[before] * dx[ahead] + dy[before] * dy[ahead])
-    if points.closed:
-        _check_joint(points, float(turn[-2]), float(turn[-1]))
-    back = np.flatnonzero(np.abs(turn) > _BACK)
-    if back.size:
-        raise points.fault(
-            int(back[0]) + 1,
-            "the path turns back on itself; put the points into driving order",
-        )
-
-
-def _chords(points: Points) -> tuple[FloatArray, FloatArray]:
-    x, y = points.x, points.y
-    if points.closed:
-        x, y = np.append(x, x[0]), np.append(y, y[0])
-    return np.diff(x), np.diff(y)
-
-
-def _check_joint(points: Points, turn_last: float, turn_first: float) -> None:
-    """The chord that closes the path must lead on, and the ends must not cross."""
-    turns_back = max(abs(turn_last), abs(turn_first)) > _BACK
-    kink = turn_last * turn_first < 0.0 and min(abs(turn_last), abs(turn_first)) > _KINK
-    if turns_back or kink or _ends_cross(points):
-        raise points.fault(
-            -1,
-            f"the end overlaps or crosses the start ({points.place} {points.lines[0]});"
-            f" cut the surplus points off, or set loop to false",
-        )
-
-
-def _ends_cross(points: Points) -> bool:
-    """Whether chords near the end, the closing one included, cross chords near the start."""
-    count = len(points.x)
-    some = min(_NEAR_JOINT, count // 4)
-    place = np.column_stack((points.x, points.y))
-    for i in range(count - some, count):
-        for j in range(some):
-            # Neighbours share a point and do not cross.
-            if (j - i) % count > 1 and _cross(
-                place[i], place[(i + 1) % count], place[j], place[j + 1]
-            ):
-                return True
-    return False
-
-
-def _cross(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> bool:
-    """Whether the lines a-b and c-d cross between their ends."""
-
-    def side(p: FloatArray, q: FloatArray, r: FloatArray) -> float:
-        return float((q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]))
-
-    return side(a, b, c) * side(a, b, d) < 0.0 and side(c, d, a) * side(c, d, b) < 0.0
+    Raises:
+        DataError: one is not on the earth.
+    """
+    latitude, longitude = points.x, points.y
+    off = np.flatnonzero((np.abs(latitude) > _NORTHMOST) | (np.abs(longitude) > _ROUND))
+    if off.size:
+        row = int(off[0])
+        place = f"({latitude[row]:g}, {longitude[row]:g})"
+        raise points.fault(row, f"{place} is no latitude and longitude in degrees")
+    if not latitude.size:
+        return points
+    plane = projected(np.deg2rad(latitude), np.deg2rad(longitude))
+    origin = f"({latitude[0]:.7f}, {longitude[0]:.7f})"
+    return points._replace(x=plane.east, y=plane.north).noted(
+        f"latitude and longitude become metres east and north of {origin}"
+    )
