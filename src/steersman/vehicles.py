@@ -170,6 +170,11 @@ class Vehicle(Component):
         return self.l_f + self.l_r
 
     @property
+    def turning_radius(self) -> float:
+        """Radius on which the centre of mass turns at full lock, slowly [m]."""
+        return math.hypot(self.wheelbase / math.tan(self.wheel_angle(1.0, 0.0)), self.l_r)
+
+    @property
     def roll_over_acceleration(self) -> float:
         """Lateral acceleration at which the inner wheels lift, g track / (2 roll arm) [m/s^2]."""
         arm = self._arm()

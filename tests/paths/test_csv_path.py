@@ -247,14 +247,14 @@ def test_the_noise_is_found(tmp_path: FilePath) -> None:
 def test_what_bends_more_than_the_car_can_turn_is_named(tmp_path: FilePath) -> None:
     rounded = [(0.1 * i, round(0.01 * round(0.02 * (0.1 * i) ** 2 * 100), 2)) for i in range(200)]
     path = CsvPath(file=write_csv(tmp_path / "rounded.csv", rounded))
-    text = too_sharp(path, CarlaModel3())
+    text = too_sharp(path, CarlaModel3().turning_radius)
     assert text is not None
     radius = r"it bends with a radius of 0\.\d+ m at s = \d+\.\d m \(line \d+\), in \d+ places"
     car = r" in all; the car turns no tighter than 2\.7 m; path\.smoothing=auto smooths it"
     assert re.match(radius + car, text)
     smooth = path.model_copy(update={"smoothing": "auto"})
-    assert too_sharp(smooth, CarlaModel3()) is None
-    tight = too_sharp(Circle(radius=2.0), CarlaModel3())
+    assert too_sharp(smooth, CarlaModel3().turning_radius) is None
+    tight = too_sharp(Circle(radius=2.0), CarlaModel3().turning_radius)
     assert tight is not None
     assert "radius of 2 m at s = 0.0 m; the car" in tight
 

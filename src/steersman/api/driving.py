@@ -189,7 +189,7 @@ def announce_drive(config: RunConfig, notify: Notify | None) -> None:
     announce(config.plant, notify)
     for note in config.path.notes():
         notify(f"path: {note}")
-    bend = too_sharp(config.path, config.vehicle)
+    bend = too_sharp(config.path, config.vehicle.turning_radius)
     if bend is not None:
         notify(f"path: {bend}")
 

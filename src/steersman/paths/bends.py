@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from steersman.kernels.path import KAPPA0, LENGTH, S0, SHARPNESS
 from steersman.paths.base import PathComponent
-from steersman.vehicles import Vehicle
 
 
-def tightest_turn(vehicle: Vehicle) -> float:
-    """Radius on which the centre of mass turns at full lock, slowly [m]."""
-    angle = vehicle.wheel_angle(1.0, 0.0)
-    return math.hypot(vehicle.wheelbase / math.tan(angle), vehicle.l_r)
+def too_sharp(path: PathComponent, least: float) -> str | None:
+    """A sentence about bends that are sharper than a car's smallest radius; None without any.
 
-
-def too_sharp(path: PathComponent, vehicle: Vehicle) -> str | None:
-    """A sentence about the bends that are sharper than the car can turn; None without any."""
+    Args:
+        path: the road.
+        least: radius of the car's tightest turn [m].
+    """
     pieces, length = path.table.pieces, float(path.table.meta[0, LENGTH])
     sizes = np.diff(np.append(pieces[:, S0], length))
     begins = np.abs(pieces[:, KAPPA0])
     ends = np.abs(pieces[:, KAPPA0] + pieces[:, SHARPNESS] * sizes)
     bends = np.maximum(begins, ends)
-    least = tightest_turn(vehicle)
     sharp = bends * least > 1.0
     if not sharp.any():
         return None
