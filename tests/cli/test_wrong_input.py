@@ -22,7 +22,7 @@ WRONG = [
     ("list path circle", "(circle); see 'steersman list --help'"),
     ("show", "missing argument 'KIND'"),
     ("show pth circle", "unknown kind of component 'pth'; did you mean 'path'?"),
-    ("show path", "show path: which one? names: circle, csv"),
+    ("show path", "show path: which one? names: circle, clothoid_road"),
     ("show path circel", "unknown path 'circel'; did you mean 'circle'?"),
     ("show drive path", "'path' is too much"),
     # keys and values
