@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import shutil
 from pathlib import Path as FilePath
@@ -38,6 +39,8 @@ SHAPES: dict[str, dict[str, object]] = {
     "csv-closed": {"kind": "csv", "file": "ellipse.csv"},
     "csv-open": {"kind": "csv", "file": "wave.csv"},
     "csv-smooth": {"kind": "csv", "file": "ellipse.csv", "smoothing": 0.05},
+    "gpx": {"kind": "gpx", "file": "wave.gpx"},
+    "geojson": {"kind": "geojson", "file": "wave.geojson"},
     "mcap-lap": {"kind": "mcap", "file": "lap.mcap"},
     "mcap-planned": {"kind": "mcap", "file": "plan.mcap"},
     "opendrive-road": {"kind": "opendrive", "file": "wavy.xodr", "road": "1"},
@@ -71,6 +74,27 @@ def ellipse(count: int = 60) -> list[tuple[float, float]]:
     return [(80.0 * math.cos(a), 50.0 * math.sin(a)) for a in angles]
 
 
+def degrees(x: float, y: float) -> tuple[float, float]:
+    """Latitude and longitude of a point near 48 degrees north, 11 degrees east (on a sphere)."""
+    scale = math.degrees(1.0 / 6371e3)
+    return 48.0 + scale * y, 11.0 + scale * x / math.cos(math.radians(48.0))
+
+
+def gpx(*tracks: list[tuple[float, float]], kind: str = "trk") -> str:
+    """A GPX file with these tracks, or routes; points in metres."""
+    point = {"trk": "trkpt", "rte": "rtept"}[kind]
+    text = '<?xml version="1.0"?>\n<gpx version="1.1" xmlns="http://www.topografix.com/GPX/1/1">'
+    for track in tracks:
+        places = [degrees(x, y) for x, y in track]
+        rows = [f'<{point} lat="{a:.9f}" lon="{b:.9f}"><ele>5</ele></{point}>' for a, b in places]
+        half = len(rows) // 2
+        parts = [rows[:half], rows[half:]] if kind == "trk" else [rows]
+        wrap = ("<trkseg>", "</trkseg>") if kind == "trk" else ("", "")
+        inner = "\n".join(wrap[0] + "\n".join(part) + wrap[1] for part in parts)
+        text += f"\n<{kind}><name>a</name>\n{inner}\n</{kind}>"
+    return f"{text}\n</gpx>\n"
+
+
 @pytest.fixture(scope="session")
 def paths(tmp_path_factory: pytest.TempPathFactory) -> dict[str, PathComponent]:
     """All shapes, built once."""
@@ -83,7 +107,11 @@ def paths(tmp_path_factory: pytest.TempPathFactory) -> dict[str, PathComponent]:
     plan = ("/plan", "nav_msgs/msg/Path", 0, bags.path(0, ellipse()))
     shutil.rmtree(folder / "mcap")
     shutil.move(bags.write(folder, [plan]), folder / "plan.mcap")
-    write_csv(folder / "wave.csv", [(5.0 * i, 10.0 * math.sin(0.25 * i)) for i in range(50)])
+    wave = [(5.0 * i, 10.0 * math.sin(0.25 * i)) for i in range(50)]
+    write_csv(folder / "wave.csv", wave)
+    (folder / "wave.gpx").write_text(gpx(wave), encoding="utf-8")
+    line = {"type": "LineString", "coordinates": [degrees(x, y)[::-1] for x, y in wave]}
+    (folder / "wave.geojson").write_text(json.dumps(line), encoding="utf-8")
     out = {}
     for name, fields in SHAPES.items():
         data = dict(fields)

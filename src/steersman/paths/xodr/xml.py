@@ -108,7 +108,7 @@ class Node:
         return allowed[word]
 
 
-def parse(file: FilePath) -> tuple[Node, str]:
+def parse(file: FilePath, cure: str = _CURE) -> tuple[Node, str]:
     """The root element of an XML file, and the SHA-256 of the file.
 
     Raises:
@@ -124,9 +124,9 @@ def parse(file: FilePath) -> tuple[Node, str]:
         remove_comments=True,
         remove_pis=True,
     )
-    data = read_bytes(file, _CURE, MAX_BYTES)
+    data = read_bytes(file, cure, MAX_BYTES)
     if not data.strip():
-        raise DataError(f"{file}: is empty; {_CURE}")
+        raise DataError(f"{file}: is empty; {cure}")
     try:
         root = etree.fromstring(data, parser)
     except etree.XMLSyntaxError as error:
