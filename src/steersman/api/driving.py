@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from os import PathLike
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from steersman.api.cars import inherited, made_for_another
 from steersman.commands import Notify, Word, configuration
 from steersman.config import Component, dump, resolve
 from steersman.errors import ConfigError, DataError
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from steersman.outcome import Attempt
     from steersman.plants.base import PlantComponent
     from steersman.rollout import RunConfig
+    from steersman.vehicles import Vehicle
 
 
 Folder: TypeAlias = str | PathLike[str]
@@ -165,18 +167,26 @@ def drive_metrics(episode: Episode) -> dict[str, Any]:
     return {**summarise(episode), "plant": episode.meta["plant"]}
 
 
-def announce(plant: PlantComponent, notify: Notify | None) -> None:
+def announce(plant: PlantComponent, notify: Notify | None, vehicle: Vehicle | None = None) -> None:
     """Say what is driven on, if not the embedded simulator; a stand-in's numbers are never CARLA's.
+
+    And which figures the file of a vehicle leaves to another car.
 
     Raises:
         PlantError: the server does not answer.
     """
-    if notify is not None and not plant.embedded:
+    if notify is None:
+        return
+    if not plant.embedded:
         notify(f"driven on: {plant.source()}")
+    if vehicle is not None and (left := inherited(vehicle)) is not None:
+        notify(f"vehicle: {left}")
 
 
-def announce_drive(config: RunConfig, notify: Notify | None) -> None:
-    """Say what is driven on, what was made of the path's file, and what the car cannot do.
+def announce_drive(config: RunConfig, words: Sequence[Word], notify: Notify | None) -> None:
+    """Say what is driven on, what was made of the path's file, and what does not fit the car.
+
+    ``words`` are those of the command, which name the file of the gains.
 
     Raises:
         PlantError: the server does not answer.
@@ -186,11 +196,14 @@ def announce_drive(config: RunConfig, notify: Notify | None) -> None:
 
     if notify is None:
         return
-    announce(config.plant, notify)
+    announce(config.plant, notify, config.vehicle)
+    other = made_for_another(config.controller, words, config.vehicle)
+    if other is not None and config.plant.computed:
+        notify(f"controller: {other}")
     for note in config.path.notes():
         notify(f"path: {note}")
     bend = too_sharp(config.path, config.vehicle.turning_radius)
-    if bend is not None:
+    if bend is not None and config.plant.computed:
         notify(f"path: {bend}")
 
 

@@ -64,7 +64,7 @@ def tune(
     tell = notify or (lambda _: None)
     chosen = configuration("tune", words, settings)
     engine, jobs = workers_for(chosen.plant, engine, jobs)
-    announce(chosen.plant, tell)
+    announce(chosen.plant, tell, chosen.vehicle)
     blind = warning(chosen.suite)
     if blind is not None:
         tell(f"warning: {blind}")

@@ -55,7 +55,7 @@ def drive(
     from steersman.rollout import attempt
 
     config = driving.configure("drive", *(words or []))
-    driving.announce_drive(config, note)
+    driving.announce_drive(config, words or [], note)
     folder = None if out is None else files.out_folder(out)
     if folder is not None:
         driving.drive_folder(folder, overwrite=overwrite)

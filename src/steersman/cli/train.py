@@ -53,7 +53,7 @@ def train(
 
     words = words or (_resumed(out, chosen) if resume else [])
     config = sm.configure("train", *words, notify=note)
-    announce(config.problem.plant, note)
+    announce(config.problem.plant, note, config.problem.vehicle)
     folder = files.out_folder(out)
     if chosen is not None:
         seeds.train_seeds(

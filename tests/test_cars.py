@@ -1,0 +1,83 @@
+"""A user's car: what its file leaves to another, and controllers that were made for another."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path as FilePath
+
+import pytest
+
+import steersman as sm
+from steersman.api.driving import announce_drive
+from steersman.config import dump
+from steersman.vehicles import CarlaModel3V1, VehicleFile
+
+MINE = "base: carla_model3\nmass: 2100\nc_f: 120000\n"
+
+
+@pytest.fixture
+def mine(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> FilePath:
+    """A car's file, in the current folder."""
+    monkeypatch.chdir(tmp_path)
+    file = FilePath("mine.yaml")
+    file.write_text(MINE, encoding="utf-8")
+    return file
+
+
+def told(*words: str) -> list[str]:
+    """The lines about what is driven."""
+    lines: list[str] = []
+    announce_drive(sm.configure("drive", *words), words, lines.append)
+    return lines
+
+
+def test_what_a_car_leaves_to_its_base_is_listed_once(mine: FilePath) -> None:
+    (line,) = told("lqr", "vehicle=mine.yaml")
+    assert line.startswith("vehicle: mine.yaml leaves friction (3: vehicle.friction=0.9), the ")
+    assert "the throttle map (map_throttle, map_speed, map_acceleration)" in line
+    assert "other figures to carla_model3; lines in the file set them" in line
+    (line,) = told("lqr", "vehicle=mine.yaml", "vehicle.friction=0.9")
+    assert "leaves the steering curve" in line
+    with mine.open("a", encoding="utf-8") as out:
+        out.write("friction: 1.0\nsteer_curve_speed: [0, 50]\nsteer_curve_factor: [1, 1]\n")
+    (line,) = told("lqr", "vehicle=mine.yaml")
+    assert "mine.yaml leaves the throttle map" in line
+    whole = dump(VehicleFile(file=str(mine)))
+    assert whole is not None
+    figures = {name: value for name, value in whole.items() if name not in {"kind", "file"}}
+    mine.write_text(json.dumps({"base": "custom", **figures}), encoding="utf-8")
+    assert told("lqr", "vehicle=mine.yaml") == []
+
+
+@pytest.mark.parametrize("word", ["tuned/lqr", "controller=tuned/lqr", "supervised/tuned/lqr"])
+def test_gains_of_another_car_say_so(mine: FilePath, word: str) -> None:
+    assert told(word) == []
+    line = told(word, f"vehicle={mine}")[-1]
+    assert line.startswith("controller: tuned/lqr was tuned for carla_model3_v1 (mass 1845, here ")
+    assert line.endswith("'steersman tune lqr --car mine.yaml' makes one for this car")
+    assert sm.configure("tune", "lqr", vehicle="mine.yaml").vehicle.mass == 2100.0
+
+
+def test_a_policy_of_another_car_says_so(mine: FilePath) -> None:
+    assert told("precision") == []
+    line = told("controller=policy", "vehicle=bmw_320i")[-1]
+    assert line.startswith("controller: precision was trained for carla_model3 (mass 1845, here 1")
+    assert "'steersman train PRESET problem.vehicle=bmw_320i'" in line
+    problem = sm.configure("train", "demo", "problem.vehicle=mine.yaml").problem
+    assert problem.vehicle.mass == 2100.0
+
+
+def test_gains_tuned_for_this_car_say_nothing(mine: FilePath) -> None:
+    folder = FilePath("runs")
+    folder.mkdir()
+    (folder / "tuned.yaml").write_text("controller: {kind: lqr}\n", encoding="utf-8")
+    car = dump(VehicleFile(file=str(mine)))
+    (folder / "result.json").write_text(json.dumps({"suite": [{"vehicle": car}]}), encoding="utf-8")
+    for word in ("runs", "runs/tuned.yaml"):
+        assert len(told(word, f"vehicle={mine}")) == 1  # what the file leaves to its base
+        assert "was tuned for mine.yaml" in told(word)[-1]
+    other = [{"vehicle": dump(CarlaModel3V1())}]
+    (folder / "result.json").write_text(json.dumps({"suite": other}), encoding="utf-8")
+    assert "was tuned for carla_model3_v1" in told("runs", f"vehicle={mine}")[-1]
+    (folder / "result.json").write_text("[1]", encoding="utf-8")
+    assert len(told("runs", f"vehicle={mine}")) == 1
