@@ -43,6 +43,7 @@ CALLS: dict[str, tuple[str, ...]] = {
     "version": (),
     "path export": ("circle", "--to", "circle.xodr"),
     "path roads": ("circle.xodr",),
+    "path check": ("circle.xodr",),
     "carla doctor": (NOBODY,),
     "carla calibrate": (NOBODY, "--out", "car.yaml"),
     "carla map": (NOBODY, "--to", "town.xodr"),

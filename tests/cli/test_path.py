@@ -58,6 +58,25 @@ def test_roads_of_a_map(steersman: Steersman, tmp_path: FilePath) -> None:
     assert re.search(r"\na +1, -1 +60\.0 +a-left, a-on, a-right\n", result.stdout)
 
 
+def test_what_is_wrong_with_a_map_is_listed(steersman: Steersman, tmp_path: FilePath) -> None:
+    text = xodr_maps.town()
+    file = xodr_maps.write(tmp_path / "town.xodr", text)
+    result = steersman("path", "check", str(file))
+    assert (result.exit_code, result.stdout) == (0, "")
+    xodr_maps.write(file, text.replace('<laneLink from="-1"', '<laneLink from="x"', 1))
+    result = steersman("path", "check", str(file), "--json")
+    assert result.exit_code == 1
+    [fault] = json.loads(result.stdout)
+    assert (fault["road"], fault["s"]) == ("", None)
+    assert (
+        "<laneLink>: from is 'x', not a whole number; this connection is left out" in fault["text"]
+    )
+    assert "this connection is left out" in steersman("path", "check", str(file)).stdout
+    listed = steersman("path", "roads", str(file))
+    assert listed.exit_code == 0
+    assert listed.stderr.count("\n") == 1
+
+
 def test_roads_without_lanes_are_left_out(steersman: Steersman, tmp_path: FilePath) -> None:
     text = xodr_maps.town().replace('type="driving"', 'type="sidewalk"')
     xodr_maps.write(tmp_path / "town.xodr", text)

@@ -19,7 +19,6 @@ from steersman.types import Pose
 from . import xodr_maps as maps
 from .xodr_maps import WIDTH, cubic, geometry, lane, section, single
 
-BORDERED = section(0.0, "", lane(-1, '<border sOffset="0" a="-3"/>'))
 START = Pose(100.0, -50.0, 0.6)
 HERE = Pose(0.0, 0.0, 0.0)
 
@@ -226,10 +225,6 @@ def test_a_step_around_the_joint_of_a_lap(tmp_path: FilePath) -> None:
     [
         (bent(Segment(20.0, -1.0, -1.0)), "a lane turns with a radius below 0.1 m here: it lies"),
         (
-            bent(Segment(20.0, 0.0, 0.0), lanes=BORDERED),
-            "line 3: <lane>: has a <border>, which is not read",
-        ),
-        (
             bent(Segment(20.0, 0.0, 0.0), offset=cubic("laneOffset", "s", 0.0, 0.0, 1e8)),
             "<line>: a lane is 2e+09 m long here on 20 m of the road; widths and offsets are",
         ),
@@ -252,4 +247,19 @@ def test_what_cannot_be_followed(tmp_path: FilePath, text: str, message: str) ->
     with pytest.raises(DataError) as caught:
         _ = followed(tmp_path, text).table
     assert message in str(caught.value)
-    assert str(caught.value).startswith(f"{tmp_path / 'map.xodr'}: ")
+    assert str(caught.value).startswith(f"{tmp_path / 'map.xodr'}: road ")
+
+
+def test_borders_are_edges(tmp_path: FilePath) -> None:
+    """A lane between two borders, on both sides, and one with a width beyond a border."""
+    right = lane(-1, cubic("border", "sOffset", 0.0, -3.0))
+    right += lane(-2, cubic("border", "sOffset", 0.0, -7.0, -0.1))
+    right += lane(-3, cubic("width", "sOffset", 0.0, 2.0))
+    left = lane(1, cubic("border", "sOffset", 0.0, 4.0))
+    view, length, _ = maps.plan([Segment(20.0, 0.0, 0.0)], HERE)
+    text = single(view, length, lanes=section(0.0, left, right))
+    found = ((-1, -1.5, 0.0), (-2, -5.0, -0.05), (-3, -8.0, -0.1), (1, 2.0, 0.0))
+    for number, middle, slope in found:
+        path = followed(tmp_path, text, lane=number)
+        x, y = path.at(0.5 * path.length)[:2]
+        assert y == pytest.approx(middle + slope * x, abs=1e-6)

@@ -119,7 +119,7 @@ def _readable(file: FilePath, count: int) -> Map:
 def _map(file: FilePath, count: int) -> Map:
     network = read_network(file)
     ways = Ways(network, MIN_RADIUS)
-    places = ways.graph.all()
+    places = [place for place in ways.graph.all() if ways.fault(place) is None]
     sizes = np.array([ways.length(place) for place in places])
     sharp = np.array([not ways.fits(place) for place in places], dtype=bool)
     paths, why = _paths(file, network.sha256, count)

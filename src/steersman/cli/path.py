@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,6 +15,7 @@ from steersman.errors import ConfigError
 
 if TYPE_CHECKING:
     from steersman.paths.base import PathComponent
+    from steersman.paths.xodr.model import MapFault
     from steersman.paths.xodr.ways import Ways
 
 EXAMPLES = (
@@ -33,14 +35,20 @@ ROADS_EXAMPLES = (
     "\n"
     "Then: steersman drive path=opendrive path.file=Town07.xodr path.route=[59,61]"
 )
+CHECK_EXAMPLES = (
+    "\b\nExamples:\n  steersman path check Town07.xodr\n  steersman path check Town07.xodr --json"
+)
 GROUP_EXAMPLES = (
     "\b\n"
     "Examples:\n"
     "  steersman path export monza --to monza.xodr\n"
-    "  steersman path roads Town07.xodr"
+    "  steersman path roads Town07.xodr\n"
+    "  steersman path check Town07.xodr"
 )
 # A radius that says no more than that the road is straight [m].
 _STRAIGHT = 1e4
+# So many faults of a map are told one by one.
+_MOST_TOLD = 10
 
 
 def export(
@@ -82,6 +90,8 @@ def roads(
 
     ways = Ways(read_network(FilePath(file)))
     found = {name: row for name in ways.network.roads if (row := _road(ways, name))}
+    lost = (ways.fault(place) for place in ways.graph.all())
+    _tell_left_out([*ways.network.left_out, *(fault for fault in lost if fault is not None)])
     if as_json:
         show_json(found)
         return
@@ -94,9 +104,43 @@ def roads(
     show(rows, "", "radius: that of the sharpest bend of its lanes")
 
 
+def check(
+    file: Annotated[str, typer.Argument(metavar="FILE.xodr", help="An OpenDRIVE map.")],
+    as_json: settings.AsJson = False,
+) -> None:
+    """List what is wrong with an OpenDRIVE map, by road and place on it [m].
+
+    The exit code is 1 if anything is found.
+    """
+    from steersman.paths.xodr.check import faults
+    from steersman.paths.xodr.read import read_network
+    from steersman.paths.xodr.ways import Ways
+
+    found = faults(Ways(read_network(FilePath(file))))
+    if as_json:
+        show_json([fault._asdict() for fault in found])
+    elif found:
+        rows = table("road", "s [m]", "what is wrong", right=("s [m]",))
+        for fault in found:
+            rows.add_row(fault.road, "" if fault.s is None else f"{fault.s:.1f}", fault.text)
+        show(rows, "", f"{len(found)} found; all else can be driven")
+    else:
+        note(f"{file}: nothing is wrong")
+    if found:
+        raise typer.Exit(1)
+
+
+def _tell_left_out(found: Sequence[MapFault]) -> None:
+    """A line for each element that is left out; of many, the first."""
+    for fault in found[:_MOST_TOLD]:
+        note(str(fault))
+    if len(found) > _MOST_TOLD:
+        note(f"and {len(found) - _MOST_TOLD} more; 'steersman path check' lists all")
+
+
 def _road(ways: Ways, name: str) -> dict[str, Any] | None:
     """A road's length, lanes, sharpest bend and what its lanes lead to; None without lanes."""
-    places = ways.graph.of_road(name)
+    places = [place for place in ways.graph.of_road(name) if ways.fault(place) is None]
     if not places:
         return None
     radius = min(ways.radius(place) for place in places)
@@ -132,3 +176,4 @@ app = typer.Typer(
 )
 app.command("export", epilog=EXAMPLES)(export)
 app.command("roads", epilog=ROADS_EXAMPLES)(roads)
+app.command("check", epilog=CHECK_EXAMPLES)(check)

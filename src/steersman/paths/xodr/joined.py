@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from steersman.errors import DataError
 from steersman.paths.xodr.lane_line import Curve
@@ -18,6 +19,10 @@ MAX_AHEAD = 0.5
 """... or further ahead or behind [m]."""
 MAX_KINK = 0.2
 """... or in a direction that differs by more [rad]."""
+ROUNDED = 0.03
+"""A kink of more than this [rad] is rounded by an arc ..."""
+TOLERANCE = 0.1
+"""... that passes its corner at no more than this distance [m]."""
 # Shorter curves only repeat what their neighbours say, with more rounding [m].
 _SHORTEST = 0.02
 # Samples are at least so far apart [m]: closer, rounded figures would pass for bends.
@@ -26,6 +31,9 @@ _CLOSEST = 0.05
 # within these distances [m].
 _EASE_BEND, _EASE_LEAST, _EASE_MOST = 0.005, 1.0, 10.0
 _EXACT = 1e-6
+# A kink of more [rad] cannot stay one; samples of a rounded one, as shares of its arc's half.
+_SHARP = 0.1
+_MARKS = (-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)
 
 
 class Gap(NamedTuple):
@@ -36,6 +44,13 @@ class Gap(NamedTuple):
     """Left positive [m]."""
     kink: float
     """Change of direction [rad]."""
+
+    def __str__(self) -> str:
+        """One line about a joint that is none."""
+        return (
+            f"the next piece begins {self.ahead:.2f} m ahead, {self.aside:.2f} m to the left,"
+            f" turned by {self.kink:.2f} rad; the map does not join here"
+        )
 
     @property
     def passable(self) -> bool:
@@ -72,14 +87,103 @@ def joined(curves: Sequence[Curve], closed: bool) -> tuple[FloatArray, FloatArra
         raise DataError("the path is shorter than 2 cm")
     pairs = [(i, (i + 1) % len(rows)) for i in range(len(rows) - (not closed))]
     gaps = [gap(rows[i], rows[j]) for i, j in pairs]
-    for found in gaps:
+    for found, row in zip(gaps, rows, strict=False):
         if not found.passable:
-            raise DataError(
-                f"the lane's next piece begins {found.ahead:.2f} m ahead, {found.aside:.2f} m to"
-                f" the left, turned by {found.kink:.2f} rad; the map does not join here"
-            )
+            raise DataError(f"s = {row.s[-1]:.1f} m: {found}")
+    kinks = {i: found.kink for i, found in enumerate(gaps) if abs(found.kink) > ROUNDED}
+    if kinks:
+        rows = _met(rows, {pairs[i]: gaps[i] for i in kinks})
+        gaps = [gap(rows[i], rows[j]) for i, j in pairs]
+        rows = _rounded(rows, kinks, closed)
     steps = {i: found.aside for i, found in enumerate(gaps) if abs(found.aside) > _EXACT}
     return _thinned(*_nodes(_eased(rows, steps, closed) if steps else rows, closed))
+
+
+def _met(rows: list[Curve], gaps: dict[tuple[int, int], Gap]) -> list[Curve]:
+    """The rows cut or drawn out to where their tangents cross.
+
+    Beside a reference line with a kink, lanes overlap inside of the bend and gape outside.
+    """
+    starts, ends = dict[int, float](), dict[int, float]()
+    for (i, j), found in gaps.items():
+        cut = -found.aside / math.sin(found.kink)
+        drawn = found.ahead + cut * math.cos(found.kink)
+        short = min(0.5 * rows[i].length, 0.5 * rows[j].length, MAX_AHEAD)
+        if abs(cut) <= short and abs(drawn) <= short:
+            starts[j], ends[i] = cut, drawn
+    out = []
+    for i, row in enumerate(rows):
+        run = np.concatenate(([0.0], np.cumsum(row.steps)))
+        first, last = starts.get(i, 0.0), run[-1] + ends.get(i, 0.0)
+        inner = run[(run > first + _EXACT) & (run < last - _EXACT)]
+        out.append(_sampled(row, run, np.concatenate(([first], inner, [last]))))
+    return out
+
+
+def _sampled(row: Curve, run: FloatArray, new: FloatArray) -> Curve:
+    """The row, with its samples at ``run``, sampled at ``new`` [m] by cubics between them."""
+    x = CubicHermiteSpline(run, row.x, np.cos(row.psi))(new)
+    y = CubicHermiteSpline(run, row.y, np.sin(row.psi))(new)
+    return Curve(x, y, np.interp(new, run, row.psi), np.interp(new, run, row.s))
+
+
+def _rounded(rows: list[Curve], kinks: dict[int, float], closed: bool) -> list[Curve]:
+    """The rows with an arc in place of each kink between row i and the next.
+
+    Seen from the corner in its mean direction, both rows lie at kink / 2 |u|; over the last w
+    before and after it they are moved to kink (u^2 + w^2) / (4 w), which has the curvature
+    kink / (2 w) and passes the corner at kink w / 4.
+    """
+    ends = np.cumsum([row.length for row in rows])
+    total = float(ends[-1])
+    corners = ends[list(kinks)]
+    widths = [
+        max(min(4.0 * TOLERANCE / abs(kink), _room(corner, corners, total, closed)), _EXACT)
+        for corner, kink in zip(corners, kinks.values(), strict=True)
+    ]
+    for (i, kink), wide in zip(kinks.items(), widths, strict=True):
+        if wide < _CLOSEST and abs(kink) > _SHARP:
+            raise DataError(
+                f"s = {rows[i].s[-1]:.1f} m: a kink of {kink:.2f} rad has no room to be rounded,"
+                f" {wide:.2f} m; mend the map there, or take another lane"
+            )
+    marks = np.add.outer(_MARKS, np.zeros(len(widths))) * widths + corners
+    marks = np.sort((marks % total if closed else marks).ravel())
+    out = []
+    for coarse, end in zip(rows, ends, strict=True):
+        row = _refined(coarse, marks - (end - coarse.length))
+        run = np.concatenate(([0.0], np.cumsum(row.steps)))
+        # A row's ends belong to its own side of a corner.
+        run = end - coarse.length + np.clip(run, _EXACT, coarse.length - _EXACT)
+        shift, slope = np.zeros_like(run), np.zeros_like(run)
+        for corner, wide, kink in zip(corners, widths, kinks.values(), strict=True):
+            away = run - corner
+            away = away - total * np.round(away / total) if closed else away
+            inside = np.clip(wide - np.abs(away), 0.0, None)
+            shift += kink / (4.0 * wide) * inside**2
+            slope -= kink / (2.0 * wide) * inside * np.sign(away)
+        x = row.x - shift * np.sin(row.psi)
+        y = row.y + shift * np.cos(row.psi)
+        out.append(Curve(x, y, row.psi + np.arctan(slope), row.s))
+    return out
+
+
+def _room(corner: float, corners: FloatArray, total: float, closed: bool) -> float:
+    """How far an arc may reach: half the way to the next corner, or to the path's end [m]."""
+    away = np.abs(corners - corner)
+    if closed:
+        away = np.minimum(away, total - away)
+    others = 0.5 * away[away > 0.0]
+    end = 0.5 * total if closed else min(corner, total - corner)
+    return float(np.min(others, initial=end))
+
+
+def _refined(row: Curve, marks: FloatArray) -> Curve:
+    """The row with samples at these distances from its beginning as well, by cubics."""
+    run = np.concatenate(([0.0], np.cumsum(row.steps)))
+    inside = marks[(marks > _CLOSEST) & (marks < run[-1] - _CLOSEST)]
+    far = np.abs(inside[:, None] - run).min(axis=1, initial=np.inf) > _EXACT
+    return _sampled(row, run, np.sort(np.concatenate((run, inside[far]))))
 
 
 def _eased(rows: list[Curve], steps: dict[int, float], closed: bool) -> list[Curve]:

@@ -8,7 +8,6 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from steersman.errors import DataError
 from steersman.paths.xodr.model import Cubic, LaneSection, ReferencePiece, RoadRecord
 from steersman.paths.xodr.reference import points
 from steersman.types import FloatArray
@@ -56,11 +55,6 @@ def lane_line(road: RoadRecord, section: LaneSection, number: int) -> list[Curve
     Raises:
         DataError: the lane cannot be followed; the message begins with a line of the file.
     """
-    lane = section.lanes[number]
-    if lane.border:
-        raise DataError(
-            f"line {lane.line}: <lane>: has a <border>, which is not read; give it a <width>"
-        )
     marks = _marks(road, section, number)
     out = []
     for start, end in itertools.pairwise(marks):
@@ -77,7 +71,8 @@ def _marks(road: RoadRecord, section: LaneSection, number: int) -> list[float]:
     places.update(geometry.s for geometry in road.geometries)
     places.update(record.s for record in road.offset)
     for inner in _inner(number):
-        places.update(section.start + record.s for record in section.lanes[inner].width)
+        lane = section.lanes[inner]
+        places.update(section.start + record.s for record in (*lane.width, *lane.border))
     return sorted(s for s in places if section.start <= s <= section.end)
 
 
@@ -99,17 +94,20 @@ def _offset(
 
     ``middle`` lies within the stretch, and selects the records that hold there.
     """
-    total = np.zeros(4)
+    shift = np.zeros(4)
     record = _record(road.offset, middle)
     if record is not None:
-        total += record.moved(start - record.s)
+        shift += record.moved(start - record.s)
     sign = 1.0 if number > 0 else -1.0
+    inside = outside = np.zeros(4)
     for inner in _inner(number):
-        record = _record(section.lanes[inner].width, middle - section.start)
+        lane, inside = section.lanes[inner], outside
+        record = _record(lane.width or lane.border, middle - section.start)
+        row = np.zeros(4)
         if record is not None:
-            share = 0.5 if inner == number else 1.0
-            total += sign * share * np.array(record.moved(start - section.start - record.s))
-    a, b, c, d = (float(value) for value in total)
+            row += record.moved(start - section.start - record.s)
+        outside = row if lane.border else inside + sign * row
+    a, b, c, d = (float(value) for value in shift + 0.5 * (inside + outside))
     return a, b, c, d
 
 

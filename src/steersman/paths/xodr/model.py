@@ -60,8 +60,8 @@ class Lane(NamedTuple):
     """OpenDRIVE's type of lane, e.g. driving."""
     width: tuple[Cubic, ...]
     """Width over the section."""
-    border: bool
-    """Whether it is described by its border instead, which is not read."""
+    border: tuple[Cubic, ...]
+    """Its outer edge, left positive from the shifted centre, where it has no width."""
     before: int | None
     """Number of the lane that it continues towards smaller s."""
     after: int | None
@@ -118,6 +118,22 @@ class Connection(NamedTuple):
     """Number of the lane that is entered by that of the incoming road."""
 
 
+class MapFault(NamedTuple):
+    """What is wrong with a map somewhere, and what is left out for it."""
+
+    road: str
+    """The road's name; empty if it is none or belongs to none."""
+    s: float | None
+    """Where on it [m], if known."""
+    text: str
+
+    def __str__(self) -> str:
+        """One line."""
+        place = f"road {self.road!r}: " if self.road else ""
+        where = "" if self.s is None else f"s = {self.s:.1f} m: "
+        return f"{place}{where}{self.text}"
+
+
 class RoadNetwork(NamedTuple):
     """Roads and junctions of one file."""
 
@@ -126,3 +142,5 @@ class RoadNetwork(NamedTuple):
     """Digest of the file."""
     roads: dict[str, RoadRecord]
     junctions: dict[str, tuple[Connection, ...]]
+    left_out: tuple[MapFault, ...] = ()
+    """Elements that could not be read."""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path as FilePath
+from typing import Any, TypeVar
 
+from steersman.errors import DataError
 from steersman.paths.segments import MAX_LENGTH
 from steersman.paths.xodr.model import (
     LEFT,
@@ -14,6 +16,7 @@ from steersman.paths.xodr.model import (
     Cubic,
     Lane,
     LaneSection,
+    MapFault,
     ReferencePiece,
     RoadNetwork,
     RoadRecord,
@@ -21,6 +24,7 @@ from steersman.paths.xodr.model import (
 )
 from steersman.paths.xodr.xml import Node, parse
 
+T = TypeVar("T")
 _SHAPES = ("line", "arc", "spiral", "poly3", "paramPoly3")
 # How far the geometries of a road may end from where its length says [m], and as a share of it.
 _SLACK, _SLACK_SHARE = 0.1, 1e-3
@@ -31,32 +35,63 @@ _RULES = {"RHT": RIGHT, "LHT": LEFT}
 _YES = {"true": True, "1": True, "false": False, "0": False}
 
 
+class _Notes:
+    """Elements that cannot be read: each costs itself, and leaves a line."""
+
+    def __init__(self, file: FilePath) -> None:
+        self.file, self.road, self.found = file, "", list[MapFault]()
+
+    def without(self, what: str, read: Callable[..., T], *words: Any, default: T) -> T:
+        """What ``read`` makes of ``words``; if it raises, ``default`` and a line."""
+        try:
+            return read(*words)
+        except DataError as error:
+            self.add(error, what)
+            return default
+
+    def add(self, error: DataError, what: str) -> None:
+        text = str(error).removeprefix(f"{self.file}: ")
+        self.found.append(MapFault(self.road, None, f"{text}; {what} left out"))
+
+
 def read_network(file: FilePath) -> RoadNetwork:
-    """The roads and junctions of a file.
+    """The roads and junctions of a file; an element that cannot be read costs itself alone.
 
     Raises:
-        DataError: the file cannot be used; one line says which element and what is wrong.
+        DataError: nothing in the file can be used; one line says which element and what is wrong.
     """
     root, sha256 = parse(file)
     if root.tag != "OpenDRIVE":
         raise root.fault("this is no OpenDRIVE file, whose first element is <OpenDRIVE>")
+    notes = _Notes(file)
     roads: dict[str, RoadRecord] = {}
+    first: DataError | None = None
     for node in root.children("road"):
-        road = _road(node)
-        if road.name in roads:
-            first = roads[road.name].line
-            raise node.fault(f"id {road.name!r} is that of the road in line {first} too")
-        roads[road.name] = road
+        notes.road = node.get("id", "")
+        try:
+            road = _road(node, notes)
+            if road.name in roads:
+                line = roads[road.name].line
+                raise node.fault(f"id {road.name!r} is that of the road in line {line} too")
+            roads[road.name] = road
+        except DataError as error:
+            first = first or error
+            notes.add(error, "this road is")
     if not roads:
-        raise root.fault("holds no road")
+        raise first or root.fault("holds no road")
     total = sum(_lane_length(road) for road in roads.values())
     if total > _MOST_LANES:
         raise root.fault(f"its lanes are {total:.3g} m long, the most is {_MOST_LANES:.0g} m")
-    junctions = {
-        node.get("id"): tuple(_connections(node.children("connection")))
-        for node in root.children("junction")
-    }
-    return RoadNetwork(file, sha256, roads, junctions)
+    notes.road = ""
+    junctions = dict[str, tuple[Connection, ...]]()
+    for node in root.children("junction"):
+        name = notes.without("this junction is", node.get, "id", default="")
+        found = (
+            notes.without("this connection is", _connection, each, default=None)
+            for each in node.children("connection")
+        )
+        junctions[name] = tuple(each for each in found if each is not None)
+    return RoadNetwork(file, sha256, roads, junctions, tuple(notes.found))
 
 
 def _lane_length(road: RoadRecord) -> float:
@@ -64,9 +99,12 @@ def _lane_length(road: RoadRecord) -> float:
     return sum((section.end - section.start) * len(section.lanes) for section in rows)
 
 
-def _road(node: Node) -> RoadRecord:
+def _road(node: Node, notes: _Notes) -> RoadRecord:
     length = _length(node)
-    before, after = (_contact(node, name) for name in ("predecessor", "successor"))
+    before, after = (
+        notes.without("this link is", _contact, node, name, default=None)
+        for name in ("predecessor", "successor")
+    )
     lanes = node.child("lanes")
     if lanes is None:
         raise node.fault("has no <lanes>")
@@ -74,10 +112,10 @@ def _road(node: Node) -> RoadRecord:
         name=node.get("id"),
         length=length,
         junction=node.get("junction", "-1") != "-1",
-        forward=node.choice("rule", _RULES, "RHT"),
+        forward=notes.without("it is", node.choice, "rule", _RULES, "RHT", default=RIGHT),
         geometries=_geometries(node, length),
         offset=_cubics(lanes.children("laneOffset"), "s"),
-        sections=_sections(lanes, length),
+        sections=_sections(lanes, length, notes),
         before=before,
         after=after,
         line=node.line,
@@ -152,7 +190,7 @@ def _cubics(nodes: Iterable[Node], where: str) -> tuple[Cubic, ...]:
     return tuple(sorted(rows, key=lambda row: row.s))
 
 
-def _sections(lanes: Node, length: float) -> dict[Side, tuple[LaneSection, ...]]:
+def _sections(lanes: Node, length: float, notes: _Notes) -> dict[Side, tuple[LaneSection, ...]]:
     """Lane sections by side; a section may be valid for one side alone."""
     out: dict[Side, tuple[LaneSection, ...]] = {}
     for side, name in ((LEFT, "left"), (RIGHT, "right")):
@@ -164,7 +202,7 @@ def _sections(lanes: Node, length: float) -> dict[Side, tuple[LaneSection, ...]]
             start = node.number("s", low=0.0)
             if found and start < found[-1][0]:
                 raise node.fault(f"s is {start:g}, less than the {found[-1][0]:g} before it")
-            found.append((start, _lanes(here, side)))
+            found.append((start, _lanes(here, side, notes)))
         ends = [*(start for start, _ in found[1:]), length]
         # An empty section stays: the links of its neighbours' lanes go through it.
         out[side] = tuple(
@@ -174,27 +212,37 @@ def _sections(lanes: Node, length: float) -> dict[Side, tuple[LaneSection, ...]]
     return out
 
 
-def _lanes(nodes: list[Node], side: Side) -> dict[int, Lane]:
+def _lanes(nodes: list[Node], side: Side, notes: _Notes) -> dict[int, Lane]:
+    """Lanes by their numbers; where one is missing, nothing is known of those beyond it."""
     out: dict[int, Lane] = {}
     for node in nodes:
-        lane = _lane(node)
-        if lane.number * side <= 0:
-            raise node.fault(f"id is {lane.number}, on the wrong side")
-        if lane.number in out:
-            raise node.fault(f"id {lane.number} is there twice")
-        out[lane.number] = lane
-    for number in out:
-        if abs(number) > len(out):
-            raise nodes[0].fault(f"lane {number} has no neighbour towards the middle")
+        lane = notes.without("this lane is", _lane, node, side, notes, default=None)
+        if lane is not None and lane.number in out:
+            fault = node.fault(f"id {lane.number} is there twice")
+            notes.add(fault, "the second of them is")
+        elif lane is not None:
+            out[lane.number] = lane
+    inner = 0
+    while side * (inner + 1) in out:
+        inner += 1
+    for number in [number for number in out if abs(number) > inner]:
+        fault = nodes[0].fault(f"lane {number} has no neighbour towards the middle")
+        notes.add(fault, "it is")
+        del out[number]
     return out
 
 
-def _lane(node: Node) -> Lane:
+def _lane(node: Node, side: Side, notes: _Notes) -> Lane:
+    number = node.integer("id")
+    if number * side <= 0:
+        raise node.fault(f"id is {number}, on the wrong side")
     width = _cubics(node.children("width"), "sOffset")
-    border = not width and node.child("border") is not None
-    before, after = (_lane_link(node, name) for name in ("predecessor", "successor"))
-    kind = node.get("type", "none")
-    return Lane(node.integer("id"), kind, width, border, before, after, node.line)
+    border = () if width else _cubics(node.children("border"), "sOffset")
+    before, after = (
+        notes.without("this link is", _lane_link, node, name, default=None)
+        for name in ("predecessor", "successor")
+    )
+    return Lane(number, node.get("type", "none"), width, border, before, after, node.line)
 
 
 def _lane_link(lane: Node, name: str) -> int | None:
@@ -202,12 +250,12 @@ def _lane_link(lane: Node, name: str) -> int | None:
     return None if found is None else found.integer("id")
 
 
-def _connections(nodes: list[Node]) -> Iterable[Connection]:
-    for node in nodes:
-        road = node.get("connectingRoad", "") or node.get("linkedRoad", "")
-        incoming = node.get("incomingRoad", "")
-        # Of a virtual junction, one or the other may be missing: it leads nowhere.
-        if road and incoming:
-            lanes = {link.integer("from"): link.integer("to") for link in node.children("laneLink")}
-            at_start = node.choice("contactPoint", _CONTACTS, "start")
-            yield Connection(incoming, road, at_start, lanes)
+def _connection(node: Node) -> Connection | None:
+    road = node.get("connectingRoad", "") or node.get("linkedRoad", "")
+    incoming = node.get("incomingRoad", "")
+    # Of a virtual junction, one or the other may be missing: it leads nowhere.
+    if not road or not incoming:
+        return None
+    lanes = {link.integer("from"): link.integer("to") for link in node.children("laneLink")}
+    at_start = node.choice("contactPoint", _CONTACTS, "start")
+    return Connection(incoming, road, at_start, lanes)

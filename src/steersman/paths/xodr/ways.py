@@ -8,6 +8,7 @@ import math
 import tempfile
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import pairwise
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -16,7 +17,7 @@ from steersman.errors import DataError
 from steersman.paths.xodr.joined import gap
 from steersman.paths.xodr.lane_line import Curve, lane_line
 from steersman.paths.xodr.lanes import LaneGraph, Place, shortest, wander
-from steersman.paths.xodr.model import RoadNetwork
+from steersman.paths.xodr.model import MapFault, RoadNetwork
 from steersman.paths.xodr.read import read_network
 from steersman.types import Pose
 
@@ -36,6 +37,7 @@ class Ways:
         self.network, self.graph = network, LaneGraph(network)
         self.min_radius = min_radius
         self._lines: dict[Place, list[Curve]] = {}
+        self._faults: dict[Place, MapFault | None] = {}
 
     def line(self, place: Place) -> list[Curve]:
         """The centre of a place in driving direction."""
@@ -47,6 +49,26 @@ class Ways:
             self._lines[place] = curves
         return self._lines[place]
 
+    def fault(self, place: Place) -> MapFault | None:
+        """Why the place cannot be driven, if so: a shape that is none, a joint within that is none.
+
+        Such a place belongs to no way.
+        """
+        if place not in self._faults:
+            self._faults[place] = self._examined(place)
+        return self._faults[place]
+
+    def _examined(self, place: Place) -> MapFault | None:
+        try:
+            for a, b in pairwise(self.line(place)):
+                found = gap(a, b)
+                if not found.passable:
+                    return MapFault(place.road, float(a.s[-1]), f"lane {place.lane}: {found}")
+        except DataError as error:
+            start = self.graph.section(place).start
+            return MapFault(place.road, start, f"lane {place.lane}: {error}")
+        return None
+
     def lines(self, way: Sequence[Place]) -> list[Curve]:
         """The centres of all its places."""
         return [curve for place in way for curve in self.line(place)]
@@ -57,7 +79,9 @@ class Ways:
 
     def fits(self, place: Place) -> bool:
         """Whether the place bends nowhere more sharply than is wanted."""
-        return self.min_radius <= 0.0 or self.radius(place) >= self.min_radius
+        if self.min_radius <= 0.0:
+            return True
+        return self.fault(place) is None and self.radius(place) >= self.min_radius
 
     def radius(self, place: Place) -> float:
         """Radius of the sharpest bend of a place [m]; infinite on straights."""
@@ -66,7 +90,11 @@ class Ways:
 
     def next(self, place: Place) -> list[Place]:
         """The places that continue a place without a step aside, gap or kink, and fit."""
-        return [o for o in self.graph.after(place) if self._meet(place, o) and self.fits(o)]
+        return [
+            other
+            for other in self.graph.after(place)
+            if self.fault(other) is None and self._meet(place, other) and self.fits(other)
+        ]
 
     def along(self, name: str, lane: int | None = None) -> tuple[list[Place], bool]:
         """A lane of a road as far as it goes, and whether it leads back to its beginning.
@@ -74,7 +102,7 @@ class Ways:
         Raises:
             DataError: there is no such road or lane.
         """
-        way = self._onward(self._starts(name, lane)[0])
+        way = self._onward(self._sound(self._starts(name, lane)[:1])[0])
         return way, way[0] in self.next(way[-1])
 
     def between(self, names: Sequence[str], lane: int | None = None) -> tuple[list[Place], bool]:
@@ -90,7 +118,7 @@ class Ways:
             self._known(name)
         around = names[0] == names[-1]
         ways = []
-        for start in self._starts(names[0], lane):
+        for start in self._sound(self._starts(names[0], lane)):
             stages: list[Callable[[Place], bool]] = [partial(self._enters, n) for n in names[1:]]
             if around:  # it ends where it began, not beside it
                 stages[-1] = partial(_same, start)
@@ -111,6 +139,8 @@ class Ways:
         starts = [place for place in self.graph.all() if self.fits(place)]
         left, longest = _MOST_ENTERED, 0.0
         for i in rng.permutation(len(starts)):
+            if self.fault(starts[i]) is not None:
+                continue
             # No start may use up all that is left for the others.
             most = max(left // 2, 1)
             found = wander(starts[i], distance, self.next, self.length, rng, most)
@@ -140,13 +170,25 @@ class Ways:
         self._known(name)
         places = self.graph.of_road(name)
         if not places:
-            raise DataError(f"road {name!r} has no lane to drive on")
+            lost = [str(each) for each in self.network.left_out if each.road == name]
+            raise DataError("; ".join([f"road {name!r} has no lane to drive on", *lost[:1]]))
         if lane is not None:
             can = ", ".join(map(str, sorted({place.lane for place in places})))
             places = [place for place in places if place.lane == lane]
             if not places:
                 raise DataError(f"road {name!r} has no lane {lane} to drive on; there are: {can}")
         return [place for place in places if self.graph.first(place)] or places[:1]
+
+    def _sound(self, places: list[Place]) -> list[Place]:
+        """Those of the places that can be driven."""
+        faults = [self.fault(place) for place in places]
+        sound = [place for place, fault in zip(places, faults, strict=True) if fault is None]
+        if not sound:
+            raise DataError(
+                f"{faults[0]}; mend the map there or take another road or lane ('steersman path"
+                f" check' lists all faults)"
+            )
+        return sound
 
     def _enters(self, name: str, place: Place) -> bool:
         return place.road == name and self.graph.first(place)
@@ -213,7 +255,9 @@ def lane_starts(opendrive: str, ahead: float) -> list[Pose]:
     begins = [
         place
         for place in ways.graph.all()
-        if ways.graph.first(place) and not ways.network.roads[place.road].junction
+        if ways.graph.first(place)
+        and not ways.network.roads[place.road].junction
+        and ways.fault(place) is None
     ]
     return [_into(ways.line(place), ahead) for place in begins]
 
