@@ -122,7 +122,6 @@ class LazyGroup(OneLineGroup):
 
 app = typer.Typer(
     cls=LazyGroup,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # help is plain text: "[m]" would be taken for markup
     context_settings={"help_option_names": ["--help", "-h"]},

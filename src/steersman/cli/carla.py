@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from steersman.cli import carla_client
+from steersman.cli.outcome import OneLineGroup
 from steersman.cli.output import folded, write
 
 SERVE_EXAMPLES = (
@@ -75,6 +76,7 @@ def serve(
 
 
 app = typer.Typer(
+    cls=OneLineGroup,
     rich_markup_mode=None,
     add_completion=False,
     help="CARLA: checks, calibration, a stand-in for its server.",

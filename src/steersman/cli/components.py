@@ -42,7 +42,12 @@ _COMMANDS = ("drive", "train", "imitate", "tune", "falsify", "bench")
 
 def list_components(
     kind: Annotated[
-        str | None, typer.Argument(metavar="[KIND]", help="Only these, e.g. controller.")
+        str | None,
+        typer.Argument(
+            metavar="[KIND]",
+            help="Only these, e.g. controller.",
+            autocompletion=settings.component,
+        ),
     ] = None,
     as_json: settings.AsJson = False,
 ) -> None:
@@ -71,9 +76,17 @@ def list_components(
 
 def show_component(
     kind: Annotated[
-        str, typer.Argument(metavar="KIND", help=f"E.g. controller; or {', '.join(_COMMANDS)}")
+        str,
+        typer.Argument(
+            metavar="KIND",
+            help=f"E.g. controller; or {', '.join(_COMMANDS)}",
+            autocompletion=settings.component,
+        ),
     ],
-    name: Annotated[str | None, typer.Argument(metavar="NAME", help="E.g. mpc_pid.")] = None,
+    name: Annotated[
+        str | None,
+        typer.Argument(metavar="NAME", help="E.g. mpc_pid.", autocompletion=settings.component),
+    ] = None,
     as_json: settings.AsJson = False,
 ) -> None:
     """Show the fields of a component, or all settings of a command."""

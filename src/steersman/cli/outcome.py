@@ -75,6 +75,14 @@ class OneLineGroup(TyperGroup):
             code = fail(f"{error.filename}: {error.strerror}")
         sys.exit(code if isinstance(code, int) else 0)
 
+    def format_commands(self, _: Any, formatter: Any) -> None:
+        """List the commands with the whole first paragraph of their help."""
+        texts = {name: command.help or "" for name, command in self.commands.items()}
+        with formatter.section("Commands"):
+            formatter.write_dl(
+                [(name, one_line(text.partition("\n\n")[0])) for name, text in texts.items()]
+            )
+
 
 @contextmanager
 def _ended_as_interrupted() -> Iterator[None]:

@@ -10,6 +10,7 @@ import typer
 
 from steersman import files
 from steersman.cli import settings
+from steersman.cli.outcome import OneLineGroup
 from steersman.cli.output import note, show, show_json, table
 from steersman.errors import ConfigError
 
@@ -169,6 +170,7 @@ def _path(words: list[str]) -> PathComponent:
 
 
 app = typer.Typer(
+    cls=OneLineGroup,
     rich_markup_mode=None,
     add_completion=False,
     help="Paths and roads as OpenDRIVE.",

@@ -6,10 +6,26 @@ from typing import Annotated, TypeAlias
 
 import typer
 
+
+def _completed(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Settings of a command, for a shell; nothing of it is imported otherwise."""
+    from steersman.cli.completion import completed
+
+    return completed(ctx.info_name or "", [*(ctx.params.get("words") or [])], incomplete)
+
+
+def component(ctx: typer.Context, incomplete: str) -> list[str]:
+    """A family of components, or after it one of them, for a shell."""
+    from steersman.cli.completion import word_of
+
+    return word_of(ctx.params.get("kind") or "", incomplete)
+
+
 Words: TypeAlias = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="[CONFIG.yaml] [key=value ...]",
+        autocompletion=_completed,
         help="A YAML file, and settings over it; a setting of a part is written part.key=value.",
     ),
 ]
@@ -17,6 +33,7 @@ PresetWords: TypeAlias = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="[PRESET | CONFIG.yaml] [key=value ...]",
+        autocompletion=_completed,
         help="A training's preset or a YAML file, and settings over it.",
     ),
 ]
