@@ -104,6 +104,7 @@ class WaypointSensor(Component):
     )
     heading_noise: float = param(0.0, "rad", "SD of the error of the vehicle's yaw.", ge=0)
     speed_noise: float = param(0.0, "m/s", "SD of the errors of v_x and of v_y.", ge=0)
+    v_y_noise: float | None = param(None, "m/s", "SD of the error of v_y; null: that of v_x.", ge=0)
     yaw_rate_noise: float = param(0.0, "rad/s", "SD of the error of the yaw rate.", ge=0)
     latency: float = param(
         0.0, "s", "Age of the observation that arrives; whole control periods.", ge=0, le=0.5
@@ -112,8 +113,9 @@ class WaypointSensor(Component):
     @property
     def deviations(self) -> tuple[float, ...]:
         """SDs of the first columns of a state row: x, y [m], yaw [rad], v_x, v_y, yaw rate."""
-        position, speed = self.position_noise, self.speed_noise
-        return position, position, self.heading_noise, speed, speed, self.yaw_rate_noise
+        position, v_x = self.position_noise, self.speed_noise
+        v_y = v_x if self.v_y_noise is None else self.v_y_noise
+        return position, position, self.heading_noise, v_x, v_y, self.yaw_rate_noise
 
     def periods(self, dt: float) -> int:
         """The latency in control periods of ``dt`` [s].

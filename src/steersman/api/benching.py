@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path as FilePath
@@ -27,11 +27,14 @@ if TYPE_CHECKING:
 Progress = Callable[[float, float], None]
 
 
-def bench(
+def bench(  # noqa: PLR0913 - the options of the command
     *controllers: str,
     suite: str | Sequence[str] = "standard",
     seeds: Sequence[int] | str = (0,),
     maps: Folder | None = None,
+    tracks: Folder | None = None,
+    tum: Folder | None = None,
+    logs: Folder | None = None,
     out: Folder | None = None,
     engine: str | None = None,
     jobs: int | None = None,
@@ -46,11 +49,15 @@ def bench(
     Args:
         controllers: words, each also as ``name=word``, none: those of the package; and fields of
             the suite, ``plant.host=...``.
-        suite: ``standard``, ``core``, ``tuning``, ``quick``, ``faults``, ``maps`` or a YAML file;
-            or a list of such a word and settings ``key=value``.
+        suite: ``standard``, ``core``, ``standard_1``, ``core_1``, ``tuning``, ``quick``,
+            ``faults``, ``maps``, ``foreign`` or a YAML file; or a list of such a word and settings
+            ``key=value``.
         seeds: seeds of all draws, a list or ``"0..4"``.
         maps: folder of OpenDRIVE maps (``*.xodr``): seeded ways over each are added to the suite;
             the suite ``maps`` holds them alone.
+        tracks: folder of race circuits (``*.csv``), for the suite ``foreign``.
+        tum: folder of TUM-CONTROL's reference trajectories (``*.json``), likewise.
+        logs: folder of recorded lines (``*.csv``), likewise.
         out: folder for ``rows.jsonl``, ``results.json``, ``suite.yaml`` and, if their extras are
             installed, ``results.parquet`` and ``report.html``. The rows are kept, so that the same
             call goes on after an interruption.
@@ -78,7 +85,9 @@ def bench(
     numbers = seed_list(seeds)
     name, assignments = split([suite] if isinstance(suite, str) else suite)
     name = name or "standard"
-    plan, read = _plan(name, [*chosen.values(), *assignments], settings, maps, tell)
+    given = {"tracks": tracks, "maps": maps, "tum": tum, "logs": logs}
+    found_in = {key: FilePath(place) for key, place in given.items() if place is not None}
+    plan, read = _plan(name, [*chosen.values(), *assignments], settings, found_in, tell)
     engine, jobs = workers_for(plan.plant, engine, jobs)
     found = entrants(named)
     announce(plan.plant, tell)
@@ -104,20 +113,27 @@ def _plan(
     suite: str,
     assignments: Sequence[str],
     settings: dict[str, Any],
-    maps: Folder | None,
+    folders: Mapping[str, FilePath],
     tell: Notify,
 ) -> tuple[Suite, list[Map]]:
-    """The suite with its settings, and with the courses over the maps in a folder if given."""
+    """The suite with its settings, and with the courses over the files in the folders."""
+    from steersman.bench.foreign import FOREIGN, ForeignFolders, foreign
     from steersman.bench.maps import ALONE, read_maps, with_maps
     from steersman.bench.suites import suite as read_suite
 
-    if suite == ALONE and maps is None:
+    others = sorted(folders.keys() - {"maps"})
+    if suite == ALONE and "maps" not in folders:
         raise ConfigError("the suite 'maps' needs a folder of OpenDRIVE maps: --maps DIR")
-    base = None if suite == ALONE else read_suite(suite)
-    read = [] if maps is None else read_maps(FilePath(maps))
-    for each in read:
-        tell(each.described())
-    plan = with_maps(base, read) if read or base is None else base
+    if suite == FOREIGN:
+        plan, read = foreign(ForeignFolders(**folders), tell)
+    elif others:
+        raise ConfigError(f"--{others[0]} goes with the suite 'foreign'")
+    else:
+        base = None if suite == ALONE else read_suite(suite)
+        read = read_maps(folders["maps"]) if folders else []
+        for each in read:
+            tell(each.described())
+        plan = with_maps(base, read) if read or base is None else base
     if not (settings or assignments):
         return plan, read
     tree: Any = dump(plan)

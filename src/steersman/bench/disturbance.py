@@ -19,7 +19,7 @@ from steersman.vehicles import Vehicle
 # A run or, from the package for learning, a Problem.
 C = TypeVar("C", bound=Any)
 # Fields that are the sensor's of the same name.
-_NOISES = ("position_noise", "heading_noise", "speed_noise", "yaw_rate_noise")
+_NOISES = ("position_noise", "heading_noise", "speed_noise", "v_y_noise", "yaw_rate_noise")
 # Steps that differ by less are the same, but for rounding.
 _SAME = 1e-6
 
@@ -51,6 +51,7 @@ class Disturbance(Settings):
     position_noise: float = param(0.0, "m", "SD of the measured position in x and in y.", ge=0)
     heading_noise: float = param(0.0, "rad", "SD of the measured yaw.", ge=0)
     speed_noise: float = param(0.0, "m/s", "SD of the measured v_x and v_y.", ge=0)
+    v_y_noise: float | None = param(None, "m/s", "SD of the measured v_y; null: that of v_x.", ge=0)
     yaw_rate_noise: float = param(0.0, "rad/s", "SD of the measured yaw rate.", ge=0)
     latency: float = param(0.0, "s", "Age of the observation that arrives.", ge=0, le=0.5)
     start_offset: float = param(0.0, "m", "The run starts so far beside the path, left positive.")

@@ -40,6 +40,15 @@ class Course(Settings):
     only: dict[str, tuple[str, ...]] = param(
         {}, "-", "Disturbances by the name of a speed; a speed without them meets all."
     )
+    vehicle: str | None = param(
+        None, "-", "The one vehicle of the suite that drives here; null: each of them."
+    )
+    plant: Annotated[PlantComponent | None, Of("plant", optional=True)] = param(
+        None, "-", "Plant; null: the suite's."
+    )
+    corridor: float | None = param(
+        None, "m", "Half width of the corridor; null: the suite's.", gt=0
+    )
 
 
 class Scenario(NamedTuple):
@@ -98,6 +107,10 @@ class Suite(Settings):
         if not known:
             raise ConfigError("needs at least one", ("disturbances",))
         for name, course in self.courses.items():
+            if course.vehicle not in {None, *self.vehicles}:
+                near = suggestion(str(course.vehicle), self.vehicles)
+                of = ("courses", name, "vehicle")
+                raise ConfigError(f"unknown vehicle {course.vehicle!r}{near}", of)
             for speed, words in course.only.items():
                 where = ("courses", name, "only", speed)
                 if speed not in course.speeds:
@@ -116,12 +129,12 @@ class Suite(Settings):
         are beyond the plant are not among them.
         """
         every = self._every(seeds)
-        return [one for one in every if not one.applied.beyond(self.plant)]
+        return [one for one in every if not one.applied.beyond(one.run.plant)]
 
     def left_out(self, seeds: Sequence[int] = (0,)) -> dict[str, int]:
         """Scenarios that the plant cannot do, by the name of their disturbance."""
         every = self._every(seeds)
-        return dict(Counter(one.disturbance for one in every if one.applied.beyond(self.plant)))
+        return dict(Counter(one.disturbance for one in every if one.applied.beyond(one.run.plant)))
 
     def _every(self, seeds: Sequence[int]) -> list[Scenario]:
         every = (*self.disturbances, *self.mixed)
@@ -132,6 +145,7 @@ class Suite(Settings):
             for speed in course.speeds
             for disturbance in course.only.get(speed, every)
             for vehicle in self.vehicles
+            if course.vehicle in {None, vehicle}
         ]
 
     def _scenario(
@@ -152,9 +166,9 @@ class Suite(Settings):
             vehicle=self.vehicles[vehicle],
             duration=course.duration,
             laps=course.laps,
-            corridor=self.corridor,
+            corridor=self.corridor if course.corridor is None else course.corridor,
             start=Start(s=course.start),
-            plant=self.plant,
+            plant=self.plant if course.plant is None else course.plant,
             estimator=self.estimator,
             predictor=self.predictor,
             seed=own,

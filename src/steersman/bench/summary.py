@@ -76,7 +76,7 @@ def results(
         made_by=sorted({str(row.commit) for row in rows}),
         controllers={e.name: e.shown for e in entrants},
         summary=summarise_rows(rows, entrants),
-        plant=rows[0].plant or suite.plant.kind,
+        plant=", ".join(sorted({row.plant or suite.plant.kind for row in rows})),
         left_out=suite.left_out(seeds),
     )
 

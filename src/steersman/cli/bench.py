@@ -19,6 +19,7 @@ EXAMPLES = (
     "  steersman bench --out runs/bench\n"
     "  steersman bench quick --controllers pid,mpc_pid --out runs/quick\n"
     "  steersman bench maps --maps my_maps --out runs/maps\n"
+    "  steersman bench foreign --tracks circuits --maps my_maps --tum tum --out runs/foreign\n"
     "  steersman bench --controllers tuned/lqr,ff=runs/pid/tuned.yaml,runs/demo/policy.onnx \\\n"
     "      --seeds 7 --out runs/bench\n"
     "  steersman bench quick plant=carla plant.port=2000 --out runs/carla\n"
@@ -28,13 +29,14 @@ EXAMPLES = (
 )
 
 
-def bench(
+def bench(  # noqa: PLR0913, PLR0917 - typer's options
     out: settings.Out,
     words: Annotated[
         list[str] | None,
         typer.Argument(
             metavar="[SUITE] [key=value ...]",
-            help="standard, core, tuning, quick, maps, or a YAML file; and settings over it.",
+            help="standard, core, standard_1, core_1, tuning, quick, faults, maps, foreign, or a"
+            " YAML file; and settings over it.",
         ),
     ] = None,
     controllers: Annotated[
@@ -58,6 +60,17 @@ def bench(
             " the suite 'maps' holds them alone.",
         ),
     ] = None,
+    tracks: Annotated[
+        str | None,
+        typer.Option("--tracks", metavar="DIR", help="Race circuits (*.csv) for 'foreign'."),
+    ] = None,
+    tum: Annotated[
+        str | None,
+        typer.Option("--tum", metavar="DIR", help="TUM-CONTROL's references (*.json), likewise."),
+    ] = None,
+    logs: Annotated[
+        str | None, typer.Option("--logs", metavar="DIR", help="Recorded lines (*.csv), likewise.")
+    ] = None,
     jobs: settings.Jobs = None,
     engine: settings.Engine = None,
     as_json: settings.AsJson = False,
@@ -77,6 +90,9 @@ def bench(
             suite=words or "standard",
             seeds=seeds,
             maps=maps,
+            tracks=tracks,
+            tum=tum,
+            logs=logs,
             out=out,
             engine=engine,
             jobs=jobs,
