@@ -116,3 +116,20 @@ def test_a_tuned_controller_is_what_its_record_says(name: str) -> None:
     found = json.loads(record.read_text(encoding="utf-8"))
     assert dump(entrant(name).controller) == found["controller"]
     assert found["trials"] == 200  # the same budget for everybody
+
+
+def test_a_folder_of_seeds_takes_part_under_one_name(tmp_path: FilePath) -> None:
+    for seed, gain in enumerate((0.1, 0.2)):
+        (tmp_path / "lqr" / f"seed_{seed}").mkdir(parents=True)
+        text = f"controller: {{kind: lqr, preview_time: {gain}}}\n"
+        (tmp_path / "lqr" / f"seed_{seed}" / "tuned.yaml").write_text(text)
+    found = entrants([f"mine={tmp_path / 'lqr'}", "pid"])
+    assert [(one.name, one.replicate, one.label) for one in found] == [
+        ("mine", "seed 0", "mine, seed 0"),
+        ("mine", "seed 1", "mine, seed 1"),
+        ("pid", "", "pid"),
+    ]
+    assert len({one.digest for one in found}) == 3
+    (tmp_path / "lqr" / "seed_2").mkdir()
+    with pytest.raises(DataError, match=r"seed_2: has no tuned\.yaml yet"):
+        entrants([str(tmp_path / "lqr")])

@@ -130,3 +130,73 @@ def test_interventions_are_counted_in_every_group() -> None:
     assert [pid.errors(name).interventions for name in ("all", "clean", "disturbed")] == [3, 2, 1]
     assert (pid.interventions, pid.intervened_s) == (3, 4.5)
     assert found.by["disturbance"]["soft"]["pid"].interventions == 1
+
+
+def test_two_ways_of_clusters_are_drawn_both() -> None:
+    """Values of road + seed: the variance of the mean is that of both, each over its number."""
+    rng = np.random.default_rng(3)
+    roads, seeds = rng.normal(0.0, 1.0, 40), rng.normal(0.0, 1.0, 10)
+    values = (roads[:, None] + seeds[None, :]).ravel()
+    names = [f"road{i}" for i in range(40) for _ in range(10)]
+    other = [f"seed{j}" for _ in range(40) for j in range(10)]
+    found = Clusters(names, other).interval(lambda mean: mean(values))
+    spread = np.sqrt(roads.var() / 40 + seeds.var() / 10)
+    assert found.value == pytest.approx(values.mean())
+    assert found.high - found.low == pytest.approx(2 * 1.96 * spread, rel=0.15)
+    alone = Clusters(names).interval(lambda mean: mean(values))
+    assert alone.high - alone.low < 0.8 * (found.high - found.low)
+
+
+def test_a_median_has_the_interval_of_its_draws() -> None:
+    values = np.random.default_rng(5).exponential(1.0, 101)
+    clusters = Clusters([f"road{i}" for i in range(101)])
+    found = clusters.median(values)
+    assert found.value == np.median(values)
+    # The exact interval of a median between order statistics.
+    low, high = np.sort(values)[[40, 60]]
+    assert (found.low, found.high) == pytest.approx((low, high), rel=0.12)
+    assert np.isnan(Clusters([]).median([])).all()
+
+
+def test_one_path_has_no_interval() -> None:
+    found = summarise_rows([row("pid", "a", 0.3), row("pid", "a", 0.4, "soft")], [PID])
+    for estimate in (found.controllers["pid"].all.rms_m, found.controllers["pid"].all.lost_share):
+        assert estimate is not None
+        assert (estimate.low, estimate.high) == (None, None)
+    steering = found.controllers["pid"].figures["steer_change_rms"]
+    assert steering.median == IntervalEstimate(value=0.01)
+
+
+def test_typical_errors_and_lost_drives_have_intervals() -> None:
+    rows = [row("pid", "a", 0.1), row("pid", "b", 0.4, completed=False)]
+    found = summarise_rows(rows, [PID]).controllers["pid"].all
+    assert found.typical_m is not None
+    assert found.typical_m.value == pytest.approx(0.2)
+    assert (found.typical_m.low, found.typical_m.high) == pytest.approx((0.1, 0.4))
+    assert found.lost_share == IntervalEstimate(value=0.5, low=0.0, high=1.0)
+
+
+def test_seeds_of_a_tuning_are_one_controller() -> None:
+    rows = [row("pid", path, rms, replicate=f"seed {k}")
+            for k, rms in enumerate((0.1, 0.2, 0.4)) for path in "ab"]  # fmt: skip
+    rows += [row("mpc_pid", path, 0.1) for path in "ab"]
+    found = summarise_rows(rows, [PID, MPC])
+    pid = found.controllers["pid"]
+    assert (pid.replicates, pid.runs) == (3, 6)
+    assert (pid.all.rms_m.low, pid.all.rms_m.high) == pytest.approx((0.1, 0.4))
+    assert pid.ratio is not None
+    assert pid.ratio["all"].typical.value == pytest.approx(2.0)
+    other = summarise_rows(rows, [MPC, PID._replace(learned=True)])
+    assert other.best_classical == "mpc_pid"
+
+
+def test_what_is_beyond_grip_is_counted_apart() -> None:
+    rows = [row("pid", "a", 0.1, grip_share=0.5), row("pid", "b", 0.1, "soft", grip_share=0.8)]
+    rows.append(row("pid", "b", 1.5, "ice", grip_share=1.2, completed=False))
+    found = summarise_rows(rows, [PID])
+    pid = found.controllers["pid"]
+    assert (pid.runs, pid.failures, pid.all.rms_m.value) == (2, 0, pytest.approx(0.1))
+    assert pid.beyond is not None
+    assert (pid.beyond.runs, pid.beyond.failures) == (1, 1)
+    assert set(found.by["grip"]) == {"within 60 %", "60 to 90 %", "beyond"}
+    assert found.by["disturbance"]["ice"]["pid"].failures == 1

@@ -22,7 +22,7 @@ def test_the_table_and_the_files(steersman: Steersman, tmp_path: FilePath) -> No
     assert result.exit_code == 0
     first = [line.split()[0] for line in result.stdout.splitlines() if line[:1].isalpha()]
     assert {"pid", "ff"} <= set(first)
-    assert "failed" in result.stdout
+    assert "lost" in result.stdout
     found = json.loads((tmp_path / "b" / "results.json").read_text())
     assert found["suite"] == "quick"
     assert found["seeds"] == [0]

@@ -306,7 +306,7 @@ def test_without_a_deadline_time_does_not_matter(monkeypatch: pytest.MonkeyPatch
 
 def short_drives() -> list[RunConfig]:
     """The first seconds of clean and disturbed drives of the test suite."""
-    paths = ("circle_50_left", "lemniscate", "iso_3888_1", "road_2003")
+    paths = ("circle_50_left", "lemniscate", "iso_3888_1", "surveyed_3")
     words = ("clean", "delay_100ms", "noise_0.1m", "pose_noise")
     return [
         one.run.model_copy(update={"duration": 2.0, "laps": None})

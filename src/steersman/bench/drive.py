@@ -89,6 +89,7 @@ def measure(scenario: Scenario, entrant: Entrant, key: str = "") -> BenchRow:
     row = BenchRow(
         key=key,
         controller=entrant.name,
+        replicate=entrant.replicate,
         kind=entrant.controller.kind,
         learned=entrant.learned,
         scenario=scenario.name,

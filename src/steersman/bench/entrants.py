@@ -6,15 +6,16 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
 from steersman import policies as policies_of_package
 from steersman import tuned
 from steersman.config import dump, resolve
 from steersman.controllers.base import ControllerComponent
-from steersman.errors import ConfigError
+from steersman.errors import ConfigError, DataError
 from steersman.policy_file import PolicyCard, locate, read_policy
-from steersman.words import distinct, named
+from steersman.words import RESULTS, distinct, named
 
 _ONNX, _POLICY = ".onnx", "policy"
 
@@ -34,21 +35,50 @@ class Entrant(NamedTuple):
     """Distance between them [m]; 0 without a policy."""
     shown: dict[str, Any]
     """The controller as plain data, with files as they were given."""
+    replicate: str = ""
+    """Which of several of the same name: ``seed 0`` of a tuning or training with several."""
+
+    @property
+    def label(self) -> str:
+        """The name, and which of several."""
+        return f"{self.name}, {self.replicate}" if self.replicate else self.name
 
 
 def entrants(words: Sequence[str]) -> list[Entrant]:
     """Controllers from their specifications ``[name=]spec``; of none given, those of the package.
 
-    A ``spec`` is any word of :mod:`steersman.words` for a controller.
+    A ``spec`` is any word of :mod:`steersman.words` for a controller, or the folder of a tuning or
+    training with several seeds, which all take part under one name.
 
     Raises:
         ConfigError: a kind is unknown, or two have the same name.
         DataError: a file is missing or malformed.
     """
     words = words or [*tuned.names(), *policies_of_package.names()]
-    found = [entrant(word) for word in words]
-    distinct(zip((one.name for one in found), words, strict=True))
-    return found
+    distinct((named(word)[0], word) for word in words)
+    return [one for word in words for one in _replicated(word)]
+
+
+def _replicated(word: str) -> list[Entrant]:
+    name, spec = named(word)
+    return [one._replace(name=name) for one in replicates(FilePath(spec))] or [entrant(word)]
+
+
+def replicates(folder: FilePath) -> list[Entrant]:
+    """What a tuning or training with several seeds has left in ``seed_N``; none without any.
+
+    Raises:
+        DataError: some of the seeds are not done.
+    """
+    seeds = sorted(folder.glob("seed_*/"), key=lambda one: (len(one.name), one.name))
+    kept = next((n for n in RESULTS if any((one / n).is_file() for one in seeds)), None)
+    if kept is None:
+        return []
+    missing = next((one for one in seeds if not (one / kept).is_file()), None)
+    if missing is not None:
+        raise DataError(f"{missing}: has no {kept} yet; wait until all seeds are done")
+    every = ((one.name.replace("_", " "), entrant(str(one / kept))) for one in seeds)
+    return [found._replace(name=seed, replicate=seed) for seed, found in every]
 
 
 def entrant(word: str) -> Entrant:

@@ -86,21 +86,21 @@ def _cases(
     entrants: Sequence[Entrant],
 ) -> list[ShownCase]:
     by_name = {s.name: s for s in scenarios}
-    by_entrant = {e.name: e for e in entrants}
+    by_entrant = {(e.name, e.replicate): e for e in entrants}
     cases = []
-    for entrant in entrants:
-        own = [row for row in rows if row.controller == entrant.name]
+    for name in dict.fromkeys(e.name for e in entrants):
+        own = [row for row in rows if row.controller == name]
         own.sort(key=lambda row: (row.charged_rms_m, -row.driven_share))
         if not own:
             continue
         row = own[-1] if which == "worst" else own[(len(own) - 1) // 2]
         rivals = [r for r in rows if r.scenario == row.scenario]
         best = min(rivals, key=lambda r: r.charged_rms_m)
-        shown = (entrant, by_entrant[best.controller])
+        shown = [by_entrant[one.controller, one.replicate] for one in (row, best)]
         cases.append(
             ShownCase(
                 which=which,
-                controller=entrant.name,
+                controller=name,
                 scenario=row.scenario,
                 end=row.end,
                 rms_m=row.charged_rms_m,

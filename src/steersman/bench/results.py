@@ -31,6 +31,8 @@ class BenchRow(StoredResult):
     metrics under their own names.
     """
 
+    replicate: str = ""
+    """Which of several of the same name, such as the seed of its tuning."""
     key: str = ""
     """Changes with the scenario, the controller and the columns of a row."""
     controller: str
@@ -150,8 +152,20 @@ class PooledErrors(StoredResult):
     """Paths that the interval rests on; None in files of before they were counted."""
     rms_m: IntervalEstimate
     """Root of the mean of the squared charged RMS errors."""
+    typical_m: IntervalEstimate | None = optional()
+    """Geometric mean of the charged RMS errors."""
+    lost_share: IntervalEstimate | None = optional()
+    """Share of the drives that ended early."""
     mean_m: float | None
     p95_m: float | None
+
+
+class DistributedFigure(StoredResult):
+    """A metric over the scenarios."""
+
+    rms: IntervalEstimate
+    """Root of the mean square."""
+    median: IntervalEstimate
 
 
 class ErrorRatio(StoredResult):
@@ -189,6 +203,10 @@ class ControllerSummary(StoredResult):
     deadline_misses_10ms: int
     control_steps: int
     computing_us_per_step: float
+    figures: dict[str, DistributedFigure] = Field({})
+    """Metrics that are no errors, with intervals: steering, comfort, computing time."""
+    replicates: int = 1
+    """How many of the same name drove, such as seeds of a tuning."""
     gentle_runs: int
     """Drives whose path needs no more acceleration than the standards of comfort allow."""
     iso_11270_share: float | None

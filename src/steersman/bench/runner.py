@@ -81,13 +81,17 @@ def bench(
     tasks = plan(scenarios, entrants)
     journal = Journal(out / ROWS, _FORMAT)
     todo = [task for task in tasks if task.key not in journal.results]
-    for entrant in {task.entrant.name: task.entrant for task in todo}.values():
+    for entrant in {task.entrant.digest: task.entrant for task in todo}.values():
         drive.check(scenarios[0], entrant)
     each = [Job(task.key, task, drive.planned_seconds(task.scenario.run)) for task in tasks]
     with Workers(engine, jobs) as workers:
         rows = workers.run(_row, each, journal=journal, progress=progress)
     # A journal may hold the row of the same controller under another name.
-    return [rows[task.key].model_copy(update={"controller": task.entrant.name}) for task in tasks]
+    return [rows[task.key].model_copy(update=_names(task.entrant)) for task in tasks]
+
+
+def _names(entrant: Entrant) -> dict[str, str]:
+    return {"controller": entrant.name, "replicate": entrant.replicate}
 
 
 def _row(task: Task, _: object) -> BenchRow:

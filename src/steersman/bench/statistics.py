@@ -71,29 +71,74 @@ class Resampled:
 class Clusters(Resampled):
     """Items that come in clusters, in which they are alike, such as scenarios on one road.
 
-    Clusters are drawn as a whole, with replacement.
+    Clusters are drawn as a whole, with replacement. Items may be clustered in a second way too,
+    such as by the seed of a tuning: then both are drawn, each for itself, and an item counts as
+    often as both of its clusters together ("pigeonhole bootstrap", A. Owen, *Annals of Applied
+    Statistics* 1, 2007). Where there is one cluster alone, there are no intervals.
     """
 
     def __init__(
-        self, names: Sequence[str], *, repetitions: int = REPETITIONS, seed: int = 0
+        self,
+        names: Sequence[str],
+        seconds: Sequence[str] | None = None,
+        *,
+        repetitions: int = REPETITIONS,
+        seed: int = 0,
     ) -> None:
-        """``names`` holds the cluster of every item."""
+        """``names`` holds the cluster of every item, ``seconds`` that of the second way."""
         super().__init__(len(names))
-        _, self._cluster = np.unique(np.asarray(names, dtype=str), return_inverse=True)
-        self._sizes = np.bincount(self._cluster).astype(np.float64)
-        count = self._sizes.size
-        # Row 0 is the sample itself; then how often each cluster was drawn.
-        self._drawn = np.ones((1, count))
-        if count:
-            rng = np.random.default_rng(seed)
-            draws = rng.multinomial(count, np.full(count, 1.0 / count), size=repetitions)
-            self._drawn = np.vstack([self._drawn, draws])
+        rng = np.random.default_rng(seed)
+        seconds = [""] * len(names) if seconds is None else seconds
+        (self._first, self._drawn), (self._second, self._also) = (
+            _draws(each, repetitions, rng) for each in (names, seconds)
+        )
+        self._shape = self._drawn.shape[1], self._also.shape[1]
+        self._sizes = self._sums(np.ones(len(names)))
+
+    def interval(self, statistic: Statistic) -> Interval:
+        """The statistic of the sample and its interval, of which the ends may be NaN."""
+        found = super().interval(statistic)
+        return found if self._several else Interval(found.value, math.nan, math.nan)
+
+    def median(self, values: ArrayLike) -> Interval:
+        """The items' median and its 95 % percentile interval; NaN without items."""
+        column = np.asarray(values, dtype=np.float64)
+        if not column.size:
+            return Interval(math.nan, math.nan, math.nan)
+        order = np.argsort(column)
+        counts = self._drawn[:, self._first[order]] * self._also[:, self._second[order]]
+        reached = np.cumsum(counts, axis=1, dtype=np.float32)
+        places = np.argmax(reached >= _HALF * reached[:, -1:], axis=1)
+        draws = column[order][places[1:]]
+        low, high = np.quantile(draws, [0.5 * (1.0 - LEVEL), 0.5 * (1.0 + LEVEL)])
+        ends = (float(low), float(high)) if self._several else (math.nan, math.nan)
+        return Interval(float(np.median(column)), *ends)
+
+    @property
+    def _several(self) -> bool:
+        return bool(max(self._shape) > 1)
+
+    def _sums(self, values: FloatArray) -> FloatArray:
+        """Sums over the items of each draw."""
+        rows, columns = self._shape
+        cell = self._first * columns + self._second
+        table = np.bincount(cell, weights=values, minlength=rows * columns)
+        sums: FloatArray = ((self._drawn @ table.reshape(self._shape)) * self._also).sum(axis=1)
+        return sums
 
     def _means(self, values: ArrayLike) -> FloatArray:
-        weights = np.asarray(values, dtype=np.float64)
-        sums = np.bincount(self._cluster, weights=weights, minlength=self._sizes.size)
-        means: FloatArray = (self._drawn @ sums) / (self._drawn @ self._sizes)
+        means: FloatArray = self._sums(np.asarray(values, dtype=np.float64)) / self._sizes
         return means
+
+
+def _draws(names: Sequence[str], repetitions: int, rng: np.random.Generator) -> tuple[Any, Any]:
+    """The cluster of each item; how often each is there in the sample, row 0, and in each draw."""
+    known, cluster = np.unique(np.asarray(names, dtype=str), return_inverse=True)
+    count = known.size
+    drawn = np.ones((repetitions + 1, count))
+    if count > 1:
+        drawn[1:] = rng.multinomial(count, np.full(count, 1.0 / count), size=repetitions)
+    return cluster, drawn
 
 
 def block_length(values: ArrayLike) -> float:

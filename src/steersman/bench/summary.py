@@ -19,6 +19,7 @@ from steersman.bench.results import (
     BenchResult,
     BenchRow,
     ControllerSummary,
+    DistributedFigure,
     ErrorRatio,
     IntervalEstimate,
     PooledErrors,
@@ -38,6 +39,8 @@ GROUPS: dict[str, Callable[[str], bool]] = {
     "clean": lambda name: name == CLEAN,
     "disturbed": lambda name: name != CLEAN,
 }
+# Metrics beside the errors that are given with intervals.
+FIGURES = ("steer_change_rms", "weighted_acceleration_m_s2", "control_time_us_p50")
 # What errors are shown against.
 SWEPT = ("delay", "waypoint_noise", "friction")
 # Factors of the best controller's error at which profiles are given.
@@ -74,7 +77,7 @@ def results(
         maps_left_out=[found.name for found in maps if not found.courses],
         **provenance(),
         made_by=sorted({str(row.commit) for row in rows}),
-        controllers={e.name: e.shown for e in entrants},
+        controllers={e.label: e.shown for e in entrants},
         summary=summarise_rows(rows, entrants),
         plant=", ".join(sorted({row.plant or suite.plant.kind for row in rows})),
         left_out=suite.left_out(seeds),
@@ -122,6 +125,8 @@ def _figures(rows: Sequence[BenchRow]) -> dict[str, Any]:
     timed = ("control_time_us_p50", "control_time_us_p99")
     return {
         **{name: _errors(_in_group(rows, name)) for name in GROUPS},
+        "figures": {name: _distributed(rows, name) for name in FIGURES},
+        "replicates": max(len({row.replicate for row in rows}), 1),
         "runs": len(rows),
         "failures": len(failed),
         "ends": {end: failed.count(end) for end in set(failed)},
@@ -204,28 +209,53 @@ def _sweep(rows: Sequence[BenchRow], name: str) -> list[SweepStep]:
 
 
 def _errors(rows: Sequence[BenchRow]) -> PooledErrors:
-    squares = _column(row.charged_rms_m for row in rows) ** 2
-    clusters = Clusters([row.path for row in rows])
+    errors, clusters = _column(row.charged_rms_m for row in rows), _clusters(rows)
+    squares, logs = errors**2, np.log(np.maximum(errors, _FINEST))
+    lost = _column(float(not row.completed) for row in rows)
     return PooledErrors(
         runs=len(rows),
         failures=sum(not row.completed for row in rows),
         interventions=round(sum(row.number("interventions") for row in rows)),
         paths=len({row.path for row in rows}),
         rms_m=IntervalEstimate.of(clusters.interval(lambda mean: np.sqrt(mean(squares)))),
+        typical_m=IntervalEstimate.of(clusters.interval(_exp_mean(logs))),
+        lost_share=IntervalEstimate.of(clusters.interval(lambda mean: mean(lost))),
         mean_m=_mean(_column(row.charged_mean_m for row in rows)),
         p95_m=_mean(_column(row.charged_p95_m for row in rows)),
     )
 
 
+def _clusters(rows: Sequence[BenchRow]) -> Clusters:
+    """Draws of roads, and of what has the same name."""
+    return Clusters([row.path for row in rows], [row.replicate for row in rows])
+
+
+def _distributed(rows: Sequence[BenchRow], metric: str) -> DistributedFigure:
+    known = [row for row in rows if row.metrics.get(metric) is not None]
+    values, clusters = _column(row.number(metric) for row in known), _clusters(known)
+    root = clusters.interval(lambda mean: np.sqrt(mean(values**2)))
+    return DistributedFigure(
+        rms=IntervalEstimate.of(root), median=IntervalEstimate.of(clusters.median(values))
+    )
+
+
 def _ratios(rows: Sequence[BenchRow], base: Sequence[BenchRow]) -> dict[str, ErrorRatio]:
-    """Ratios of the RMS error to another controller's, over the scenarios that both drove."""
+    """Ratios of the RMS error to another controller's, over the scenarios that both drove.
+
+    Of several of the base's name the mean square and the mean logarithm of a scenario count.
+    """
+    known: dict[str, list[float]] = {}
+    for row in base:
+        known.setdefault(row.scenario, []).append(row.charged_rms_m)
     out = {}
     for name in GROUPS:
-        mine = {row.scenario: row for row in _in_group(rows, name)}
-        pairs = [(mine[r.scenario], r) for r in _in_group(base, name) if r.scenario in mine]
-        own, other = (_column(pair[i].charged_rms_m for pair in pairs) for i in (0, 1))
-        clusters = Clusters([row.path for row, _ in pairs])
-        logs = np.log(np.maximum(own, _FINEST) / np.maximum(other, _FINEST))
+        mine = [row for row in _in_group(rows, name) if row.scenario in known]
+        own = _column(row.charged_rms_m for row in mine)
+        others = [np.array(known[row.scenario]) for row in mine]
+        other = np.sqrt(_column(float(np.mean(each**2)) for each in others))
+        typical = _column(float(np.mean(np.log(np.maximum(e, _FINEST)))) for e in others)
+        clusters = _clusters(mine)
+        logs = np.log(np.maximum(own, _FINEST)) - typical
         out[name] = ErrorRatio(
             rms=IntervalEstimate.of(clusters.interval(_root_ratio(own**2, other**2))),
             typical=IntervalEstimate.of(clusters.interval(_exp_mean(logs))),

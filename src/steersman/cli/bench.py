@@ -11,7 +11,7 @@ from steersman.cli.outcome import goes_on
 from steersman.cli.output import note, show, show_json, suite_progress, table
 
 if TYPE_CHECKING:
-    from steersman.bench.results import BenchResult, IntervalEstimate
+    from steersman.bench.results import BenchResult, ControllerSummary, IntervalEstimate
 
 EXAMPLES = (
     "\b\n"
@@ -44,8 +44,9 @@ def bench(  # noqa: PLR0913, PLR0917 - typer's options
         typer.Option(
             "--controllers",
             metavar="LIST",
-            help="Kinds, tuned/NAME, YAML files or policies' ONNX files, each also as name=...;"
-            " separated by commas. Without it: all tuned ones and the policies of the package.",
+            help="Kinds, tuned/NAME, YAML files, policies' ONNX files or folders of tunings and"
+            " trainings, those with several seeds too, each also as name=...; separated by"
+            " commas. Without it: all tuned ones and the policies of the package.",
         ),
     ] = None,
     seeds: Annotated[
@@ -108,7 +109,7 @@ def bench(  # noqa: PLR0913, PLR0917 - typer's options
 def _show(outcome: BenchResult, folder: str) -> None:
     summary = outcome.summary
     best = summary.best_classical
-    columns = ("clean", "disturbed", "failed", "steering", "step", "ratio")
+    columns = ("clean", "disturbed", "typical", "lost", "steer", "step", "ratio")
     out = table("controller", *columns, right=columns)
     for name, found in summary.controllers.items():
         ratio = None if found.ratio is None else found.ratio["all"].rms
@@ -116,20 +117,27 @@ def _show(outcome: BenchResult, folder: str) -> None:
             name,
             _interval(found.clean.rms_m, 1e3),
             _interval(found.disturbed.rms_m, 1e3),
+            _interval(found.disturbed.typical_m, 1e3),
             str(found.failures),
-            _number(found.steer_change_rms, 1e3),
+            _steering(found),
             _number(found.control_time_us_p50),
             "" if ratio is None else _interval(ratio),
         )
     notes = (
         f"{summary.scenarios} scenarios on {summary.paths} paths; 95 % intervals of a"
-        " bootstrap over paths. clean, disturbed: RMS lateral error [mm]; failed: runs"
-        " that ended early, charged in all errors; steering: RMS change in a step [1/1000];"
-        " step: median computing time [us]"
+        " bootstrap over paths, and over seeds where a controller has several. clean, disturbed:"
+        " RMS lateral error [mm]; typical: geometric mean of disturbed errors [mm]; lost: runs"
+        " that ended early, charged in all errors; steer: change in a step [1/1000], RMS and"
+        " under it the median; step: median computing time [us]"
     )
     if best is not None:
         notes += f"; ratio: RMS error over that of {best}, the best classical controller"
     notes += "."
+    beyond = {n: one.beyond for n, one in summary.controllers.items() if one.beyond is not None}
+    if beyond:
+        lost = ", ".join(f"{name} {found.failures}" for name, found in beyond.items())
+        runs = next(iter(beyond.values())).runs
+        notes += f" Beyond grip, not counted above, lost of {runs}: {lost}."
     show(out, "", notes, f"written to {folder}")
 
 
@@ -140,6 +148,15 @@ def _number(value: float | None, factor: float = 1.0) -> str:
     return f"{factor * value:.0f}" if "e+" in text else text
 
 
-def _interval(found: IntervalEstimate, factor: float = 1.0) -> str:
+def _interval(found: IntervalEstimate | None, factor: float = 1.0) -> str:
+    if found is None:
+        return "-"
     value, low, high = (_number(v, factor) for v in (found.value, found.low, found.high))
     return value if found.low is None else f"{value}\n{low}..{high}"
+
+
+def _steering(found: ControllerSummary) -> str:
+    """Root mean square of the change in a step, and under it the median if it was kept."""
+    known = found.figures.get("steer_change_rms")
+    values = [found.steer_change_rms, *([] if known is None else [known.median.value])]
+    return "\n".join(_number(value, 1e3) for value in values)

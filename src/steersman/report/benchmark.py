@@ -61,6 +61,7 @@ def sections(summary: Summary, cases: Sequence[ShownCase]) -> list[Section]:
     return [
         _ranking(summary),
         *([_profiles(summary)] if several else []),
+        *([_map(summary, "grip", "Grip")] if len(summary.by.get("grip", {})) > 1 else []),
         _disturbances(summary),
         _map(summary, "path", "Paths"),
         _ride(summary),
@@ -88,7 +89,9 @@ def _ranking(summary: Summary) -> Section:
             "of the same weight. A run that ends early is charged the corridor's half width for "
             "all that it did not drive.",
             "In brackets: 95 % intervals of a bootstrap in which whole paths are drawn, the same "
-            "for every controller."
+            "for every controller, and seeds of its tuning or training where it has several. "
+            "Typical is the geometric mean over the scenarios. Scenarios that ask for more grip "
+            "than there is are counted in their own column alone."
             " A diamond marks a controller with a learned policy."
             + (
                 " The typical ratio is the geometric mean over the scenarios, which hard ones do "
@@ -130,17 +133,36 @@ def _row(name: str, found: ControllerSummary, best: str | None) -> dict[str, Any
             f"RMS, {words} [mm]": interval_text(found.errors(group).rms_m, _MM)
             for group, words in _GROUPS.items()
         },
+        "typical, disturbed [mm]": interval_text(found.disturbed.typical_m, _MM),
         "95 % of |d| [mm]": scaled(found.all.p95_m, _MM),
         "failed": f"{found.failures} of {found.runs}",
-        "RMS steering change per step": found.steer_change_rms,
+        "failed [%]": interval_text(found.all.lost_share, _PERCENT),
+        "beyond grip": _beyond(found),
+        **_measured(found, "steer_change_rms", "steering change [1/1000]", _MM),
         "reversals per minute": found.steer_reversals_per_min,
     }
     if best:
         ratio = None if found.ratio is None else found.ratio["all"]
         row[f"RMS over {best}'s"] = interval_text(None if ratio is None else ratio.rms)
         row["typical ratio"] = interval_text(None if ratio is None else ratio.typical)
-    times = (found.control_time_us_p50, found.control_time_us_p99)
-    return row | {"step time p50 / p99 [us]": " / ".join(text(time, 3) for time in times)}
+    times = _measured(found, "control_time_us_p50", "step time [us]")
+    return row | times | {"p99 of it": text(found.control_time_us_p99, 3)}
+
+
+def _measured(
+    found: ControllerSummary, metric: str, words: str, factor: float = 1.0
+) -> dict[str, Any]:
+    """A metric's root mean square and median, with intervals."""
+    known = found.figures.get(metric)
+    return {
+        f"{words}, {name}": "" if known is None else interval_text(getattr(known, key), factor)
+        for name, key in (("RMS", "rms"), ("median", "median"))
+    }
+
+
+def _beyond(found: ControllerSummary) -> str:
+    """Drives lost where more grip is asked for than there is."""
+    return "" if found.beyond is None else f"{found.beyond.failures} of {found.beyond.runs}"
 
 
 def _profiles(summary: Summary) -> Section:
@@ -204,7 +226,7 @@ def _ride(summary: Summary) -> Section:
             "ISO 11270 kept [%]": scaled(found.iso_11270_share, _PERCENT),
             "UN R79 kept [%]": scaled(found.r79_share, _PERCENT),
             "of runs": found.gentle_runs,
-            "ISO 2631 acceleration [m/s²]": found.weighted_acceleration_m_s2,
+            **_measured(found, "weighted_acceleration_m_s2", "ISO 2631 acceleration [m/s²]"),
             "steps clipped [%]": scaled(found.saturated_share, _PERCENT),
             "fallbacks": found.fallbacks,
             "computing time of a step, everything [us]": text(found.computing_us_per_step, 3),

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path as FilePath
 from typing import Literal, NamedTuple
 
-from steersman.bench.entrants import Entrant, entrant
+from steersman.bench.entrants import Entrant, entrant, replicates
 from steersman.bench.results import RESULTS, BenchResult, BenchRow
 from steersman.bench.runner import ROWS, read_rows
 from steersman.bench.suite import Suite
@@ -100,28 +100,14 @@ def _from_folder(folder: FilePath, name: str) -> list[Contestant]:
         if not (folder / _POLICY).is_file():
             raise DataError(f"{folder}: a training that has exported no policy yet ({_POLICY})")
         return [_controller(folder, _POLICY, "training", name)]
+    if seeds := tuple(replicates(folder)):
+        learned = any(one.learned for one in seeds)
+        one = Contestant(name or folder.resolve().name, "seeds", str(folder), learned)
+        return [one._replace(folder=folder, replicates=seeds)]
     for file in (_TUNED, _POLICY):
         if (folder / file).is_file():
             return [_controller(folder, file, "controller", name)]
-        if replicates := _replicates(folder, file):
-            learned = any(one.learned for one in replicates)
-            one = Contestant(name or folder.resolve().name, "seeds", str(folder), learned)
-            return [one._replace(folder=folder, replicates=replicates)]
     raise DataError(f"{folder}: {_nothing(folder)}")
-
-
-def _replicates(folder: FilePath, file: str) -> tuple[Entrant, ...]:
-    """What the trainings or tunings with several seeds have left; empty without any.
-
-    Raises:
-        DataError: some of them have left none.
-    """
-    seeds = sorted(folder.glob("seed_*/"), key=lambda one: (len(one.name), one.name))
-    found = [one for one in seeds if (one / file).is_file()]
-    if found and len(found) < len(seeds):
-        missing = next(one for one in seeds if one not in found)
-        raise DataError(f"{missing}: has no {file} yet; wait until all seeds are done")
-    return tuple(entrant(f"{one.name.replace('_', ' ')}={one / file}") for one in found)
 
 
 def _nothing(folder: FilePath) -> str:
