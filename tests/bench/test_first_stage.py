@@ -13,7 +13,10 @@ from steersman.config import dump
 # Of all names and plans of ``standard``, without controllers, at commit 9d5b14a.
 DIGEST = "1286273df496f7aa90cb1fa45f9744bf11bf6fb0751bf95de1a5841a5465fdf6"
 # Fields that came later, and what they have to be for a scenario to be the old one.
-LATER: dict[str, Any] = {"fault": None, "disturbances": []}
+LATER: dict[str, Any] = {
+    **dict.fromkeys(("fault", "estimator", "predictor")),
+    "disturbances": [],
+}
 LATER_OF_SENSOR = {"latency": 0.0, "v_y_noise": None}
 LATER_OF_SPEED = {"end": None}
 LATER_OF_VEHICLE = {
