@@ -12,8 +12,9 @@ import pytest
 
 from steersman.bench import suites
 from steersman.bench.entrants import Entrant, entrants
+from steersman.bench.parquet import write_table
 from steersman.bench.replay import median_cases, worst_cases
-from steersman.bench.results import BenchResult, BenchRow, write_table
+from steersman.bench.results import BenchResult, BenchRow
 from steersman.bench.runner import bench
 from steersman.bench.summary import results
 from steersman.config import resolve

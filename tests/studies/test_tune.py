@@ -19,7 +19,7 @@ from steersman.studies import objective
 from steersman.studies import tune as tuning
 from steersman.studies.objective import RunCost, measure
 from steersman.studies.ranges import (
-    SearchRange,
+    GainRange,
     TriedValues,
     declared,
     field_bounds,
@@ -296,15 +296,15 @@ def test_what_the_runs_do_not_show_is_named() -> None:
 @pytest.mark.parametrize(
     ("given", "value", "wider"),
     [
-        (SearchRange(0.1, 10.0, True), 9.9, SearchRange(0.1, 40.0, True)),
-        (SearchRange(0.1, 10.0, True), 0.1, SearchRange(0.025, 10.0, True)),
-        (SearchRange(0.0, 2.0, False), 0.05, SearchRange(0.0, 2.0, False)),  # the field's bound
-        (SearchRange(0.0, 2.0, False), 1.95, SearchRange(0.0, 3.0, False)),
-        (SearchRange(0.0, 2.0, False), 1.0, SearchRange(0.0, 2.0, False)),
+        (GainRange(0.1, 10.0, True), 9.9, GainRange(0.1, 40.0, True)),
+        (GainRange(0.1, 10.0, True), 0.1, GainRange(0.025, 10.0, True)),
+        (GainRange(0.0, 2.0, False), 0.05, GainRange(0.0, 2.0, False)),  # the field's bound
+        (GainRange(0.0, 2.0, False), 1.95, GainRange(0.0, 3.0, False)),
+        (GainRange(0.0, 2.0, False), 1.0, GainRange(0.0, 2.0, False)),
     ],
 )
 def test_a_range_whose_end_is_pressed_against_is_widened(
-    given: SearchRange, value: float, wider: SearchRange
+    given: GainRange, value: float, wider: GainRange
 ) -> None:
     assert given.wider(value, (0.0, 100.0)) == wider
 

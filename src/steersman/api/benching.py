@@ -117,23 +117,9 @@ def _plan(
     tell: Notify,
 ) -> tuple[Suite, list[Map]]:
     """The suite with its settings, and with the courses over the files in the folders."""
-    from steersman.bench.foreign import FOREIGN, ForeignFolders, foreign
-    from steersman.bench.maps import ALONE, read_maps, with_maps
-    from steersman.bench.suites import suite as read_suite
+    from steersman.bench.foreign import over_files
 
-    others = sorted(folders.keys() - {"maps"})
-    if suite == ALONE and "maps" not in folders:
-        raise ConfigError("the suite 'maps' needs a folder of OpenDRIVE maps: --maps DIR")
-    if suite == FOREIGN:
-        plan, read = foreign(ForeignFolders(**folders), tell)
-    elif others:
-        raise ConfigError(f"--{others[0]} goes with the suite 'foreign'")
-    else:
-        base = None if suite == ALONE else read_suite(suite)
-        read = read_maps(folders["maps"]) if folders else []
-        for each in read:
-            tell(each.described())
-        plan = with_maps(base, read) if read or base is None else base
+    plan, read = over_files(suite, folders, tell)
     if not (settings or assignments):
         return plan, read
     tree: Any = dump(plan)
@@ -146,8 +132,8 @@ def _write_extras(
     folder: FilePath, outcome: BenchResult, rows: Any, scenarios: Any, found: Any, tell: Notify
 ) -> None:
     """The table and the page, each if its extra is installed."""
+    from steersman.bench.parquet import write_table
     from steersman.bench.replay import median_cases, worst_cases
-    from steersman.bench.results import write_table
 
     if write_table(rows, folder) is None:
         tell(f"no results.parquet: it needs {how_to_install('bench')}")

@@ -7,15 +7,16 @@ names them and holds nothing of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path as FilePath
 from typing import NamedTuple
 
 from steersman.bench.courses import Speeds, changing, constant, course, known_courses
 from steersman.bench.disturbance import Disturbance
-from steersman.bench.maps import Map, read_maps
+from steersman.bench.maps import ALONE, Map, read_maps, with_maps
 from steersman.bench.standard import GENERATORS, core
 from steersman.bench.suite import CLEAN, Course, Suite
+from steersman.bench.suites import suite
 from steersman.errors import ConfigError, DataError
 from steersman.kernels.vehicle import GRAVITY
 from steersman.paths.base import PathComponent
@@ -94,6 +95,34 @@ def foreign(
     return Suite(
         courses=courses, disturbances={**chosen, **published_noise()}, vehicles=_CARS
     ), maps
+
+
+def over_files(
+    name: str, folders: Mapping[str, FilePath], notify: Callable[[str], None]
+) -> tuple[Suite, list[Map]]:
+    """A suite by its name or file, with the courses over the user's files.
+
+    Args:
+        name: of the suite; ``foreign`` and ``maps`` consist of such courses.
+        folders: by the names of :class:`ForeignFolders`; other suites take ``maps`` alone.
+        notify: of :func:`foreign`.
+
+    Raises:
+        ConfigError: the suite is unknown, or does not take these folders.
+        DataError: a folder is not there, or holds no file of its sort.
+    """
+    if name == FOREIGN:
+        return foreign(ForeignFolders(**folders), notify)
+    others = sorted(folders.keys() - {"maps"})
+    if others:
+        raise ConfigError(f"--{others[0]} goes with the suite {FOREIGN!r}")
+    if name == ALONE and not folders:
+        raise ConfigError("the suite 'maps' needs a folder of OpenDRIVE maps: --maps DIR")
+    base = None if name == ALONE else suite(name)
+    read = read_maps(folders["maps"]) if folders else []
+    for each in read:
+        notify(each.described())
+    return (with_maps(base, read) if read or base is None else base), read
 
 
 def _seen(found: Course, vehicle: str = "carla_model3") -> Course:

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import math
-from collections.abc import Sequence
-from pathlib import Path as FilePath
 from typing import Any
 
 from pydantic import Field, model_validator
@@ -15,12 +12,11 @@ from pydantic import Field, model_validator
 from steersman.bench.disturbance import Disturbance
 from steersman.bench.grip import BEYOND, grip_class
 from steersman.bench.statistics import Interval
-from steersman.files import replacing
 from steersman.metrics.base import Values, metrics
 from steersman.stored import SourcedResult, StoredResult, optional
 
 FORMAT = 1
-RESULTS, PARQUET = "results.json", "results.parquet"
+RESULTS = "results.json"
 _APPLIED = "disturbance_"
 
 
@@ -283,31 +279,3 @@ class BenchResult(SourcedResult):
     plant: str = "simulator"
     left_out: dict[str, int] = Field({})
     """Scenarios that the plant cannot do, by the name of their disturbance."""
-
-
-def write_table(rows: Sequence[BenchRow], out: FilePath) -> FilePath | None:
-    """Write ``results.parquet``: one row for each drive, with every column.
-
-    A column without a single defined value holds numbers.
-
-    Returns:
-        The file; None if the extra ``bench`` (pyarrow) is not installed.
-
-    Raises:
-        DataError: the file cannot be written.
-    """
-    try:
-        import pyarrow as pa
-        from pyarrow import parquet
-    except ModuleNotFoundError:
-        return None
-    table = [row.plain() for row in rows]
-    columns = {}
-    for name in dict.fromkeys(name for row in table for name in row):
-        column = pa.array([row.get(name) for row in table])
-        columns[name] = column.cast(pa.float64()) if pa.types.is_null(column.type) else column
-    stream = io.BytesIO()
-    parquet.write_table(pa.table(columns), stream)
-    with replacing(out / PARQUET) as file:
-        file.write(stream.getvalue())
-    return out / PARQUET

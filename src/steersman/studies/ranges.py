@@ -21,7 +21,7 @@ _LOOK, _END, _FACTOR, _SHARE = 20, 0.05, 4.0, 0.5
 _UNBOUNDED = (-math.inf, math.inf)
 
 
-class SearchRange(NamedTuple):
+class GainRange(NamedTuple):
     """The values of a gain that are searched."""
 
     low: float
@@ -34,7 +34,7 @@ class SearchRange(NamedTuple):
         low, high, at = map(math.log, given) if self.log else given
         return (at - low) / (high - low)
 
-    def wider(self, value: float, bounds: tuple[float, float]) -> SearchRange:
+    def wider(self, value: float, bounds: tuple[float, float]) -> GainRange:
         """With the end that the value presses on farther away, within bounds."""
         place, (least, most) = self.place(value), bounds
         if place <= _END:
@@ -53,12 +53,12 @@ class TriedValues(NamedTuple):
     values: Mapping[str, float]
 
 
-def declared(controller: ControllerComponent) -> dict[str, SearchRange]:
+def declared(controller: ControllerComponent) -> dict[str, GainRange]:
     """The ranges that the controller declares."""
-    return {name: SearchRange(*given) for name, given in controller.search.items()}
+    return {name: GainRange(*given) for name, given in controller.search.items()}
 
 
-def ranges(controller: ControllerComponent, tried: Sequence[TriedValues]) -> dict[str, SearchRange]:
+def ranges(controller: ControllerComponent, tried: Sequence[TriedValues]) -> dict[str, GainRange]:
     """The ranges to search after these trials."""
     found = declared(controller)
     for count in range(_LOOK, len(tried) + 1, _LOOK):
@@ -68,7 +68,7 @@ def ranges(controller: ControllerComponent, tried: Sequence[TriedValues]) -> dic
     return found
 
 
-def widened(controller: ControllerComponent, now: Mapping[str, SearchRange]) -> list[str]:
+def widened(controller: ControllerComponent, now: Mapping[str, GainRange]) -> list[str]:
     """What was widened, as sentences."""
     return [
         f"{name}: searched from {now[name].low:.4g} to {now[name].high:.4g}, not from"
