@@ -56,8 +56,7 @@ def bench(  # noqa: PLR0913 - the options of the command
         maps: folder of OpenDRIVE maps (``*.xodr``): seeded ways over each are added to the suite;
             the suite ``maps`` holds them alone.
         tracks: folder of race circuits (``*.csv``), for the suite ``foreign``.
-        tum: folder of TUM-CONTROL's reference trajectories (``*.json``), likewise.
-        logs: folder of recorded lines (``*.csv``), likewise.
+        tum, logs: of TUM-CONTROL's references (``*.json``), of recorded lines, likewise.
         out: folder for ``rows.jsonl``, ``results.json``, ``suite.yaml`` and, if their extras are
             installed, ``results.parquet`` and ``report.html``. The rows are kept, so that the same
             call goes on after an interruption.
@@ -85,8 +84,8 @@ def bench(  # noqa: PLR0913 - the options of the command
     numbers = seed_list(seeds)
     name, assignments = split([suite] if isinstance(suite, str) else suite)
     name = name or "standard"
-    given = {"tracks": tracks, "maps": maps, "tum": tum, "logs": logs}
-    found_in = {key: FilePath(place) for key, place in given.items() if place is not None}
+    given = zip(("tracks", "maps", "tum", "logs"), (tracks, maps, tum, logs), strict=True)
+    found_in = {key: FilePath(place) for key, place in given if place is not None}
     plan, read = _plan(name, [*chosen.values(), *assignments], settings, found_in, tell)
     engine, jobs = workers_for(plan.plant, engine, jobs)
     found = entrants(named)
