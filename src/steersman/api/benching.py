@@ -56,7 +56,8 @@ def bench(  # noqa: PLR0913 - the options of the command
         maps: folder of OpenDRIVE maps (``*.xodr``): seeded ways over each are added to the suite;
             the suite ``maps`` holds them alone.
         tracks: folder of race circuits (``*.csv``), for the suite ``foreign``.
-        tum, logs: of TUM-CONTROL's references (``*.json``), of recorded lines, likewise.
+        tum: folder of TUM-CONTROL's reference trajectories (``*.json``), likewise.
+        logs: folder of recorded lines (``*.csv``), likewise.
         out: folder for ``rows.jsonl``, ``results.json``, ``suite.yaml`` and, if their extras are
             installed, ``results.parquet`` and ``report.html``. The rows are kept, so that the same
             call goes on after an interruption.
@@ -94,8 +95,7 @@ def bench(  # noqa: PLR0913 - the options of the command
     if not scenarios:
         raise ConfigError(f"plant={plan.plant.kind} can do none of its scenarios", ("suite",))
     with kept(out) as folder:
-        left_out = plan.left_out(numbers)
-        if left_out:
+        if left_out := plan.left_out(numbers):
             what = f"{sum(left_out.values())} scenarios, left out: {', '.join(left_out)}"
             tell(f"plant={plan.plant.kind} cannot do {what}")
         tell(f"{len(scenarios)} scenarios x {len(found)} controllers")
