@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from functools import cache
 from importlib.resources import files
 from pathlib import Path as FilePath
 from typing import ClassVar
@@ -148,14 +149,12 @@ class Nedc(SpeedTracking):
 
     def breakpoints(self) -> tuple[FloatArray, FloatArray]:
         """The cycle's breakpoints from t = 11 s, repeated."""
-        text = files("steersman.data").joinpath("nedc.csv").read_text(encoding="utf-8")
-        rows = np.array([[float(v) for v in line.split(",")] for line in text.split()[1:]])
-        times, speeds = rows[1:, 0] - rows[1, 0], rows[1:, 1] / 3.6
+        times, speeds = _driving_cycle()
         if self.skip_standstill:
             times, speeds = _without_standstill(times, speeds)
         period = float(times[-1]) + 1e-3
-        all_times = np.concatenate([times + k * period for k in range(_CYCLES)])
-        return all_times, np.tile(speeds, _CYCLES) * self.scale
+        starts = period * np.arange(_CYCLES)
+        return (times + starts[:, None]).ravel(), np.tile(speeds, _CYCLES) * self.scale
 
     def start_speed(self, path: Path, s: float) -> float:
         """The cycle starts from standstill [m/s]."""
@@ -204,6 +203,14 @@ class RandomProfile(SpeedTracking):
             scale,
             self.along(),
         )
+
+
+@cache
+def _driving_cycle() -> tuple[FloatArray, FloatArray]:
+    """Times [s] and speeds [m/s] of one cycle from t = 11 s; not to be written to."""
+    text = files("steersman.data").joinpath("nedc.csv").read_text(encoding="utf-8")
+    rows = np.array([[float(v) for v in line.split(",")] for line in text.split()[1:]])
+    return rows[1:, 0] - rows[1, 0], rows[1:, 1] / 3.6
 
 
 def _without_standstill(times: FloatArray, speeds: FloatArray) -> tuple[FloatArray, FloatArray]:

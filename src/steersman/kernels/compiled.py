@@ -32,6 +32,15 @@ def kernel(function: F) -> F:
     return compiled(function, **_WITHOUT_RUN_TIME)
 
 
+def inlined(function: F) -> F:
+    """Compile a kernel that is copied into those that call it.
+
+    A call hands over a table array by array, a dozen words for each, which takes longer than what
+    a short kernel does with them.
+    """
+    return compiled(function, forceinline=True, **_WITHOUT_RUN_TIME)
+
+
 def compiled(function: F, **options: Any) -> F:
     """Compile with numba, through its cache on disk where that can be used, else without it."""
     options["error_model"] = "numpy"

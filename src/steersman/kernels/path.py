@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from steersman.kernels.compiled import kernel
+from steersman.kernels.compiled import inlined, kernel
 from steersman.types import FloatArray
 
 # Columns of PathTable.pieces.
@@ -51,7 +51,7 @@ class PathTable(NamedTuple):
     """(P, 7): first piece, pieces, first cell, cells, cell length, length, closed of each path."""
 
 
-@kernel
+@inlined
 def _cos_sin(a: float) -> tuple[float, float]:
     """Cosine and sine of an angle of at most 0.25 rad, by Taylor series, to rounding."""
     q = a * a
@@ -60,7 +60,7 @@ def _cos_sin(a: float) -> tuple[float, float]:
     return c, s
 
 
-@kernel
+@inlined
 def _wrap(table: PathTable, p: int, s: float) -> float:
     """Arc length within [0, length) on closed paths, unchanged on open ones."""
     length = table.meta[p, LENGTH]
@@ -72,7 +72,7 @@ def _wrap(table: PathTable, p: int, s: float) -> float:
     return s
 
 
-@kernel
+@inlined
 def locate(table: PathTable, p: int, s: float) -> int:
     """Row of the piece of path ``p`` that holds arc length ``s`` (already wrapped)."""
     meta = table.meta
@@ -93,7 +93,7 @@ def locate(table: PathTable, p: int, s: float) -> int:
     return row
 
 
-@kernel
+@inlined
 def _inside(
     pieces: FloatArray, row: int, u: float
 ) -> tuple[float, float, float, float, float, float]:
@@ -113,7 +113,7 @@ def _inside(
     return x, y, pieces[row, PSI0] + turned, kappa + sharp * u, c * ct - s * st, s * ct + c * st
 
 
-@kernel
+@inlined
 def _frame(table: PathTable, p: int, s: float) -> tuple[float, float, float, float, float, float]:
     """Point of path ``p`` at arc length ``s``: x, y, psi, kappa, cos psi, sin psi."""
     s = _wrap(table, p, s)
@@ -128,7 +128,7 @@ def _frame(table: PathTable, p: int, s: float) -> tuple[float, float, float, flo
     return x, y, psi, kappa, c, n
 
 
-@kernel
+@inlined
 def at(table: PathTable, p: int, s: float) -> tuple[float, float, float, float]:
     """Position, tangent direction and curvature of path ``p`` at arc length ``s`` [m, rad, 1/m].
 
@@ -138,7 +138,7 @@ def at(table: PathTable, p: int, s: float) -> tuple[float, float, float, float]:
     return x, y, psi, kappa
 
 
-@kernel
+@inlined
 def _towards(along: float, aside: float, kappa: float) -> float:
     """Arc length to the closest point of the osculating circle.
 

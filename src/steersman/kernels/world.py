@@ -14,7 +14,7 @@ import numpy as np
 
 from steersman.kernels import observe as obs
 from steersman.kernels import vehicle as car
-from steersman.kernels.compiled import kernel
+from steersman.kernels.compiled import inlined, kernel
 from steersman.kernels.fleet import Fleet, World
 from steersman.kernels.path import CLOSED, LENGTH
 from steersman.kernels.speed import pedals
@@ -75,7 +75,7 @@ def drive(  # noqa: PLR0917 - numba takes no keyword-only arguments
     car.advance(vehicles, n, state, command, h, substeps - late, work)
 
 
-@kernel
+@inlined
 def look(world: World, fleet: Fleet, n: int) -> None:
     """Renew the observation of vehicle ``n``, whose tracking row is up to date.
 
@@ -97,7 +97,7 @@ def look(world: World, fleet: Fleet, n: int) -> None:
         fleet.rows[n, j] = late[oldest, j]
 
 
-@kernel
+@inlined
 def _measure(world: World, fleet: Fleet, n: int, row: FloatArray) -> None:
     """Measure vehicle ``n``; what does not arrive leaves the row as it is."""
     arrives = fleet.arrives[n]
@@ -129,7 +129,7 @@ def _measure(world: World, fleet: Fleet, n: int, row: FloatArray) -> None:
     )
 
 
-@kernel
+@inlined
 def decide(world: World, fleet: Fleet, n: int, steer: float) -> float:
     """Fill the command of vehicle ``n`` for a steering; returns where the vehicle will be.
 
@@ -153,7 +153,7 @@ def decide(world: World, fleet: Fleet, n: int, steer: float) -> float:
     return float(s + speed * dt)
 
 
-@kernel
+@inlined
 def find_end(world: World, fleet: Fleet, n: int) -> None:
     """Note whether the drive of vehicle ``n`` ends where it is."""
     clock = fleet.clock[n]
@@ -170,7 +170,7 @@ def find_end(world: World, fleet: Fleet, n: int) -> None:
         fleet.ended[n] = TIME_UP
 
 
-@kernel
+@inlined
 def conclude(world: World, fleet: Fleet, n: int, near: float) -> None:
     """Find vehicle ``n``, which has moved, on its path around ``near`` [m]; end or look."""
     clock, tracking = fleet.clock[n], fleet.tracking[n]
@@ -186,7 +186,7 @@ def conclude(world: World, fleet: Fleet, n: int, near: float) -> None:
     look(world, fleet, n)
 
 
-@kernel
+@inlined
 def advance(world: World, fleet: Fleet, n: int, steer: float) -> None:
     """Move vehicle ``n`` by one control period under a steering command in [-1, 1]."""
     near = decide(world, fleet, n, steer)
