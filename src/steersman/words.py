@@ -225,7 +225,7 @@ def seed_list(given: str | Iterable[int]) -> list[int]:
     return seeds
 
 
-def split_seeds(words: Sequence[str]) -> tuple[list[int] | None, list[str]]:
+def split_seeds(words: Sequence[Any]) -> tuple[list[int] | None, list[Any]]:
     """The seeds that ``seeds=...`` names, None without it, and all other words.
 
     >>> split_seeds(["demo", "seeds=0..2,7", "steps=1e4"])
@@ -234,13 +234,14 @@ def split_seeds(words: Sequence[str]) -> tuple[list[int] | None, list[str]]:
     Raises:
         ConfigError: they cannot be read, or come twice.
     """
-    given = [word for word in words if word.partition("=")[0].strip() == "seeds"]
+    keys = [word.partition("=")[0].strip() if isinstance(word, str) else "" for word in words]
+    given = [word for word, key in zip(words, keys, strict=True) if key == "seeds"]
     others = [word for word in words if word not in given]
     if not given:
         return None, others
     if len(given) > 1:
         raise ConfigError(f"given twice: {given[0]} and {given[1]}", ("seeds",))
-    rivals = [word for word in others if word.partition("=")[0].strip() == "seed"]
-    if rivals:
-        raise ConfigError(f"{given[0]} and {rivals[0]} contradict each other; give one of them")
+    if "seed" in keys:
+        rival = words[keys.index("seed")]
+        raise ConfigError(f"{given[0]} and {rival} contradict each other; give one of them")
     return seed_list(given[0].partition("=")[2]), others

@@ -201,6 +201,7 @@ def test_trainings_drive_with_their_policies(
         (("pid", "several"), "several: name one of those in it: several/a, several/b\n"),
         (("pid", "lqr", "suite=quik"), "unknown suite 'quik'; did you mean 'quick'?"),
         (("pid", "lqr", "corridor=-1"), "corridor: -1"),
+        (("pid", "lqr", "radius=3"), "radius: unknown field; did you mean 'path.radius'?"),
         (("pid", "lqr", "suite=quick", "suite=core"), "given twice"),
         (("pid", "lqr", "--seeds", "x"), "is not a list of seeds"),
         (("several/a", "several/b", "suite=core"), "suite=core: drives are compared on what"),

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 
+import steersman as sm
 from steersman.cli.seeds import train_seeds
 from steersman.config import to_yaml
-from steersman.errors import DataError
+from steersman.errors import ConfigError, DataError
 from steersman.learning.config import TrainConfig
 from steersman.learning.parallel import TrainingEvent, TrainingJob, train_all
+from steersman.learning.seeds import SeedsResult
 from steersman.learning.train import train
 
 from .problems import tiny
@@ -34,26 +37,42 @@ def silent(_: TrainingEvent) -> None:
     pass
 
 
-def test_each_is_as_if_it_were_alone(tmp_path: FilePath) -> None:
-    configs = tiny(steps=600), tiny(steps=600, seed=3)
-    events: list[TrainingEvent] = []
-    assert train_all(jobs(tmp_path, *configs), 2, events.append) == {}
-    for i, config in enumerate(configs):
-        alone = train(config, tmp_path / f"alone_{i}")
-        assert (tmp_path / f"run_{i}" / "policy.onnx").read_bytes() == alone.policy.read_bytes()
-        rows = [e.row.steps for e in events if e.job.config == config and e.row is not None]
-        assert rows == [500, 600]
+SEEDS = 2, 5
+SMALL = tiny(steps=600)
 
 
-def test_a_failure_leaves_the_others_alone(
-    tmp_path: FilePath, capsys: pytest.CaptureFixture[str]
-) -> None:
+class Trained(NamedTuple):
+    """Trainings of one call: two seeds, and one that cannot go on."""
+
+    folder: FilePath
+    failed: dict[str, str]
+    events: list[TrainingEvent]
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Trained:
+    folder = tmp_path_factory.mktemp("seeds")
     wild: dict[str, Any] = {"learning_rate": {"kind": "constant", "at": 1e12}, "updates": 4}
-    failed = train_all(jobs(tmp_path, tiny(agent=wild, steps=4000), tiny(steps=400)), None, silent)
-    assert list(failed) == ["run 0"]
-    assert "agent.learning_rate" in failed["run 0"]
-    assert (tmp_path / "run_1" / "policy.onnx").exists()
-    assert capsys.readouterr() == ("", "")
+    tasks = [TrainingJob("wild", tiny(agent=wild, steps=4000), folder / "wild")]
+    for seed in SEEDS:
+        config = SMALL.model_copy(update={"seed": seed})
+        tasks.append(TrainingJob(f"seed {seed}", config, folder / f"seed_{seed}"))
+    events: list[TrainingEvent] = []
+    return Trained(folder, train_all(tasks, 2, events.append), events)
+
+
+def test_each_is_as_if_it_were_alone(trained: Trained, tmp_path: FilePath) -> None:
+    for seed in SEEDS:
+        name, out = f"seed {seed}", trained.folder / f"seed_{seed}"
+        alone = train(SMALL.model_copy(update={"seed": seed}), tmp_path / name)
+        assert (out / "policy.onnx").read_bytes() == alone.policy.read_bytes()
+        told = [e for e in trained.events if e.job.name == name]
+        assert [e.row.steps for e in told if e.row is not None] == [500, 600]
+
+
+def test_a_failure_leaves_the_others_alone(trained: Trained) -> None:
+    assert list(trained.failed) == ["wild"]
+    assert "agent.learning_rate" in trained.failed["wild"]
 
 
 def test_nothing_begins_if_a_folder_is_taken(tmp_path: FilePath) -> None:
@@ -91,16 +110,6 @@ def test_what_is_finished_is_not_begun_again(
     events: list[TrainingEvent] = []
     assert train_all([task], 1, events.append, resume=True) == {}
     assert [(e.steps, e.note) for e in events] == [(400.0, f"{task.out}: finished already")]
-
-
-def test_an_interruption_stops_all(tmp_path: FilePath) -> None:
-    def interrupt(event: TrainingEvent) -> None:
-        raise KeyboardInterrupt
-
-    tasks = jobs(tmp_path, tiny(steps=400_000), tiny(steps=400_000))
-    with pytest.raises(KeyboardInterrupt):
-        train_all(tasks, 2, interrupt)
-    assert_quiet(tmp_path)
 
 
 def assert_quiet(folder: FilePath) -> None:
@@ -143,12 +152,34 @@ def test_all_go_with_their_parent(tmp_path: FilePath, end: signal.Signals) -> No
         assert last.startswith("interrupted; --resume goes on from the last checkpoints in out")
 
 
-def test_the_summary_names_the_best(tmp_path: FilePath, capsys: pytest.CaptureFixture[str]) -> None:
-    train_seeds(tiny(steps=400), [2, 5], tmp_path, jobs=2, overwrite=False, resume=False)
+def test_the_summary_names_the_best(
+    trained: Trained, capsys: pytest.CaptureFixture[str], tmp_path: FilePath
+) -> None:
+    shutil.copytree(trained.folder, tmp_path, dirs_exist_ok=True)
+    train_seeds(SMALL, SEEDS, tmp_path, overwrite=False, resume=True)
     out = capsys.readouterr().out
     table, best = out.splitlines()[:-1], out.splitlines()[-1]
     assert [line.split()[0] for line in table[-2:]] == ["2", "5"]
     (marked,) = (line for line in table if line.endswith("best"))
     assert best == f"best policy: {tmp_path / f'seed_{marked.split()[0]}' / 'policy.onnx'}"
-    train_seeds(tiny(steps=400), [2, 5], tmp_path, jobs=2, overwrite=False, resume=True)
-    assert capsys.readouterr().out == out
+    notes: list[str] = []
+    result = sm.train(SMALL, seeds="2,5", out=tmp_path, resume=True, notify=notes.append)
+    assert best == f"best policy: {result.policy}"
+    assert {seed: each.seed for seed, each in result.trainings.items()} == {2: 2, 5: 5}
+    assert notes == [f"{tmp_path / f'seed_{seed}'}: finished already" for seed in SEEDS]
+    assert sm.train(SMALL, "seeds=2,5", out=tmp_path, resume=True) == result
+    with pytest.raises(DataError, match="seed_2: holds a training"):
+        sm.train(SMALL, seeds=[2, 3], out=tmp_path)
+
+
+def test_what_is_for_one_training_or_for_several_is_refused_elsewhere(tmp_path: FilePath) -> None:
+    with pytest.raises(ConfigError, match=r"jobs: goes with several trainings \(seeds=...\)"):
+        sm.train("demo", out=tmp_path, jobs=2)
+    with pytest.raises(ConfigError, match="reward: goes with one training"):
+        sm.train("demo", out=tmp_path, seeds=[0, 1], reward=lambda _: 0.0)
+
+
+def test_the_best_of_trainings_that_all_failed_is_an_error() -> None:
+    result = SeedsResult({}, {0: "diverged", 4: "no road"})
+    with pytest.raises(DataError, match="seed 0: diverged; seed 4: no road"):
+        _ = result.best

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from steersman import files
+from steersman import core_yaml, files
 from steersman.api.driving import Folder, announce, workers_for
 from steersman.command_table import build_for
 from steersman.commands import Notify, check_order, configuration, key, split
@@ -80,7 +80,7 @@ def bench(  # noqa: PLR0913 - the options of the command
     from steersman.bench.suites import write_suite
     from steersman.bench.summary import results
 
-    tell = notify or _silent
+    tell = notify or (lambda _: None)
     named, chosen = suite_settings(controllers)
     numbers = seed_list(seeds)
     name, assignments = split([suite] if isinstance(suite, str) else suite)
@@ -182,7 +182,7 @@ def compare(
     from steersman.studies.compare.drives import compare_drives
     from steersman.studies.compare.scenarios import compare_scenarios, plan
 
-    tell = notify or _silent
+    tell = notify or (lambda _: None)
     named, chosen = suite_settings(contestants, also={*RunConfig.model_fields} - {"controller"})
     if suite is not None:
         chosen["suite"] = f"suite={suite}"
@@ -262,10 +262,6 @@ def has_report(tell: Notify) -> bool:
     return found
 
 
-def _silent(_: str) -> None:
-    """What is notified where the caller gave no function."""
-
-
 @contextmanager
 def kept(out: Folder | None) -> Iterator[FilePath]:
     """The folder for what is computed; without a name one that is gone at the end."""
@@ -281,8 +277,8 @@ def suite_settings(
 ) -> tuple[list[str], dict[str, str]]:
     """The words that name something to drive, and by their key those that are settings.
 
-    >>> suite_settings(["pid", "mine=tuned/lqr", "corridor=1"])
-    (['pid', 'mine=tuned/lqr'], {'corridor': 'corridor=1'})
+    >>> suite_settings(["pid", "mine=tuned/lqr", "corridor=1", "radius=3"])
+    (['pid', 'mine=tuned/lqr'], {'corridor': 'corridor=1', 'radius': 'radius=3'})
 
     Args:
         words: words of ``bench`` or ``compare``.
@@ -294,7 +290,13 @@ def suite_settings(
     from steersman.bench.suite import Suite
 
     known = {"suite", "seed", "seeds", *Suite.model_fields, *also}
-    found = [word for word in words if "=" in word and key(word).partition(".")[0] in known]
+
+    def sets(word: str) -> bool:
+        """Whether it names a field, or gives what cannot name a controller: radius=3."""
+        given = core_yaml.value(word.partition("=")[2].strip())
+        return key(word).partition(".")[0] in known or not isinstance(given, str | None)
+
+    found = [word for word in words if "=" in word and sets(word)]
     check_order(found)
     named = [word for word in words if word not in found]
     return named, {key(word): word for word in found}

@@ -2,54 +2,102 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 from steersman.api.driving import Folder
 from steersman.commands import Notify, Word, configuration
+from steersman.errors import ConfigError
+from steersman.words import seed_list, split_seeds
 
 if TYPE_CHECKING:
     from steersman.learning.imitation.imitate import ImitationResult
+    from steersman.learning.parallel import TrainingEvent
     from steersman.learning.progress import ImitationRow, TrainResult, TrainRow
+    from steersman.learning.seeds import SeedsResult
     from steersman.learning.task import Judged
     from steersman.studies.search import SearchResult
 
 
+@overload
+def train(*words: Word, out: Folder, seeds: None = None, **settings: Any) -> TrainResult: ...
+@overload
 def train(
+    *words: Word, out: Folder, seeds: Sequence[int] | str, **settings: Any
+) -> SeedsResult: ...
+def train(  # noqa: PLR0913 - of one training, or of several
     *words: Word,
     out: Folder,
+    seeds: Sequence[int] | str | None = None,
     reward: Callable[[Judged], float] | None = None,
     overwrite: bool = False,
     resume: bool = False,
     progress: Callable[[TrainRow], None] | None = None,
     tick: Callable[[int], None] | None = None,
+    listener: Callable[[TrainingEvent], None] | None = None,
+    engine: str | None = None,
+    jobs: int | None = None,
     notify: Notify | None = None,
     **settings: Any,
-) -> TrainResult:
+) -> TrainResult | SeedsResult:
     """Train an agent while a controller demonstrates; ``result.policy`` is the policy's file.
 
-    ``sm.train("demo", "agent.gamma=0.9", steps=100_000, out="runs/agent")``
+    ``sm.train("demo", "agent.gamma=0.9", steps=100_000, out="runs/agent")``;
+    ``sm.train("demo", seeds=[0, 1, 2], out="runs/three").best``
 
     Args:
         words: a preset or a YAML file, assignments, components, or a ``TrainConfig``.
-        out: folder for policy, record, checkpoints and logs.
-        reward: a further term of the reward as a Python function of each judged step.
+        out: folder for policy, record, checkpoints and logs; with ``seeds``, of ``seed_0`` etc.
+        seeds: seeds of several trainings, a list or ``"0..4"``, each in a process of its own; then
+            the result has them in ``trainings``, and a failure in ``failed`` stops no other one.
+        reward: a further term of the reward as a Python function of each judged step; for one
+            training.
         overwrite: whether an earlier training in ``out`` is replaced.
         resume: go on from the last checkpoint in ``out``.
         progress: called at every validation with the new row of ``progress.csv``.
         tick: called about twice a second with the environment steps done.
+        listener: called with what happens in each of several trainings, instead of ``progress``
+            and ``tick``.
+        engine: of several trainings: ``local`` or ``ray``; None: ``ray`` if ``RAY_ADDRESS`` is set.
+        jobs: trainings at a time; None: one for each core.
         notify: called with a sentence where something is to be said.
         settings: fields of a training (``steersman show train``).
 
     Raises:
-        ConfigError: a word or a value is unknown or not allowed.
+        ConfigError: a word or a value is unknown or not allowed; of several trainings only what
+            concerns all of them is raised.
         DataError: a file is missing or malformed, or ``out`` holds a training already.
         TrainingDiverged: losses or values are no longer finite or plausible.
     """
+    from steersman.learning.seeds import train_seeds
     from steersman.learning.train import train as run
 
-    chosen = configuration("train", words, settings, notify)
+    named, rest = split_seeds(words)
+    numbers = named if seeds is None else seed_list(seeds)
+    many = {"listener": listener, "engine": engine, "jobs": jobs}
+    one = {"reward": reward, "progress": progress, "tick": tick}
+    for name, value in (many if numbers is None else one).items():
+        if value is not None:
+            what = "several trainings (seeds=...)" if numbers is None else "one training"
+            raise ConfigError(f"goes with {what}", (name,))
+    chosen = configuration("train", rest, settings, notify)
+    if numbers is not None:
+
+        def tell(event: TrainingEvent) -> None:
+            if event.note is not None and notify is not None:
+                notify(event.note)
+
+        return train_seeds(
+            chosen,
+            numbers,
+            FilePath(out),
+            listener or tell,
+            engine=engine,
+            jobs=jobs,
+            overwrite=overwrite,
+            resume=resume,
+        )
     if reward is not None:
         chosen = chosen.rewarded(reward)
     return run(

@@ -13,13 +13,14 @@ from steersman.cli.output import note, show, steps_bars, table, write
 
 if TYPE_CHECKING:
     from steersman.learning.config import TrainConfig
-    from steersman.learning.parallel import TrainingEvent, TrainingJob
-    from steersman.learning.progress import TrainResult, TrainRow
+    from steersman.learning.parallel import TrainingEvent
+    from steersman.learning.progress import TrainRow
+    from steersman.learning.seeds import SeedsResult
 
 
 def train_seeds(
     config: TrainConfig,
-    seeds: Sequence[int],
+    chosen: Sequence[int],
     folder: FilePath,
     *,
     engine: str | None = None,
@@ -32,15 +33,13 @@ def train_seeds(
     Raises:
         typer.Exit: one of them failed, or Ctrl-C.
     """
-    from steersman.learning.parallel import TrainingJob, train_all
+    import steersman as sm
+    from steersman.learning.seeds import folder_of, name_of
 
-    tasks = [
-        TrainingJob(f"seed {s}", config.model_copy(update={"seed": s}), folder / f"seed_{s}")
-        for s in seeds
-    ]
+    names = [name_of(seed) for seed in chosen]
     try:
-        with steps_bars(config.steps, [job.name for job in tasks]) as update:
-            texts = dict.fromkeys((job.name for job in tasks), "")
+        with steps_bars(config.steps, names) as update:
+            texts = dict.fromkeys(names, "")
 
             def tell(event: TrainingEvent) -> None:
                 name = event.job.name
@@ -51,13 +50,23 @@ def train_seeds(
                 if event.steps is not None:
                     update(name, event.steps, texts[name], event.row is not None)
 
-            failed = train_all(tasks, jobs, tell, engine=engine, overwrite=overwrite, resume=resume)
+            result = sm.train(
+                config,
+                out=folder,
+                seeds=chosen,
+                listener=tell,
+                engine=engine,
+                jobs=jobs,
+                overwrite=overwrite,
+                resume=resume,
+            )
     except KeyboardInterrupt:
-        raise interrupted(folder, [job.out for job in tasks], "the last checkpoints") from None
-    _summary(tasks, failed)
-    for name, fault in failed.items():
-        fail(f"{name}: {fault}")
-    if failed:
+        folders = [folder_of(folder, seed) for seed in chosen]
+        raise interrupted(folder, folders, "the last checkpoints") from None
+    _summary(result)
+    for seed, fault in result.failed.items():
+        fail(f"{name_of(seed)}: {fault}")
+    if result.failed:
         raise typer.Exit(USER_ERROR)
 
 
@@ -69,30 +78,23 @@ def progress_text(row: TrainRow) -> str:
     )
 
 
-def _summary(tasks: Sequence[TrainingJob], failed: dict[str, str]) -> None:
+def _summary(result: SeedsResult) -> None:
     """Validation error of each seed's best policy, the best of all marked."""
-    from steersman.learning.progress import load_training
-
     out = table("seed", "error [mm]", "failures", "steps", "", right=("error [mm]", "failures"))
-    results = {job.name: load_training(job.out) for job in tasks if job.name not in failed}
-    best = min(results, key=lambda name: _score(results[name]), default=None)
-    for job in tasks:
-        result = results.get(job.name)
-        if result is None:
-            out.add_row(str(job.config.seed), "-", "-", "-", "failed")
+    best = result.best if result.trainings else None
+    for seed in sorted([*result.trainings, *result.failed]):
+        training = result.trainings.get(seed)
+        if training is None:
+            out.add_row(str(seed), "-", "-", "-", "failed")
             continue
+        row = training.best
         out.add_row(
-            str(job.config.seed),
-            f"{result.best.validation_error_mm:.4g}",
-            f"{result.best.validation_failures:.0f}",
-            f"{result.best.steps:.0f}",
-            "best" if job.name == best else "",
+            str(seed),
+            f"{row.validation_error_mm:.4g}",
+            f"{row.validation_failures:.0f}",
+            f"{row.steps:.0f}",
+            "best" if training is best else "",
         )
     show(out)
     if best is not None:
-        write(f"best policy: {results[best].policy}\n")
-
-
-def _score(result: TrainResult) -> float:
-    """What selects the best policy [m]; smaller is better."""
-    return float(result.card.training["validation"]["total"])
+        write(f"best policy: {best.policy}\n")

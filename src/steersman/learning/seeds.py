@@ -1,0 +1,87 @@
+"""The same training with several seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path as FilePath
+from typing import NamedTuple
+
+from steersman.errors import DataError
+from steersman.learning.config import TrainConfig
+from steersman.learning.parallel import TrainingEvent, TrainingJob, train_all
+from steersman.learning.progress import TrainResult, load_training
+
+
+class SeedsResult(NamedTuple):
+    """Trainings that differ in their seed."""
+
+    trainings: Mapping[int, TrainResult]
+    """Those that ended, by seed."""
+    failed: Mapping[int, str]
+    """Why the others failed, by seed."""
+
+    @property
+    def best(self) -> TrainResult:
+        """The training whose policy was the best in validation.
+
+        Raises:
+            DataError: all trainings failed.
+        """
+        if not self.trainings:
+            raise DataError("; ".join(f"seed {s}: {why}" for s, why in self.failed.items()))
+        return min(self.trainings.values(), key=_score)
+
+    @property
+    def policy(self) -> FilePath:
+        """The policy of the best training."""
+        return self.best.policy
+
+
+def _score(result: TrainResult) -> float:
+    """What selects the best policy [m]; smaller is better."""
+    return float(result.card.training["validation"]["total"])
+
+
+def name_of(seed: int) -> str:
+    """What the training with a seed is called.
+
+    >>> name_of(3)
+    'seed 3'
+    """
+    return f"seed {seed}"
+
+
+def folder_of(folder: FilePath, seed: int) -> FilePath:
+    """Where the training with a seed is written."""
+    return folder / f"seed_{seed}"
+
+
+def train_seeds(
+    config: TrainConfig,
+    seeds: Sequence[int],
+    folder: FilePath,
+    listener: Callable[[TrainingEvent], None],
+    *,
+    engine: str | None = None,
+    jobs: int | None = None,
+    overwrite: bool = False,
+    resume: bool = False,
+) -> SeedsResult:
+    """Train with each seed into ``seed_N`` of the folder, ``jobs`` at a time.
+
+    Raises:
+        DataError: a folder holds a training already.
+        ConfigError: a training to be resumed has another configuration, or there is no such engine.
+    """
+    tasks = [
+        TrainingJob(
+            name_of(seed), config.model_copy(update={"seed": seed}), folder_of(folder, seed)
+        )
+        for seed in seeds
+    ]
+    failed = train_all(tasks, jobs, listener, engine=engine, overwrite=overwrite, resume=resume)
+    ended = {s: job for s, job in zip(seeds, tasks, strict=True) if job.name not in failed}
+    return SeedsResult(
+        {s: load_training(job.out) for s, job in ended.items()},
+        {s: failed[name_of(s)] for s in seeds if s not in ended},
+    )
