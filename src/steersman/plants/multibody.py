@@ -134,7 +134,7 @@ class MultiBodyMotion(Motion):
         command: FloatArray,
         h: float,
     ) -> None:
-        """The classical Runge-Kutta rule, in steps that the wheels allow."""
+        """By the W-method of :mod:`steersman.kernels.multibody_step`, in steps of its own."""
         steps.advance(table, 0, self.body, state, inputs, command, h, self._work)
 
     def settle(self, table: VehicleTable, state: FloatArray, inputs: FloatArray) -> None:

@@ -78,16 +78,33 @@ class Motion(ABC):
         return False
 
 
-class PhysicsComponent(PlantComponent):
+class SteppedComponent(PlantComponent):
+    """A plant that integrates equations of motion in steps that fill the control period."""
+
+    integration_step: float = param(
+        0.01, "s", "Longest integration step; a whole number of them fills the period.", gt=0
+    )
+
+    @abstractmethod
+    def motion(self, vehicle: Vehicle) -> Motion:
+        """The equations with the fields' figures, for a vehicle that is like that one."""
+
+    @property
+    def h(self) -> float:
+        """Integration step [s]."""
+        return whole_step(self.dt, self.integration_step)
+
+    def make(self, vehicle: Vehicle) -> PhysicsPlant:
+        """A plant that drives that vehicle."""
+        return PhysicsPlant(self, self.motion(vehicle), vehicle)
+
+
+class PhysicsComponent(SteppedComponent):
     """A plant whose subclasses declare their fields and their equations of motion."""
 
     cannot: ClassVar[frozenset[str]] = frozenset({"wind"})
     more: ClassVar[int] = 0
     """States beyond x, y [m], psi [rad], v_x, v_y [m/s] and yaw rate [rad/s]; they start at 0."""
-
-    integration_step: float = param(
-        0.01, "s", "Longest integration step; a whole number of them fills the period.", gt=0
-    )
 
     @abstractmethod
     def derivative(
@@ -109,14 +126,9 @@ class PhysicsComponent(PlantComponent):
         """Whether the vehicle has rolled over in that state; a planar one does not."""
         return False
 
-    @property
-    def h(self) -> float:
-        """Integration step [s]."""
-        return whole_step(self.dt, self.integration_step)
-
-    def make(self, vehicle: Vehicle) -> PhysicsPlant:
-        """A plant that drives that vehicle."""
-        return PhysicsPlant(self, _Derivative(self, vehicle), vehicle)
+    def motion(self, vehicle: Vehicle) -> Motion:
+        """The equations that are declared, for that vehicle."""
+        return _Derivative(self, vehicle)
 
     def delay_of(self, vehicle: Vehicle) -> int:
         """Steering delay in integration steps, the vehicle's own included."""
@@ -136,26 +148,8 @@ class _Derivative(Motion):
         return self._config.rolled_over(self._vehicle, state)
 
 
-class CompiledComponent(ComputedComponent):
+class CompiledComponent(SteppedComponent, ComputedComponent):
     """A plant whose compiled equations read the figures of the vehicle at every step."""
-
-    dt: float = param(0.05, "s", "Control period.", gt=0)
-    integration_step: float = param(
-        0.01, "s", "Longest integration step; a whole number of them fills the period.", gt=0
-    )
-
-    @abstractmethod
-    def motion(self, vehicle: Vehicle) -> Motion:
-        """The equations with the fields' figures, for a vehicle that is like that one."""
-
-    @property
-    def h(self) -> float:
-        """Integration step [s]."""
-        return whole_step(self.dt, self.integration_step)
-
-    def make(self, vehicle: Vehicle) -> PhysicsPlant:
-        """A plant that drives that vehicle."""
-        return PhysicsPlant(self, self.motion(vehicle), vehicle)
 
 
 def whole_step(dt: float, longest: float) -> float:

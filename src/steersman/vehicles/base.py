@@ -1,4 +1,4 @@
-"""Named vehicles, each figure with its source, and vehicles from the user's own YAML file."""
+"""A vehicle: its figures, what they give for the kernels, and one from the user's own YAML file."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from steersman.kernels.vehicle import VehicleTable
 _DEG = math.pi / 180.0
 KMH = 1.0 / 3.6
 """Kilometres an hour in metres a second."""
-_AIR_DENSITY = 1.2
+AIR_DENSITY = 1.2
 # Beyond this wheel angle the tangent says little [rad].
-_LARGEST_ANGLE = 1.5
+LARGEST_ANGLE = 1.5
 # Integration step up to which every vehicle is stable at any speed [s].
 LONGEST_STEP = 0.01
 
@@ -30,10 +30,10 @@ LONGEST_STEP = 0.01
 # was not measured (0.4 from 14 m/s, 0.5 at 20 m/s, all beyond 20 or 24 m/s) goes on with the last
 # slope of its row: up to 38.7 m/s (9000 rpm) the engine's torque is constant and its damping
 # proportional to speed, which is the straight line that the measured rows follow.
-_MAP_THROTTLE = (0.0, 0.4, 0.5, 0.6, 0.8, 1.0)
-_MAP_SPEED = (0.0, 4.0, 8.0, 14.0, 20.0, 24.0, 38.7)
+MAP_THROTTLE = (0.0, 0.4, 0.5, 0.6, 0.8, 1.0)
+MAP_SPEED = (0.0, 4.0, 8.0, 14.0, 20.0, 24.0, 38.7)
 _MODEL3_DRAG_AREA = 0.33
-_MODEL3_ACCEL = (
+MODEL3_ACCEL = (
     (-2.6, -2.6, -3.84, -5.70, -7.56, -8.80, -13.36),
     (2.40, 1.25, 0.17, -1.45, -3.07, -4.15, -8.12),
     (2.62, 2.24, 1.15, 0.12, -0.91, -1.60, -4.12),
@@ -94,7 +94,7 @@ class Vehicle(Component):
     brake_force: float = param(7568.0, "N", "Brake force of all wheels at full brake.", ge=0)
     brake_front: float = param(0.5, "-", "Share of the brake force at the front.", ge=0, le=1)
     max_wheel_angle: float = param(
-        70.0 * _DEG, "rad", "Inner wheel at full lock.", gt=0, le=_LARGEST_ANGLE
+        70.0 * _DEG, "rad", "Inner wheel at full lock.", gt=0, le=LARGEST_ANGLE
     )
     ackermann: bool = param(True, "-", "Outer wheel by Ackermann, else parallel wheels.")
     steer_rate_up: float = param(2.5, "1/s", "Normalised steering rate away from centre.", gt=0)
@@ -117,10 +117,10 @@ class Vehicle(Component):
     steer_curve_factor: tuple[float, ...] = param(
         (1.0, 0.9, 0.8, 0.7), "-", "Share of the full wheel angle at those speeds."
     )
-    map_throttle: tuple[float, ...] = param(_MAP_THROTTLE, "-", "Throttles of the map.")
-    map_speed: tuple[float, ...] = param(_MAP_SPEED, "m/s", "Speeds of the map.")
+    map_throttle: tuple[float, ...] = param(MAP_THROTTLE, "-", "Throttles of the map.")
+    map_speed: tuple[float, ...] = param(MAP_SPEED, "m/s", "Speeds of the map.")
     map_acceleration: tuple[tuple[float, ...], ...] = param(
-        _MODEL3_ACCEL, "m/s^2", "Net acceleration on a straight, a row for each throttle."
+        MODEL3_ACCEL, "m/s^2", "Net acceleration on a straight, a row for each throttle."
     )
     map_mass: float | None = param(None, "kg", "Mass the map was measured with (null: mass).")
     map_drag_area: float | None = param(
@@ -153,11 +153,11 @@ class Vehicle(Component):
         if len(self.steer_curve_factor) != len(self.steer_curve_speed):
             raise ValueError("steer_curve_factor needs one value for each steer_curve_speed")
         if not all(
-            0.0 < f * self.max_wheel_angle <= _LARGEST_ANGLE for f in self.steer_curve_factor
+            0.0 < f * self.max_wheel_angle <= LARGEST_ANGLE for f in self.steer_curve_factor
         ):
             raise ValueError(
                 "steer_curve_factor times max_wheel_angle must be above zero and at most "
-                f"{_LARGEST_ANGLE} rad"
+                f"{LARGEST_ANGLE} rad"
             )
         rows, columns = len(self.map_throttle), len(self.map_speed)
         if [len(row) for row in self.map_acceleration] != rows * [columns]:
@@ -194,7 +194,7 @@ class Vehicle(Component):
     def row(self) -> Any:
         """Parameters as the kernels read them, shape (N_PARAMS,)."""
         out = np.zeros(kernel.N_PARAMS)
-        air = 0.5 * _AIR_DENSITY
+        air = 0.5 * AIR_DENSITY
         drag, measured = air * self.drag_area, self.map_drag_area
         values = {
             kernel.MASS: self.mass,
@@ -266,190 +266,6 @@ class Vehicle(Component):
     def steer_for_wheel_angle(self, wheel_angle: float, speed: float) -> float:
         """Normalised steering for a single-track wheel angle [rad] at a speed [m/s]."""
         return kernel.steer_for_wheel(self.table, 0, wheel_angle, speed)
-
-
-@register("vehicle", "carla_model3_v1")
-class CarlaModel3V1(Vehicle):
-    """The Model 3 of the first stage: results made before ``carla_model3`` was fitted to logs.
-
-    Yaw inertia and cornering stiffnesses are those derived by others; wheels lift by the assumed
-    height of the centre of mass, at half the lateral acceleration of the real one's logs.
-    """
-
-
-# The map above, with what seven logs of a server say besides: a row for throttle 0.25, near which
-# 5 m/s are held (the closed throttle's row brakes by more than the engine), and the launch at full
-# throttle, both fitted to the logs' speeds.
-_FITTED_THROTTLE = (0.0, 0.25, 0.4, 0.5, 0.6, 0.8, 1.0)
-_FITTED_ACCEL = (
-    _MODEL3_ACCEL[0],
-    (1.12, 0.25, -1.11, -2.99, -4.91, -6.20, -10.90),
-    *_MODEL3_ACCEL[1:5],
-    (4.25, 6.65, 6.60, 6.76, 6.17, 5.99, 5.33),
-)
-
-
-@register("vehicle", "carla_model3")
-class CarlaModel3(Vehicle):
-    """Tesla Model 3 of CARLA 0.9.15/0.9.16, fitted to the logs of a real server.
-
-    Mass, geometry, drag: CARLA's blueprint. Steering law and throttle map: measured on 0.9.16.
-    Cornering stiffnesses, their growth with load, rotating masses: PhysX's laws with the
-    blueprint's figures, which the logs confirm. Yaw inertia, friction, roll arm, steering rates
-    and some of the map: fitted to the logs (docs/vehicle.md has intervals and what is not told).
-    """
-
-    yaw_inertia: float = param(2870.0, "kg m^2", "Moment of inertia about the z axis.", gt=0)
-    roll_arm: float | None = param(
-        0.08, "m", "Arm of the tyre forces by which accelerations shift wheel loads.", ge=0
-    )
-    # 2 x 20 F_rest S(1) for the two tyres of an axle, S of PhysX's law.
-    c_f: float = param(155_690.0, "N/rad", "Cornering stiffness of the front axle.", gt=0)
-    c_r: float = param(99_040.0, "N/rad", "Cornering stiffness of the rear axle.", gt=0)
-    stiffness_load_limit: float | None = param(
-        3.0, "-", "Static loads from which a tyre grows no stiffer, by PhysX's law.", gt=0
-    )
-    friction: float = param(3.0, "-", "Tyre friction coefficient.", gt=0)
-    # J_engine i^2 / R^2 + 4 J_wheel / R^2 = 592 + 40 kg.
-    rotating_mass: float = param(
-        632.0, "kg", "Rotating masses of engine and wheels, as the mass moved besides.", ge=0
-    )
-    steer_rate_up: float = param(5.0, "1/s", "Normalised steering rate away from centre.", gt=0)
-    steer_rate_down: float = param(10.0, "1/s", "Normalised steering rate to the centre.", gt=0)
-    map_throttle: tuple[float, ...] = param(_FITTED_THROTTLE, "-", "Throttles of the map.")
-    map_acceleration: tuple[tuple[float, ...], ...] = param(
-        _FITTED_ACCEL, "m/s^2", "Net acceleration on a straight, a row for each throttle."
-    )
-
-
-@register("vehicle", "carla_mkz2020")
-class CarlaMkz2020(Vehicle):
-    """Lincoln MKZ 2020 of CARLA: mass, geometry, inertia and stiffnesses from public sources.
-
-    Steering law and throttle map are those of the Model 3 (not measured for this car).
-    """
-
-    mass: float = param(1696.0, "kg", "Mass.", gt=0)
-    yaw_inertia: float = param(2916.0, "kg m^2", "Moment of inertia about the z axis.", gt=0)
-    l_f: float = param(1.172, "m", "Centre of mass to front axle.", gt=0)
-    l_r: float = param(1.689, "m", "Centre of mass to rear axle.", gt=0)
-    c_f: float = param(82_900.0, "N/rad", "Cornering stiffness of the front axle.", gt=0)
-    c_r: float = param(54_400.0, "N/rad", "Cornering stiffness of the rear axle.", gt=0)
-    drag_area: float = param(0.66, "m^2", "Drag coefficient times frontal area.", ge=0)
-    map_drag_area: float | None = param(
-        None, "m^2", "Drag area the map was measured with (null: drag_area).", ge=0
-    )
-
-
-# BMW 320i, Althoff and Wuersching, CommonRoad: Vehicle Models, 2020: axle stiffness
-# mu C_S F_z with C_S = 20.898 1/rad and the static axle load.
-_BMW_MASS, _BMW_LF, _BMW_LR, _BMW_MU, _BMW_CS = 1093.3, 1.1562, 1.4227, 1.0489, 20.898
-_BMW_WEIGHT = _BMW_MU * _BMW_CS * _BMW_MASS * kernel.GRAVITY / (_BMW_LF + _BMW_LR)
-_BMW_DRAG_AREA = 0.6
-# Its length and width there are those of the 320i of 1977 (E21): an engine of 92 kW, rear axle
-# driven, 100 km/h in about 10 s. Assumed: a tenth of the power is lost on the way to the wheels,
-# gears that always fit, 3.5 m/s^2 as the most that the first ones give; rolling resistance 1.5 % of
-# the weight; 0.4 m/s^2 of engine braking, less of it the wider the throttle.
-_BMW_POWER, _BMW_LAUNCH, _BMW_ROLLING, _BMW_ENGINE_BRAKE = 0.9 * 92e3, 3.5, 0.147, 0.4
-
-
-def _bmw_acceleration(throttle: float, speed: float) -> float:
-    drive = min(_BMW_LAUNCH, _BMW_POWER / (_BMW_MASS * max(speed, 1.0)))
-    drag = 0.5 * _AIR_DENSITY * _BMW_DRAG_AREA * speed * speed / _BMW_MASS
-    return throttle * drive - (1.0 - throttle) * _BMW_ENGINE_BRAKE - _BMW_ROLLING - drag
-
-
-_BMW_ACCEL = tuple(tuple(_bmw_acceleration(t, v) for v in _MAP_SPEED) for t in _MAP_THROTTLE)
-
-
-@register("vehicle", "bmw_320i")
-class Bmw320i(Vehicle):
-    """BMW 320i with real-world grip: Althoff and Wuersching, CommonRoad: Vehicle Models (2020).
-
-    Split of drive and brakes as there. The longitudinal map is computed from the power of that
-    car's engine; drag, and the brake force, are assumed.
-    """
-
-    mass: float = param(_BMW_MASS, "kg", "Mass.", gt=0)
-    yaw_inertia: float = param(1791.6, "kg m^2", "Moment of inertia about the z axis.", gt=0)
-    l_f: float = param(_BMW_LF, "m", "Centre of mass to front axle.", gt=0)
-    l_r: float = param(_BMW_LR, "m", "Centre of mass to rear axle.", gt=0)
-    track_width: float = param(1.39, "m", "Distance between left and right wheels.", gt=0)
-    height: float = param(0.6137, "m", "Height of the centre of mass.", gt=0)
-    c_f: float = param(
-        _BMW_WEIGHT * _BMW_LR, "N/rad", "Cornering stiffness of the front axle.", gt=0
-    )
-    c_r: float = param(
-        _BMW_WEIGHT * _BMW_LF, "N/rad", "Cornering stiffness of the rear axle.", gt=0
-    )
-    friction: float = param(_BMW_MU, "-", "Tyre friction coefficient.", gt=0)
-    drag_area: float = param(_BMW_DRAG_AREA, "m^2", "Drag coefficient times frontal area.", ge=0)
-    # Four wheels of 1.7 kg m^2 on a radius of 0.344 m; the engine's own is not known.
-    rotating_mass: float = param(
-        57.0, "kg", "Rotating masses of engine and wheels, as the mass moved besides.", ge=0
-    )
-    drive_front: float = param(0.0, "-", "Share of the drive force at the front.", ge=0, le=1)
-    brake_front: float = param(0.66, "-", "Share of the brake force at the front.", ge=0, le=1)
-    map_acceleration: tuple[tuple[float, ...], ...] = param(
-        _BMW_ACCEL, "m/s^2", "Net acceleration on a straight, a row for each throttle."
-    )
-    map_drag_area: float | None = param(
-        None, "m^2", "Drag area the map was measured with (null: drag_area).", ge=0
-    )
-    max_wheel_angle: float = param(1.066, "rad", "Angle at full lock.", gt=0, le=_LARGEST_ANGLE)
-    ackermann: bool = param(False, "-", "Outer wheel by Ackermann, else parallel wheels.")
-    steer_rate_up: float = param(0.4 / 1.066, "1/s", "Steering rate away from centre.", gt=0)
-    steer_rate_down: float = param(0.4 / 1.066, "1/s", "Steering rate to the centre.", gt=0)
-    steer_curve_speed: tuple[float, ...] = param((0.0, 50.0), "m/s", "Speeds of the curve.")
-    steer_curve_factor: tuple[float, ...] = param((1.0, 1.0), "-", "Share at those speeds.")
-
-
-@register("vehicle", "vw_t7")
-class VwT7(Vehicle):
-    """VW T7 of TUM-CONTROL (github.com/TUMFTM/TUM-CONTROL): its figures for simulation.
-
-    Throttle gives up to 2.5, the brake 3.5 m/s^2 beside resistances, as its limits are. Track
-    width is assumed; width and length are those of the production car.
-    """
-
-    mass: float = param(2520.0, "kg", "Mass.", gt=0)
-    yaw_inertia: float = param(13600.0, "kg m^2", "Moment of inertia about the z axis.", gt=0)
-    l_f: float = param(1.484, "m", "Centre of mass to front axle.", gt=0)
-    l_r: float = param(1.644, "m", "Centre of mass to rear axle.", gt=0)
-    track_width: float = param(1.7, "m", "Distance between left and right wheels.", gt=0)
-    height: float = param(0.275, "m", "Height of the centre of mass.", gt=0)
-    # Pacejka's B C D of each axle.
-    c_f: float = param(
-        10.0 * 1.3 * 15591.427, "N/rad", "Cornering stiffness of the front axle.", gt=0
-    )
-    c_r: float = param(
-        10.0 * 1.6 * 24629.523, "N/rad", "Cornering stiffness of the rear axle.", gt=0
-    )
-    friction: float = param(1.0, "-", "Tyre friction coefficient.", gt=0)
-    # Its air has 1.225 kg/m^3.
-    drag_area: float = param(
-        0.35 * 2.9 * 1.225 / _AIR_DENSITY, "m^2", "Drag coefficient times frontal area.", ge=0
-    )
-    drive_front: float = param(0.0, "-", "Share of the drive force at the front.", ge=0, le=1)
-    brake_force: float = param(8820.0, "N", "Brake force of all wheels at full brake.", ge=0)
-    brake_front: float = param(2.0 / 3.0, "-", "Share of the brake force at the front.", ge=0, le=1)
-    max_wheel_angle: float = param(0.610865, "rad", "Angle at full lock.", gt=0, le=_LARGEST_ANGLE)
-    ackermann: bool = param(False, "-", "Outer wheel by Ackermann, else parallel wheels.")
-    steer_rate_up: float = param(0.322 / 0.610865, "1/s", "Steering rate away from centre.", gt=0)
-    steer_rate_down: float = param(0.322 / 0.610865, "1/s", "Steering rate to the centre.", gt=0)
-    width: float = param(1.941, "m", "Width of the body (drawing, lane widths).", gt=0)
-    body_length: float = param(4.973, "m", "Length of the body (drawing).", gt=0)
-    steer_curve_speed: tuple[float, ...] = param((0.0, 50.0), "m/s", "Speeds of the curve.")
-    steer_curve_factor: tuple[float, ...] = param((1.0, 1.0), "-", "Share at those speeds.")
-    map_throttle: tuple[float, ...] = param((0.0, 1.0), "-", "Throttles of the map.")
-    map_speed: tuple[float, ...] = param((0.0, 50.0), "m/s", "Speeds of the map.")
-    map_acceleration: tuple[tuple[float, ...], ...] = param(
-        ((0.0, 0.0), (2.5, 2.5)), "m/s^2", "Acceleration without drag, a row for each throttle."
-    )
-    map_drag_area: float | None = param(
-        0.0, "m^2", "Drag area the map was measured with (null: drag_area).", ge=0
-    )
-    fade_speed: float = param(50.0, "m/s", "Speed from which the drive power is constant.", gt=0)
 
 
 @register("vehicle", "file")
