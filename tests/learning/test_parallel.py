@@ -19,7 +19,7 @@ from steersman.config import to_yaml
 from steersman.errors import ConfigError, DataError
 from steersman.learning.config import TrainConfig
 from steersman.learning.parallel import TrainingEvent, TrainingJob, train_all
-from steersman.learning.seeds import SeedsResult
+from steersman.learning.seeds import TrainedSeeds
 from steersman.learning.train import train
 
 from .problems import tiny
@@ -180,6 +180,6 @@ def test_what_is_for_one_training_or_for_several_is_refused_elsewhere(tmp_path: 
 
 
 def test_the_best_of_trainings_that_all_failed_is_an_error() -> None:
-    result = SeedsResult({}, {0: "diverged", 4: "no road"})
+    result = TrainedSeeds({}, {0: "diverged", 4: "no road"})
     with pytest.raises(DataError, match="seed 0: diverged; seed 4: no road"):
         _ = result.best

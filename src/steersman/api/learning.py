@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from steersman.learning.imitation.imitate import ImitationResult
     from steersman.learning.parallel import TrainingEvent
     from steersman.learning.progress import ImitationRow, TrainResult, TrainRow
-    from steersman.learning.seeds import SeedsResult
+    from steersman.learning.seeds import TrainedSeeds
     from steersman.learning.task import Judged
     from steersman.studies.search import SearchResult
 
@@ -25,7 +25,7 @@ def train(*words: Word, out: Folder, seeds: None = None, **settings: Any) -> Tra
 @overload
 def train(
     *words: Word, out: Folder, seeds: Sequence[int] | str, **settings: Any
-) -> SeedsResult: ...
+) -> TrainedSeeds: ...
 def train(  # noqa: PLR0913 - of one training, or of several
     *words: Word,
     out: Folder,
@@ -40,7 +40,7 @@ def train(  # noqa: PLR0913 - of one training, or of several
     jobs: int | None = None,
     notify: Notify | None = None,
     **settings: Any,
-) -> TrainResult | SeedsResult:
+) -> TrainResult | TrainedSeeds:
     """Train an agent while a controller demonstrates; ``result.policy`` is the policy's file.
 
     ``sm.train("demo", "agent.gamma=0.9", steps=100_000, out="runs/agent")``;

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from steersman.learning.config import TrainConfig
     from steersman.learning.parallel import TrainingEvent
     from steersman.learning.progress import TrainRow
-    from steersman.learning.seeds import SeedsResult
+    from steersman.learning.seeds import TrainedSeeds
 
 
 def train_seeds(
@@ -78,7 +78,7 @@ def progress_text(row: TrainRow) -> str:
     )
 
 
-def _summary(result: SeedsResult) -> None:
+def _summary(result: TrainedSeeds) -> None:
     """Validation error of each seed's best policy, the best of all marked."""
     out = table("seed", "error [mm]", "failures", "steps", "", right=("error [mm]", "failures"))
     best = result.best if result.trainings else None

@@ -12,7 +12,7 @@ from steersman.learning.parallel import TrainingEvent, TrainingJob, train_all
 from steersman.learning.progress import TrainResult, load_training
 
 
-class SeedsResult(NamedTuple):
+class TrainedSeeds(NamedTuple):
     """Trainings that differ in their seed."""
 
     trainings: Mapping[int, TrainResult]
@@ -66,7 +66,7 @@ def train_seeds(
     jobs: int | None = None,
     overwrite: bool = False,
     resume: bool = False,
-) -> SeedsResult:
+) -> TrainedSeeds:
     """Train with each seed into ``seed_N`` of the folder, ``jobs`` at a time.
 
     Raises:
@@ -81,7 +81,7 @@ def train_seeds(
     ]
     failed = train_all(tasks, jobs, listener, engine=engine, overwrite=overwrite, resume=resume)
     ended = {s: job for s, job in zip(seeds, tasks, strict=True) if job.name not in failed}
-    return SeedsResult(
+    return TrainedSeeds(
         {s: load_training(job.out) for s, job in ended.items()},
         {s: failed[name_of(s)] for s in seeds if s not in ended},
     )

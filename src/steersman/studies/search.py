@@ -27,7 +27,7 @@ from steersman.provenance import provenance
 from steersman.stored import SourcedResult, StoredResult
 from steersman.studies.folder import same_study
 from steersman.studies.optuna_study import open_study, sampler
-from steersman.studies.search_space import SearchConfig, SearchRange, applied
+from steersman.studies.search_space import SearchConfig, SettingRange, applied
 
 # Called with the trial, what it trains now in words, and the best score so far [m].
 Progress = Callable[[int, str, float], None]
@@ -259,11 +259,11 @@ def _trained(order: _TrialTraining, tell: Tell) -> float | None:
     return float(found.card.training["validation"]["total"])
 
 
-def _texts(searched: Mapping[str, SearchRange]) -> dict[str, str]:
+def _texts(searched: Mapping[str, SettingRange]) -> dict[str, str]:
     return {name: str(span) for name, span in searched.items()}
 
 
-def _pressed(span: SearchRange, value: str) -> bool:
+def _pressed(span: SettingRange, value: str) -> bool:
     """Whether a value lies within 2 % of an end of its range."""
     if span.choices:
         return False

@@ -20,7 +20,7 @@ _RANGE = re.compile(rf"\s*(?P<low>{_NUMBER})\.\.(?P<high>{_NUMBER})(?P<log>:log)
 _WHOLE = re.compile(r"[-+]?\d+")
 
 
-class SearchRange(NamedTuple):
+class SettingRange(NamedTuple):
     """The values that a search may give to a setting."""
 
     low: float = 0.0
@@ -59,11 +59,11 @@ def is_range(text: str) -> bool:
     return "|" in text or _RANGE.fullmatch(text) is not None
 
 
-def search_range(name: str, text: str) -> SearchRange:
+def search_range(name: str, text: str) -> SettingRange:
     """The range that ``text`` describes.
 
     >>> search_range("agent.gamma", "0.9..0.99")
-    SearchRange(low=0.9, high=0.99, log=False, whole=False, choices=())
+    SettingRange(low=0.9, high=0.99, log=False, whole=False, choices=())
     >>> search_range("agent", "ddpg|td3").choices
     ('ddpg', 'td3')
 
@@ -74,7 +74,7 @@ def search_range(name: str, text: str) -> SearchRange:
         choices = tuple(part.strip() for part in text.split("|"))
         if len(set(choices)) < len(choices) or "" in choices:
             raise ConfigError(f"{text!r} has an empty or a repeated choice", (name,))
-        return SearchRange(choices=choices)
+        return SettingRange(choices=choices)
     match = _RANGE.fullmatch(text)
     if match is None:
         form = "LOW..HIGH, LOW..HIGH:log or A|B"
@@ -84,7 +84,7 @@ def search_range(name: str, text: str) -> SearchRange:
         raise ConfigError(f"{text!r}: the first number must be less than the second", (name,))
     if log and low <= 0.0:
         raise ConfigError(f"{text!r}: a logarithmic range must begin above 0", (name,))
-    return SearchRange(low, high, log, all(_WHOLE.fullmatch(match[end]) for end in ("low", "high")))
+    return SettingRange(low, high, log, all(_WHOLE.fullmatch(match[end]) for end in ("low", "high")))
 
 
 def has_setting(tree: Any, name: str) -> bool:
@@ -145,7 +145,7 @@ class SearchConfig(Settings):
                 build(TrainConfig, applied(tree, {name: whole}))
         return self
 
-    def searched(self) -> dict[str, SearchRange]:
+    def searched(self) -> dict[str, SettingRange]:
         """The settings that are searched, and their ranges.
 
         Raises:
