@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 
 from pydantic import BaseModel
 
-from steersman import presets, tuned
+from steersman import core_yaml, presets, tuned
 from steersman import words as words_
 from steersman.command_table import (
     COMMANDS,
@@ -117,6 +117,36 @@ def check_order(assignments: Sequence[str]) -> None:
 def key(word: str) -> str:
     """The left side of an assignment, or the word itself."""
     return word.partition("=")[0].strip()
+
+
+def suite_settings(
+    words: Sequence[str], also: set[str] | frozenset[str] = frozenset()
+) -> tuple[list[str], dict[str, str]]:
+    """The words that name something to drive, and by their key those that are settings.
+
+    >>> suite_settings(["pid", "mine=tuned/lqr", "corridor=1", "radius=3"])
+    (['pid', 'mine=tuned/lqr'], {'corridor': 'corridor=1', 'radius': 'radius=3'})
+
+    Args:
+        words: words of ``bench`` or ``compare``.
+        also: names of settings beside those of a suite.
+
+    Raises:
+        ConfigError: a setting undoes another.
+    """
+    from steersman.bench.suite import Suite
+
+    known = {"suite", "seed", "seeds", *Suite.model_fields, *also}
+
+    def sets(word: str) -> bool:
+        """Whether it names a field, or gives what cannot name a controller: radius=3."""
+        given = core_yaml.value(word.partition("=")[2].strip())
+        return key(word).partition(".")[0] in known or not isinstance(given, str | None)
+
+    found = [word for word in words if "=" in word and sets(word)]
+    check_order(found)
+    named = [word for word in words if word not in found]
+    return named, {key(word): word for word in found}
 
 
 def _named(command: str, names: Sequence[str]) -> dict[str, Any]:

@@ -9,10 +9,10 @@ from importlib.util import find_spec
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from steersman import core_yaml, files
+from steersman import files
 from steersman.api.driving import Folder, announce, workers_for
 from steersman.command_table import build_for
-from steersman.commands import Notify, check_order, configuration, key, split
+from steersman.commands import Notify, configuration, split, suite_settings
 from steersman.config import dump, lay_over, override
 from steersman.errors import ConfigError, how_to_install
 from steersman.words import seed_list
@@ -270,33 +270,3 @@ def kept(out: Folder | None) -> Iterator[FilePath]:
         return
     with tempfile.TemporaryDirectory() as name:
         yield FilePath(name)
-
-
-def suite_settings(
-    words: Sequence[str], also: set[str] | frozenset[str] = frozenset()
-) -> tuple[list[str], dict[str, str]]:
-    """The words that name something to drive, and by their key those that are settings.
-
-    >>> suite_settings(["pid", "mine=tuned/lqr", "corridor=1", "radius=3"])
-    (['pid', 'mine=tuned/lqr'], {'corridor': 'corridor=1', 'radius': 'radius=3'})
-
-    Args:
-        words: words of ``bench`` or ``compare``.
-        also: names of settings beside those of a suite.
-
-    Raises:
-        ConfigError: a setting undoes another.
-    """
-    from steersman.bench.suite import Suite
-
-    known = {"suite", "seed", "seeds", *Suite.model_fields, *also}
-
-    def sets(word: str) -> bool:
-        """Whether it names a field, or gives what cannot name a controller: radius=3."""
-        given = core_yaml.value(word.partition("=")[2].strip())
-        return key(word).partition(".")[0] in known or not isinstance(given, str | None)
-
-    found = [word for word in words if "=" in word and sets(word)]
-    check_order(found)
-    named = [word for word in words if word not in found]
-    return named, {key(word): word for word in found}

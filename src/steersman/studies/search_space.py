@@ -84,7 +84,8 @@ def search_range(name: str, text: str) -> SettingRange:
         raise ConfigError(f"{text!r}: the first number must be less than the second", (name,))
     if log and low <= 0.0:
         raise ConfigError(f"{text!r}: a logarithmic range must begin above 0", (name,))
-    return SettingRange(low, high, log, all(_WHOLE.fullmatch(match[end]) for end in ("low", "high")))
+    whole = all(_WHOLE.fullmatch(match[end]) for end in ("low", "high"))
+    return SettingRange(low, high, log, whole)
 
 
 def has_setting(tree: Any, name: str) -> bool:
