@@ -3,6 +3,7 @@
 from steersman.vehicles.base import KMH, LONGEST_STEP, Vehicle
 from steersman.vehicles.bmw_320i import Bmw320i
 from steersman.vehicles.carla import CarlaMkz2020, CarlaModel3, CarlaModel3V1
+from steersman.vehicles.vw_t7 import VwT7
 
 __all__ = [
     "KMH",
@@ -12,4 +13,5 @@ __all__ = [
     "CarlaModel3",
     "CarlaModel3V1",
     "Vehicle",
+    "VwT7",
 ]

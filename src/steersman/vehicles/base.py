@@ -1,18 +1,16 @@
-"""A vehicle: its figures, what they give for the kernels, and one from the user's own YAML file."""
+"""A vehicle: its figures, and what they give for the kernels."""
 
 from __future__ import annotations
 
 import math
 from functools import cached_property
 from itertools import pairwise
-from pathlib import Path as FilePath
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from pydantic import field_validator, model_validator
 
-from steersman.config import Built, Component, build, lookup, param, read_yaml, register, required
-from steersman.errors import ConfigError
+from steersman.config import Built, Component, build, param, register
 from steersman.kernels import vehicle as kernel
 from steersman.kernels.vehicle import VehicleTable
 
@@ -266,35 +264,3 @@ class Vehicle(Component):
     def steer_for_wheel_angle(self, wheel_angle: float, speed: float) -> float:
         """Normalised steering for a single-track wheel angle [rad] at a speed [m/s]."""
         return kernel.steer_for_wheel(self.table, 0, wheel_angle, speed)
-
-
-@register("vehicle", "file")
-class VehicleFile(Vehicle):
-    """A vehicle from the user's YAML file: ``base`` names a known kind, other keys replace it.
-
-    Values given beside ``file`` in the configuration win over those in the file.
-    """
-
-    suffixes: ClassVar[tuple[str, ...]] = (".yaml", ".yml")
-
-    file: str = required("-", "YAML file with the vehicle's figures.")
-
-    @property
-    def title(self) -> str:
-        """The file's name."""
-        return FilePath(self.file).name
-
-    @model_validator(mode="before")
-    @classmethod
-    def _read(cls, data: Any) -> Any:
-        if not isinstance(data, dict) or "file" not in data:
-            return data
-        figures = read_yaml(FilePath(str(data["file"])))
-        try:
-            base = lookup("vehicle", str(figures.pop("base", "custom")))
-            if base is cls:
-                raise ConfigError("base must name a vehicle that is not a file")
-            known = build(base, figures)
-        except ConfigError as error:
-            raise ConfigError(f"{data['file']}: {error}") from None
-        return known.model_dump() | data
