@@ -56,7 +56,7 @@ class Plant(Protocol):
     vehicle: Any
     """What is known of the vehicle that is driven (``vehicles.Vehicle``)."""
     source: str
-    """Whose numbers these are, in a few words: the embedded simulator's, or a server's version."""
+    """The plant in words, as results state it: the embedded simulator, or a server's version."""
     delay: int
     """Steering delay in the steps of the plant's configuration, from the next ``reset`` on."""
 

@@ -170,7 +170,8 @@ def test_the_summary_names_the_best(
     assert best == f"best policy: {result.policy}"
     assert {seed: each.seed for seed, each in result.trainings.items()} == {2: 2, 5: 5}
     assert notes == [f"{tmp_path / f'seed_{seed}'}: finished already" for seed in SEEDS]
-    assert sm.train(SMALL, "seeds=2,5", out=tmp_path, resume=True) == result
+    again: Any = sm.train(SMALL, "seeds=2,5", out=tmp_path, resume=True)
+    assert again == result
     with pytest.raises(DataError, match="seed_2: holds a training"):
         sm.train(SMALL, seeds=[2, 3], out=tmp_path)
 

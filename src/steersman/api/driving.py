@@ -168,7 +168,7 @@ def drive_metrics(episode: Episode) -> dict[str, Any]:
 
 
 def announce(plant: PlantComponent, notify: Notify | None, vehicle: Vehicle | None = None) -> None:
-    """Say what is driven on, if not the embedded simulator; a stand-in's numbers are never CARLA's.
+    """Notify about the plant, unless it is the embedded simulator; a stand-in is named as such.
 
     And which figures the file of a vehicle leaves to another car.
 
@@ -184,7 +184,7 @@ def announce(plant: PlantComponent, notify: Notify | None, vehicle: Vehicle | No
 
 
 def announce_drive(config: RunConfig, words: Sequence[Word], notify: Notify | None) -> None:
-    """Say what is driven on, what was made of the path's file, and what does not fit the car.
+    """Notify about the plant, repairs of the path's file, and what does not fit the car.
 
     ``words`` are those of the command, which name the file of the gains.
 
@@ -210,7 +210,7 @@ def announce_drive(config: RunConfig, words: Sequence[Word], notify: Notify | No
 def workers_for(
     plant: PlantComponent, engine: str | None, jobs: int | None
 ) -> tuple[str, int | None]:
-    """The engine, and the jobs at a time; a server has one car.
+    """The engine and the number of jobs at a time, which is 1 on a server with its one car.
 
     Raises:
         ConfigError: there is no such engine, or the plant cannot do it.

@@ -143,7 +143,7 @@ class _Worker:
             return code, errors.read().decode("utf-8", "replace").strip()
 
     def fault(self) -> str:
-        """Why a process ended that should not have."""
+        """Signal, last line of its errors, or exit code of a process that ended before its work."""
         code, text = self.close()
         if code < 0:
             return f"killed by {signal.Signals(-code).name}"

@@ -37,7 +37,7 @@ class Job(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What came of a job: a result or an error."""
+    """The result or the error of a job."""
 
     key: str
     result: Any = None

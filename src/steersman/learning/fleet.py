@@ -102,7 +102,7 @@ class FleetDriver:
 
     @property
     def source(self) -> str:
-        """Whose numbers it gives."""
+        """The plant in words, as results state it."""
         shared = self.mover.shared
         return self.problem.plant.source() if shared is None else shared.plant.source
 
@@ -180,7 +180,7 @@ class FleetDriver:
         self.fleet.delay[i] = self.problem.plant.delay_of(self.problem.vehicle) + extra
 
     def _make_slippery(self, i: int, profile: Profile, rng: np.random.Generator) -> Profile:
-        """Lower the friction; the profile as a driver would drive it there."""
+        """Lower the friction; the profile with its speed cap lowered to that grip."""
         row = self.world.vehicles.rows[i]
         least, own = self.problem.spread.least_friction, row[car.MU]
         row[car.MU] = min(least * (own / least) ** rng.uniform(), own)
@@ -227,7 +227,7 @@ class FleetDriver:
         lessons.encode(self.lesson, self.fleet, i)
 
     def _propose(self, i: int, *, restart: bool = False) -> None:
-        """Ask base and demonstrator what they would do now with vehicle ``i``."""
+        """Compute the steering of base and demonstrator for the present state of vehicle ``i``."""
         fleet, base, demonstrator = self.fleet, self._corrected, self._demonstrator
         if base is not None:  # the last state of an episode has its feature, too
             fleet.base[i] = self._ask(base, i, restart=restart)

@@ -85,7 +85,7 @@ class Validator:
 
     @property
     def source(self) -> str:
-        """Whose numbers its scores are."""
+        """The plant in words, as results state it."""
         return self._driver.source
 
     def close(self) -> None:

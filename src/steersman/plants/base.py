@@ -59,7 +59,7 @@ class PlantComponent(Component):
         """Time between the moments at which a command can begin to act [s]."""
 
     def source(self) -> str:
-        """Whose numbers it gives, as results state it; a server is queried.
+        """The plant in words, as results state it; a server is queried for its version.
 
         Raises:
             PlantError: the server does not answer.
