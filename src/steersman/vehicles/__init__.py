@@ -3,6 +3,7 @@
 from steersman.vehicles.base import KMH, LONGEST_STEP, Vehicle
 from steersman.vehicles.bmw_320i import Bmw320i
 from steersman.vehicles.carla import CarlaMkz2020, CarlaModel3, CarlaModel3V1
+from steersman.vehicles.file import VehicleFile
 from steersman.vehicles.vw_t7 import VwT7
 
 __all__ = [
@@ -13,5 +14,6 @@ __all__ = [
     "CarlaModel3",
     "CarlaModel3V1",
     "Vehicle",
+    "VehicleFile",
     "VwT7",
 ]
