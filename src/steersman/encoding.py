@@ -7,7 +7,7 @@ policy. Training and the controllers of exported policies use the same kernel.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, final
@@ -36,9 +36,15 @@ from steersman.features import (
     YawRate,
 )
 from steersman.kernels import encode as kernel
+from steersman.kernels import observe
 from steersman.kernels.encode import EncodingTable
-from steersman.kernels.formula import numbers_of
+from steersman.kernels.encode_slopes import EncodingSlopes
+from steersman.kernels.formula import Formula, numbers_of
+from steersman.kernels.formula_slopes import reads, slopes
 from steersman.types import FloatArray
+
+# What of the loop's columns depends on the past.
+_COMMANDS = kernel.LAST_COMMAND, kernel.BASE_COMMAND
 
 
 @dataclass(frozen=True)
@@ -82,12 +88,46 @@ class Layout:
     @cached_property
     def table(self) -> EncodingTable:
         """The layout as the kernels read it; only for this process."""
+        return self._table(lambda formula: formula.address)
+
+    @cached_property
+    def slopes(self) -> EncodingSlopes:
+        """Its derivatives as the kernels read them; only for this process.
+
+        Raises:
+            ConfigError: numba cannot derive one of the formulas.
+        """
+        of_numbers: list[list[int]] = []
+        of_cells: list[list[int]] = []
+        first, last = kernel.CELLS, kernel.CELLS + self.cells
+        for feature in self.features:
+            own = list(numbers_of(feature).values())
+            sizes = observe.O_PREVIEW + 2 * feature.reads, kernel.CELLS, feature.cells
+            found = feature.formulas
+
+            def places(name: str, i: int) -> list[int]:
+                seen, loop, memory = reads(found[name], own, i, sizes)  # noqa: B023
+                cells = [first + k for k in memory]  # noqa: B023
+                return [*(k for k in loop if k in _COMMANDS), *cells, *(last + k for k in seen)]
+
+            of_numbers += [places("value", i) for i in range(feature.size)]
+            for i in range(feature.cells):
+                of_cells += [places(name, i) if name in found else [] for name in UPDATES]
+            first += feature.cells
+        of_all = of_numbers + of_cells
+        begins = np.cumsum([0, *(len(each) for each in of_all)])
+        flat = [place for each in of_all for place in each]
+        return EncodingSlopes(
+            self._table(slopes), begins.astype(np.int64), np.array(flat, dtype=np.int64)
+        )
+
+    def _table(self, address: Callable[[Formula], int]) -> EncodingTable:
         numbers: list[list[int]] = []
         cells: list[list[int]] = []
         own: list[float] = []
         for feature in self.features:
             at, first = len(own), kernel.CELLS + len(cells)
-            found = {name: formula.address for name, formula in feature.formulas.items()}
+            found = {name: address(formula) for name, formula in feature.formulas.items()}
             numbers += [[found["value"], i, at, first] for i in range(feature.size)]
             updates = [found.get(name, 0) for name in UPDATES]
             cells += [[*updates, i, at, first] for i in range(feature.cells)]

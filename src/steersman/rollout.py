@@ -234,7 +234,7 @@ class _Drive:
 
     def _add(self, row: FloatArray, time: float, decision: Decision, took: float) -> None:
         fleet = self.simulation.fleet
-        steer, throttle, brake = fleet.sent[0], fleet.command[1], fleet.command[2]
+        steer, throttle, brake = fleet.sent[0], fleet.command[0, 1], fleet.command[0, 2]
         self._rows.append(row)
         self._more.append(
             (

@@ -30,7 +30,7 @@ _SMALL: dict[str, Any] = {
     "buffer": 2000,
     "updates": 1,
 }
-_SMALL |= {"learning_starts": 64, "n_steps": 32}
+_SMALL |= {"learning_starts": 64, "n_steps": 32, "horizon": 16}
 # Environment steps after which every algorithm has learned several times.
 _STEPS = 128
 

@@ -90,7 +90,7 @@ class Fleet(NamedTuple):
     work: FloatArray
     """Scratch of the integration."""
     command: FloatArray
-    """Scratch: the command of the vehicle in turn."""
+    """(N, 3) steering, as it acted at the end of this step, throttle and brake."""
     measured: FloatArray
     """Scratch: the measured state."""
     place: FloatArray
@@ -134,7 +134,7 @@ def empty_fleet(
         reward=np.zeros((n, 4)),
         judged=np.zeros(rew.N_JUDGED),
         work=np.zeros((3, car.N_MOTION)),
-        command=np.zeros(3),
+        command=np.zeros((n, 3)),
         measured=np.zeros(car.N_STATE),
         place=np.zeros(obs.N_TRACKING),
     )

@@ -54,6 +54,8 @@ class Formula(NamedTuple):
     """Its syntax; None for a plain Python function."""
     address: int
     """Where the compiled function is."""
+    placed: ast.FunctionDef | None = None
+    """Its syntax with the numbers' places instead of their names."""
 
 
 class _Columns(ast.NodeTransformer):
@@ -156,25 +158,37 @@ def _compiled(function: Callable[..., float], frozen: tuple[tuple[str, Any], ...
             raise ConfigError(f"{where}: unknown argument {argument.arg!r}; allowed: {allowed}")
     placed = _Columns(groups, where).visit(parse(function))
     placed.args = ast.arguments([], [ast.arg(name) for name in names], None, [], [], None, [])
+    address = address_of(placed, function, function.__globals__, _SIGNATURE)
+    return Formula(function, tree, address, placed)
+
+
+def address_of(
+    placed: ast.FunctionDef, function: Callable[..., float], names: dict[str, Any], signature: Any
+) -> int:
+    """Where the compiled function is of a syntax tree made from ``function``, reading ``names``.
+
+    Raises:
+        ConfigError: numba cannot compile it.
+    """
     module = ast.fix_missing_locations(ast.Module([placed], []))
     made: dict[str, Any] = {}
-    exec(compile(module, inspect.getfile(function), "exec"), function.__globals__, made)
+    exec(compile(module, inspect.getfile(function), "exec"), names, made)
     plain = made[placed.name]
     # numba's cache does not see constants: the name distinguishes formulas with other places.
     digest = hashlib.sha256(ast.dump(placed).encode()).hexdigest()[:12]
     plain.__qualname__ = f"{function.__qualname__}_{digest}"
-    kept = _cfunc(plain, where)
+    kept = _cfunc(plain, _name(function), signature)
     _KEPT.append(kept)
-    return Formula(function, tree, kept.address)
+    return int(kept.address)
 
 
-def _cfunc(plain: Callable[..., float], where: str) -> Any:
+def _cfunc(plain: Callable[..., float], where: str, signature: Any) -> Any:
     compiler: Any = cfunc
     options = {"error_model": "numpy", "_nrt": False}
     try:
         with suppress(Exception):  # no folder can be written, or what is in it is damaged
-            return compiler(_SIGNATURE, cache=True, **options)(plain)
-        return compiler(_SIGNATURE, **options)(plain)
+            return compiler(signature, cache=True, **options)(plain)
+        return compiler(signature, **options)(plain)
     except Exception as error:
         raise ConfigError(f"{where}: numba cannot compile it: {_reason(error)}") from error
 
@@ -268,4 +282,6 @@ def call(
 
 @overload(call, strict=False)
 def _call(address: Any, seen: Any, loop: Any, own: Any, at: Any, cells: Any, i: Any) -> Any:
+    if not isinstance(seen, types.Array):
+        return None  # rows of other numbers: see formula_slopes
     return lambda a, b, c, d, e, f, g: _JUMP(a, b, c, d, e, f, g)  # noqa: PLW0108 - numba requires it

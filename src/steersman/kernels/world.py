@@ -135,7 +135,7 @@ def decide(world: World, fleet: Fleet, n: int, steer: float) -> float:
 
     That is the arc length [m] that it reaches in this step at its present speed.
     """
-    state, clock, dt, command = fleet.state[n], fleet.clock[n], world.dt, fleet.command
+    state, clock, dt, command = fleet.state[n], fleet.clock[n], world.dt, fleet.command[n]
     speed, s = np.hypot(state[car.VX], state[car.VY]), fleet.tracking[n, obs.S]
     throttle, brake, clock[CLOCK_INTEGRAL] = pedals(
         world.speed,
@@ -194,7 +194,7 @@ def advance(world: World, fleet: Fleet, n: int, steer: float) -> None:
         world.vehicles,
         n,
         fleet.state[n],
-        fleet.command,
+        fleet.command[n],
         fleet.delayed[n],
         fleet.delay[n],
         world.h,

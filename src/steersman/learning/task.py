@@ -25,6 +25,7 @@ from steersman.kernels.formula import (
     numbers_of,
     own_group,
 )
+from steersman.kernels.formula_slopes import slopes
 from steersman.kernels.reward import RewardTable
 from steersman.kernels.vehicle import STEER
 from steersman.types import FloatArray
@@ -123,6 +124,19 @@ class Precision(RewardTerm):
         return self.weight * (left - 0.5 * abs(math.sin(step.course_error)))
 
 
+@register("reward", "log_error")
+class LogError(RewardTerm):
+    """-log(1 + (d / scale)^2) - (d / far)^2: smooth; halving any error pays about the same."""
+
+    scale: float = param(0.02, "m", "Error of the steepest slope of the logarithm.", gt=0)
+    far: float = param(0.2, "m", "Error at which the square is one.", gt=0)
+
+    def value(self, step: Judged) -> float:
+        """Weighted."""
+        near, far = step.lateral_error / self.scale, step.lateral_error / self.far
+        return -self.weight * (math.log(1.0 + near * near) + far * far)
+
+
 @register("reward", "imitation")
 class Imitation(RewardTerm):
     """Minus half the squared difference from the demonstrated steering, over ``scale``."""
@@ -207,10 +221,17 @@ class TaskComponent(Component):
 
     def table(self) -> RewardTable:
         """The sum as the kernels read it; only for this process."""
+        return self._table(lambda formula: formula.address)
+
+    def slopes(self) -> RewardTable:
+        """Its derivatives, likewise; a ConfigError where a term has none."""
+        return self._table(slopes)
+
+    def _table(self, address: Callable[[Formula], int]) -> RewardTable:
         terms: list[list[int]] = []
         own: list[float] = []
         for term in self.sum_of():
-            terms.append([term.formula().address, len(own)])
+            terms.append([address(term.formula()), len(own)])
             own += numbers_of(term).values()
         return RewardTable(
             np.array(terms, dtype=np.int64),
@@ -276,8 +297,4 @@ class PreciseTask(TaskComponent):
 
     def tracking(self) -> RewardTerm:
         """Precision; it needs no normalisation."""
-        return Precision(
-            root_error=self.root_error,
-            root_weight=self.root_weight,
-            linear_weight=self.linear_weight,
-        )
+        return Precision(**self.model_dump(include={"root_error", "root_weight", "linear_weight"}))

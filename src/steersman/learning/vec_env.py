@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -54,6 +54,8 @@ class PathFollowingVecEnv(VecEnv):
         """Largest |reward| of a step so far."""
         self.recorder: Recorder | None = None
         """Keeps every step; None: nothing is kept."""
+        self.watch: Callable[[], None] | None = None
+        """Called after each step, before drives that ended begin anew."""
         self.choice: tuple[Any, Any] | None = None
         """The agent's own actions and where the demonstrator takes the wheel, (n,) each, if the
         agent tells; for the recorder alone."""
@@ -86,6 +88,8 @@ class PathFollowingVecEnv(VecEnv):
         driver.step(self._actions)
         if self.recorder is not None:
             self.recorder.stepped()
+        if self.watch is not None:
+            self.watch()
         fleet = driver.fleet
         reward = fleet.reward[:, 0].astype(np.float32)
         self._sums += fleet.reward[:, 0]

@@ -144,7 +144,7 @@ def _ride(
     if lesson is not None:
         steer, before = lessons.command(lesson, fleet, i, steer, world.dt)
     near = kernel.decide(world, fleet, i, steer)
-    _write(fleet, i, plant.step(Command(*fleet.command.tolist())), plant)
+    _write(fleet, i, plant.step(Command(*fleet.command[i].tolist())), plant)
     kernel.conclude(world, fleet, i, near)
     if lesson is not None:
         lessons.judge(lesson, fleet, i, steer, before)

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from steersman.learning.sb3 import SteeringAgent
     from steersman.learning.vec_env import PathFollowingVecEnv
 
+# p_action counts as above zero if it is at one of so many steps of the training.
+_LOOKS = 1000
+
 
 class AgentComponent(Component):
     """A learning algorithm: networks, updates and exploration.
@@ -70,6 +73,22 @@ class AgentComponent(Component):
         Raises:
             ConfigError: it cannot learn from it.
         """
+
+    def refuse_actions(self, demonstration: Demonstration, steps: int) -> None:
+        """For ``check`` of an algorithm that learns only from its own policy's actions.
+
+        Raises:
+            ConfigError: the demonstrator would act.
+        """
+        p = demonstration.p_action
+        acts = any(p.value(steps * k / _LOOKS, steps) > 0.0 for k in range(_LOOKS + 1))
+        if demonstration.enabled and acts:
+            raise ConfigError(
+                f"{self.kind} learns only from actions that its own policy chose, so the "
+                "demonstrator cannot act (its reward works); switch the extra action off: "
+                "problem.demonstration.p_action={kind: constant, at: 0}",
+                ("problem", "demonstration", "p_action"),
+            )
 
     @property
     def operators(self) -> tuple[str, str]:

@@ -17,9 +17,6 @@ if TYPE_CHECKING:
     from steersman.learning.sb3 import SteeringAgent
     from steersman.learning.vec_env import PathFollowingVecEnv
 
-# p_action counts as above zero if it is at one of so many steps of the training.
-_LOOKS = 1000
-
 
 @register("agent", "ppo")
 class Ppo(AgentComponent):
@@ -83,15 +80,7 @@ class Ppo(AgentComponent):
         Raises:
             ConfigError: the demonstrator would act.
         """
-        p = demonstration.p_action
-        acts = any(p.value(steps * k / _LOOKS, steps) > 0.0 for k in range(_LOOKS + 1))
-        if demonstration.enabled and acts:
-            raise ConfigError(
-                "ppo learns only from actions that its own policy chose, so the demonstrator "
-                "cannot act (its reward works); switch the extra action off: "
-                "problem.demonstration.p_action={kind: constant, at: 0}",
-                ("problem", "demonstration", "p_action"),
-            )
+        self.refuse_actions(demonstration, steps)
 
     @property
     def operators(self) -> tuple[str, str]:
