@@ -47,7 +47,7 @@ class Kalman(EstimatorComponent):
     """
 
     curvature_change: float = param(
-        2e-3, "1/m", "SD of the change of the road's curvature over a metre.", gt=0
+        1.4e-3, "1/m", "SD of the change of the road's curvature over a metre.", gt=0
     )
     v_y_bias: float = param(0.1, "m/s", "SD of the constant error of v_y.", ge=0)
     yaw_rate_bias: float = param(0.01, "rad/s", "SD of the constant error of the yaw rate.", ge=0)

@@ -97,7 +97,7 @@ def step(  # noqa: PLR0917 - numba takes no keyword-only arguments
     if not first:
         _advance(table, n, settings, h, dt, periods, fresh, row[observe.O_STEER], kept, work)
     if fresh:
-        listen(row, preview, kept, work.spread)
+        listen(spacing, row, preview, kept, work.spread)
         if not first:
             update(h, spacing, row, preview, kept, work, True)
         if first or memory[LOST] >= _LOST_STEPS:

@@ -40,12 +40,12 @@ _NEAREST = 0.2
 _NODES_AT_CAR = 4
 # Growth of the variance in a second: lateral error [m^2], heading error, place along the road,
 # velocities, acceleration; what the single track lacks; biases.
-_GROWTH = (2e-5, 2e-6, 5e-4, 2e-3, 9.0, 8e-3, 2e-3)
+_GROWTH = (4e-6, 2e-7, 5e-4, 2e-3, 9.0, 8e-3, 2e-3)
 _LACK = (2.0, 1.0)
 """Stationary deviations of the accelerations that the single track lacks [m/s^2], [rad/s^2]."""
 _LACK_TIME = 1.0
 """Time in which they fade [s]."""
-_BIAS_GROWTH = (1e-5, 1e-7, 1e-6)
+_BIAS_GROWTH = (3e-5, 3e-7, 2e-6)
 """Growth of the variances of the biases of v_y, of the yaw rate and of the scale of v_x."""
 
 

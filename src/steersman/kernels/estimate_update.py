@@ -27,18 +27,19 @@ from steersman.kernels.road_walk import (
     D,
     walk,
 )
-from steersman.kernels.sensor_noise import points_variance, variance, watch
+from steersman.kernels.sensor_noise import SHARE, parabola_share, points_variance
 from steersman.types import FloatArray
 
 # Columns of what is kept beside mean and covariance: whether there was an observation; the time
 # that the estimates hold for; time and sum of the numbers of the last observation; the steering now
 # and the last command; steps without a plausible road; number of observations; variance of a
-# waypoint's errors, of the signals' noise; medians of the signals' surprises.
+# waypoint's errors and of the signals' noise; of each signal its last value, what the estimates
+# then were, and by how much more than predicted it changed.
 BEGUN, NOW, TIME, SEEN, STEER, COMMAND, LOST, COUNT, POINT, NOISE = range(10)
 # Signals whose noise is watched: lateral error, heading error, v_x, v_y, yaw rate.
-_N_SIGNALS = 5
-SIZES = NOISE + _N_SIGNALS
-N_MEMORY = SIZES + _N_SIGNALS
+N_SIGNALS = 5
+LAST, EXPECTED, CHANGE, VARIANCE = range(NOISE + N_SIGNALS, NOISE + 5 * N_SIGNALS, N_SIGNALS)
+N_MEMORY = NOISE + 5 * N_SIGNALS
 # Columns of the settings.
 CURVATURE, SD_VY, SD_RATE, SD_SCALE, EXACT = range(5)
 N_SETTINGS = 5
@@ -46,6 +47,10 @@ N_SETTINGS = 5
 # v_x, v_y [m/s], yaw rate [rad/s].
 _FLOOR_POINT = 1e-3
 _FLOORS = (1e-3, 2e-4, 5e-3, 5e-3, 1e-3)
+# What signals are taken to have at first, in the same units; found wrong within a second.
+_FIRST_NOISE = (0.05, 0.01, 0.1, 0.1, 0.02)
+# A signal that changes by more is an outlier, and no noise.
+_MOST = (1.0, 0.3, 3.0, 3.0, 0.5)
 # Deviations from the prediction, in SDs and beside [m], [m/s], [rad/s], beyond which a measurement
 # is an outlier.
 _GATE = 6.0
@@ -56,8 +61,6 @@ _FIRST = (0.5, 0.2, 0.05)
 _FIRST_MOTION = (1.0, 1.0, 0.5, 3.0)
 # Looks at the first observation: each linearises about the road that the last one found.
 _LOOKS = 4
-# Weight of the present waypoints in the estimate of their noise, in the long run.
-_SHARE = 0.03
 # Noise of waypoints that grows more than this from one look to the next is believed at once.
 _SUDDEN = 4.0
 
@@ -89,49 +92,48 @@ class EstimatorWork(NamedTuple):
 
 
 @kernel
-def _surprise(i: int, row: FloatArray, mean: FloatArray, cov: FloatArray) -> tuple[float, float]:
-    """Signal ``i`` less its prediction, and that one's variance."""
+def _signal(i: int, mean: FloatArray) -> float:
+    """What the estimates let expect of signal ``i``."""
     if i == observe.O_D:
-        return row[i] - mean[D], cov[D, D]
+        return float(mean[D])
     if i == observe.O_HEADING:
-        return wrap_angle(row[i] - mean[HEADING]), cov[HEADING, HEADING]
+        return float(mean[HEADING])
     if i == observe.O_VX:
-        scale = 1.0 + mean[SCALE]
-        spread = cov[VX, VX] + mean[VX] * (2.0 * cov[VX, SCALE] + mean[VX] * cov[SCALE, SCALE])
-        return row[i] - mean[VX] * scale, spread
-    j, bias = VX + i - 2, BIAS_VY + i - 3
-    return row[i] - mean[j] - mean[bias], cov[j, j] + 2.0 * cov[j, bias] + cov[bias, bias]
+        return float(mean[VX] * (1.0 + mean[SCALE]))
+    return float(mean[VX + i - 2] + mean[BIAS_VY + i - 3])
 
 
 @kernel
-def listen(row: FloatArray, preview: FloatArray, kept: Estimates, spread: FloatArray) -> None:
+def listen(
+    spacing: float, row: FloatArray, preview: FloatArray, kept: Estimates, spread: FloatArray
+) -> None:
     """Bring the noise of waypoints and signals up to date, after the prediction."""
-    memory, mean, cov = kept
-    count, n = memory[COUNT], preview.shape[0]
+    memory, mean, _ = kept
+    count = memory[COUNT]
     found = points_variance(preview, spread)
     if count == 0.0 or found > _SUDDEN * memory[POINT]:
         memory[POINT] = found
     else:
-        memory[POINT] += max(_SHARE, 1.0 / (count + 1.0)) * (found - memory[POINT])
+        memory[POINT] += max(SHARE, 1.0 / (count + 1.0)) * (found - memory[POINT])
     memory[POINT] = max(memory[POINT], _FLOOR_POINT * _FLOOR_POINT)
-    if count > 0.0:
-        for i in range(_N_SIGNALS):
-            surprise, spread_of = _surprise(i, row, mean, cov)
-            size = watch(memory[SIZES + i], surprise, count - 1.0)
-            memory[SIZES + i] = size
-            memory[NOISE + i] = variance(size) - spread_of
-    # Errors measured may be those of a parabola through the waypoints: what its end and its slope
-    # there take over from them is no error of the pose.
-    end = 3.0 * (3.0 * n * n - 3.0 * n + 2.0) / (n * (n + 1.0) * (n + 2.0))
-    gap = preview[n - 1, 0] - preview[0, 0], preview[n - 1, 1] - preview[0, 1]
-    spacing = math.hypot(gap[0], gap[1]) / (n - 1.0)
-    slope = 12.0 * (2.0 * n - 1.0) * (8.0 * n - 11.0)
-    slope /= n * (n * n - 1.0) * (n * n - 4.0) * spacing * spacing + 1e-9
-    for i, share in ((0, end), (1, slope)):
-        taken = 1.5 * share * (memory[POINT] - _FLOOR_POINT * _FLOOR_POINT)
-        memory[NOISE + i] -= taken
-    for i in range(_N_SIGNALS):
-        memory[NOISE + i] = max(memory[NOISE + i], _FLOORS[i] * _FLOORS[i])
+    shares = parabola_share(preview.shape[0], spacing)
+    for i in range(N_SIGNALS):
+        # A change beyond the predicted one holds the noise of both its ends: minus the product of
+        # two that follow each other estimates the variance. An error of the prediction lasts, and
+        # makes it smaller.
+        change = (row[i] - memory[LAST + i]) - (_signal(i, mean) - memory[EXPECTED + i])
+        if i == observe.O_HEADING:
+            change = wrap_angle(change)
+        change = min(max(change, -_MOST[i]), _MOST[i])
+        if count > 1.0:
+            product = -change * memory[CHANGE + i]
+            memory[VARIANCE + i] += max(SHARE, 1.0 / count) * (product - memory[VARIANCE + i])
+        found = memory[VARIANCE + i]
+        if i < len(shares):  # what is the waypoints' is no error of the pose
+            found -= 1.2 * shares[i] * (memory[POINT] - _FLOOR_POINT * _FLOOR_POINT)
+        memory[NOISE + i] = max(found, _FLOORS[i] * _FLOORS[i])
+        memory[NOISE + i] += _FIRST_NOISE[i] * _FIRST_NOISE[i] / (count + 1.0) ** 1.5
+        memory[LAST + i], memory[CHANGE + i] = row[i], (change if count > 0.0 else 0.0)
     memory[COUNT] = count + 1.0
 
 
@@ -206,7 +208,7 @@ def update(
         work.spread[i] = 1.0 if good else 0.0
         taken += int(good)
     memory[LOST] = 0.0 if 2 * taken >= n else memory[LOST] + 1.0
-    for i in range(2, _N_SIGNALS):
+    for i in range(2, N_SIGNALS):
         j = VX + i - 2
         bias = SCALE if i == 2 else BIAS_VY + i - 3
         h_row[j], h_row[bias] = 1.0, 1.0
@@ -221,6 +223,8 @@ def update(
         h_row[j] = h_row[bias] = 0.0
     for j in range(size):
         mean[j] += change[0, j]
+    for i in range(N_SIGNALS):
+        memory[EXPECTED + i] = _signal(i, mean)
 
 
 @kernel

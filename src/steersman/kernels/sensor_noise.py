@@ -1,11 +1,6 @@
-"""How noisy measurements are, found from the measurements themselves.
-
-Medians, which do not see the few places where the road bends suddenly or the car slides.
-"""
+"""How noisy measurements are, found from the measurements themselves."""
 
 from __future__ import annotations
-
-import math
 
 from steersman.kernels.compiled import kernel
 from steersman.types import FloatArray
@@ -16,32 +11,16 @@ _MEDIAN = 0.6745
 _THIRD, _FOURTH = 20.0, 70.0
 # Waypoints from which on fourth differences are as many as a median needs.
 _ENOUGH = 8
-# Largest step of the logarithm of the running median, in one observation.
-_STEP = 0.08
-
-
-@kernel
-def variance(size: float) -> float:
-    """Of a normal variable whose absolute value has this median."""
-    return (size / _MEDIAN) ** 2
-
-
-@kernel
-def watch(size: float, surprise: float, count: float) -> float:
-    """The running median of the absolute value of a signal's surprises, brought up to date.
-
-    It goes up by a step for each that is larger and down for each that is smaller (a stochastic
-    quantile). ``count`` is the number of surprises before.
-    """
-    if count < 1.0:
-        return abs(surprise)
-    step = max(_STEP, min(1.5 / count, 0.7))
-    return float(max(size * math.exp(step if abs(surprise) > size else -step), 1e-9))
+# Weight of the present step in an estimate, in the long run.
+SHARE = 0.03
 
 
 @kernel
 def points_variance(points: FloatArray, spread: FloatArray) -> float:
-    """Variance of the waypoints' errors in each direction [m^2]; ``spread`` (2 n,) is scratch."""
+    """Variance of the waypoints' errors in each direction [m^2]; ``spread`` (2 n,) is scratch.
+
+    From the median of their fourth differences, which does not see where the road bends suddenly.
+    """
     n = points.shape[0]
     fourth = n >= _ENOUGH
     count = 0
@@ -60,4 +39,16 @@ def points_variance(points: FloatArray, spread: FloatArray) -> float:
             spread[k] = value
             count += 1
     middle = 0.5 * (spread[(count - 1) // 2] + spread[count // 2])
-    return variance(middle) / (_FOURTH if fourth else _THIRD)
+    return float((middle / _MEDIAN) ** 2 / (_FOURTH if fourth else _THIRD))
+
+
+@kernel
+def parabola_share(n: int, spacing: float) -> tuple[float, float]:
+    """Variances of value and slope at the end of a parabola through ``n`` points.
+
+    Of errors of variance 1; a sensor that fits its errors to noisy waypoints has these.
+    """
+    value = 3.0 * (3.0 * n * n - 3.0 * n + 2.0) / (n * (n + 1.0) * (n + 2.0))
+    slope = 12.0 * (2.0 * n - 1.0) * (8.0 * n - 11.0)
+    slope /= n * (n * n - 1.0) * (n * n - 4.0) * spacing * spacing
+    return value, slope
