@@ -49,7 +49,7 @@ class Kalman(EstimatorComponent):
     curvature_change: float = param(
         1.4e-3, "1/m", "SD of the change of the road's curvature over a metre.", gt=0
     )
-    v_y_bias: float = param(0.1, "m/s", "SD of the constant error of v_y.", ge=0)
+    v_y_bias: float = param(0.05, "m/s", "SD of the constant error of v_y.", ge=0)
     yaw_rate_bias: float = param(0.01, "rad/s", "SD of the constant error of the yaw rate.", ge=0)
     v_x_scale: float = param(0.03, "-", "SD of the relative error of v_x.", ge=0)
     exact: float = param(

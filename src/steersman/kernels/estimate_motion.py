@@ -45,7 +45,7 @@ _LACK = (2.0, 1.0)
 """Stationary deviations of the accelerations that the single track lacks [m/s^2], [rad/s^2]."""
 _LACK_TIME = 1.0
 """Time in which they fade [s]."""
-_BIAS_GROWTH = (3e-5, 3e-7, 2e-6)
+_BIAS_GROWTH = (1e-5, 1e-7, 1e-6)
 """Growth of the variances of the biases of v_y, of the yaw rate and of the scale of v_x."""
 
 

@@ -19,6 +19,7 @@ from steersman.kernels.road_walk import (
     LACK_RATE,
     LACK_Y,
     NODES,
+    OFFSET,
     POSE_D,
     RATE,
     SCALE,
@@ -129,8 +130,8 @@ def listen(
             product = -change * memory[CHANGE + i]
             memory[VARIANCE + i] += max(SHARE, 1.0 / count) * (product - memory[VARIANCE + i])
         found = memory[VARIANCE + i]
-        if i < len(shares):  # what is the waypoints' is no error of the pose
-            found -= 1.2 * shares[i] * (memory[POINT] - _FLOOR_POINT * _FLOOR_POINT)
+        if i < len(shares):  # twice what the waypoints make is none of the pose
+            found -= 2.0 * shares[i] * (memory[POINT] - _FLOOR_POINT * _FLOOR_POINT)
         memory[NOISE + i] = max(found, _FLOORS[i] * _FLOORS[i])
         memory[NOISE + i] += _FIRST_NOISE[i] * _FIRST_NOISE[i] / (count + 1.0) ** 1.5
         memory[LAST + i], memory[CHANGE + i] = row[i], (change if count > 0.0 else 0.0)
@@ -177,6 +178,8 @@ def _forget_pose(memory: FloatArray, mean: FloatArray, cov: FloatArray) -> None:
         for j in range(mean.shape[0]):
             cov[i, j] = cov[j, i] = 0.0
         cov[i, i] = memory[NOISE + i - POSE_D]
+    # An error along the road shifts what is known of it; taken as large as the one across.
+    cov[OFFSET, OFFSET] += memory[NOISE] - _FLOORS[0] * _FLOORS[0]
 
 
 @kernel

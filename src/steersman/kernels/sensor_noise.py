@@ -5,8 +5,9 @@ from __future__ import annotations
 from steersman.kernels.compiled import kernel
 from steersman.types import FloatArray
 
-# The median of the absolute value of a normal variable, over its standard deviation.
-_MEDIAN = 0.6745
+# The median of the absolute values of some twenty differences over their standard deviation; of one
+# normal variable it is 0.6745, and the square of a median of few values is larger on average.
+_MEDIAN = 0.74
 # Sums of the squared coefficients of third and fourth differences.
 _THIRD, _FOURTH = 20.0, 70.0
 # Waypoints from which on fourth differences are as many as a median needs.
