@@ -93,7 +93,7 @@ def test_noise_of_velocities_is_averaged() -> None:
     found, seen = estimates(Kalman(), observations, steers)[60:], as_rows(observations)[60:]
     for column, name in ((2, "v_x"), (3, "v_y"), (4, "yaw_rate")):
         truth = episode[name][60:]
-        assert rms(found[:, column] - truth) < 0.6 * rms(seen[:, column] - truth), name
+        assert rms(found[:, column] - truth) < 0.7 * rms(seen[:, column] - truth), name
 
 
 def test_one_waypoint_far_off_is_left_out() -> None:
