@@ -21,7 +21,7 @@ export PYTHONDONTWRITEBYTECODE :=
 # Without it, a banner about the theme's successor stands in every log.
 export NO_MKDOCS_2_WARNING := 1
 
-.PHONY: demo test coverage check docs setup lock clean
+.PHONY: demo test coverage check docs fuzz setup lock clean
 
 demo: $(STAMP)
 	$(BIN)/steersman demo --out runs/demo
@@ -32,6 +32,9 @@ test: $(STAMP)
 
 coverage: $(STAMP)
 	OMP_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) --dist worksteal --cov --cov-report=term
+
+fuzz: $(STAMP)
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/fuzz.py
 
 check: $(STAMP)
 	$(BIN)/ruff check

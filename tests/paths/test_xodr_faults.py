@@ -94,6 +94,9 @@ def test_links_lanes_and_roads_are_left_out_one_by_one(tmp_path: FilePath) -> No
         assert any(line.startswith(part) for line in found), found
     for name in ("1", "3", "4", "sound"):
         assert OpenDrivePath(file=file, road=name).length == pytest.approx(200.0, abs=0.5)
+    told = OpenDrivePath(file=file, road="1").notes()
+    assert len(told) == 4
+    assert "elementId is missing; this link is left out" in told[0]
     with pytest.raises(DataError, match=r"road '2': s = 0\.0 m: .*'steersman path check' lists"):
         _ = OpenDrivePath(file=file, road="2").table
     for seed in range(5):

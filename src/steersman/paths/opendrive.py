@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from steersman.paths.xodr.ways import Ways
 
 _CHOICES = ("road", "route", "random")
+# So many elements that are left out are told one by one.
+_MOST_TOLD = 3
 
 
 def _text(value: Any) -> Any:
@@ -109,6 +111,13 @@ class OpenDrivePath(PathComponent):
         except DataError as error:
             raise DataError(f"{self.file}: {error}") from None
         return table if self.random is None else self._cut(table, ways.length(way[0]))
+
+    def notes(self) -> tuple[str, ...]:
+        """The elements of the map that are left out; of many, the first."""
+        lost = _network(self.file, _stamp(self.file)).left_out
+        rest = len(lost) - _MOST_TOLD
+        more = (f"{rest} more of the map; 'steersman path check' lists all",) if rest > 0 else ()
+        return (*map(str, lost[:_MOST_TOLD]), *more)
 
     def _cut(self, table: PathTable, first: float) -> PathTable:
         """As much of a random way as is wanted, from a drawn point of its first lane on."""
