@@ -94,7 +94,7 @@ def call(words: list[str], monkeypatch: pytest.MonkeyPatch) -> tuple[int, str]:
             tell = stop if long or "plant=carla" in words else (lambda *_: None)
             patch.setattr(f"steersman.api.{place}.announce", tell)
         if _missing_map(words):
-            patch.setattr("steersman.rollout.attempt", stop)
+            patch.setattr("steersman.api.driving.announce_drive", stop)
         try:
             result = CliRunner().invoke(app, short(words), catch_exceptions=False)
         except Checked:
