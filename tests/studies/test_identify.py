@@ -12,15 +12,38 @@ import pytest
 from steersman.config import build, lookup
 from steersman.engine.jobs import Workers
 from steersman.engine.work import Outcome, packed, perform
-from steersman.errors import DataError
+from steersman.errors import DataError, SteersmanError
 from steersman.report.identification import write_identification
 from steersman.rollout import RunConfig, run
 from steersman.studies.identify import lateral, stretch_replay
-from steersman.studies.identify.estimate import Misses, Selection, estimate
-from steersman.studies.identify.identification import Figure, Identified, fitted_rows, identify
-from steersman.studies.identify.recording import Log, of_episode, pieces, read_log, write_log
+from steersman.studies.identify.completion import completed, low_pass
+from steersman.studies.identify.estimate import Estimate, estimate
+from steersman.studies.identify.identification import (
+    Figure,
+    Identified,
+    check_bounds,
+    fitted_rows,
+    identify,
+)
+from steersman.studies.identify.in_range import upset
+from steersman.studies.identify.misses import Misses, Selection
+from steersman.studies.identify.recording import (
+    Log,
+    joined,
+    of_episode,
+    pieces,
+    read_log,
+    write_log,
+)
 from steersman.studies.identify.result import write
-from steersman.studies.identify.unknowns import SIGMAS, Unknown, guess_at, steering, vehicle_at
+from steersman.studies.identify.unknowns import (
+    SIGMAS,
+    Sensors,
+    Unknown,
+    guess_at,
+    steering,
+    vehicle_at,
+)
 from steersman.vehicles import Bmw320i, CarlaModel3, Vehicle
 
 from ..scripts import script
@@ -58,13 +81,13 @@ def deviations(found: Identified, true: Vehicle) -> dict[str, float]:
     return {
         f.name: SIGMAS * (f.value - value(true, f)) / (0.5 * (f.high - f.low))
         for f in found.figures
-        if f.low is not None and f.high is not None and not f.name.startswith("offset")
+        if f.low is not None and f.high is not None and not f.name.startswith(("offset", "arm"))
     }
 
 
 @pytest.fixture(scope="module")
 def of_other() -> Identified:
-    return identify(recording(OTHER, 60.0), MODEL3)
+    return identify(recording(OTHER, 45.0), MODEL3)
 
 
 def test_a_car_is_recovered(of_other: Identified) -> None:
@@ -76,7 +99,7 @@ def test_a_car_is_recovered(of_other: Identified) -> None:
     assert np.mean(sizes < SIGMAS) > 0.8
     near = {"steer_delay": 0.005, "steer_lag": 0.01, "steer_bias": 0.002}
     for name in ("max_wheel_angle", "c_f", "c_r", "yaw_inertia"):
-        near[name] = 0.06 * getattr(OTHER, name)
+        near[name] = 0.08 * getattr(OTHER, name)
     for name, tolerance in near.items():
         assert getattr(of_other.vehicle, name) == pytest.approx(getattr(OTHER, name), abs=tolerance)
 
@@ -87,7 +110,7 @@ LINEAR = MODEL3.replace(
 )  # fmt: skip
 
 
-def single_track(file: FilePath, seconds: float = 60.0, h: float = 0.002) -> FilePath:
+def single_track(file: FilePath, seconds: float = 40.0, h: float = 0.002) -> FilePath:
     """A noisy recording of that car as a linear single-track model (Rajamani, eq. 2.45 f.)."""
     rng, car = np.random.default_rng(3), LINEAR
     n, row = round(seconds / h), round(0.02 / h)
@@ -141,13 +164,16 @@ def test_a_lag_is_not_taken_for_slow_rates(tmp_path: FilePath) -> None:
     assert found.vehicle.c_r == pytest.approx(95e3, rel=0.1)
 
 
-def test_held_out_errors_are_the_sensors_noise(of_other: Identified) -> None:
+def test_held_out_errors_are_little_more_than_noise(of_other: Identified) -> None:
+    """Predictions over 1 s begin at a noisy yaw rate."""
     errors = {e.signal: e for e in of_other.errors}
-    assert errors["yaw_rate"].after == pytest.approx(0.005, rel=0.15)
-    assert errors["a_y"].after == pytest.approx(0.1, rel=0.15)
+    assert errors["yaw_rate"].noise == pytest.approx(0.005, rel=0.2)
+    assert errors["a_y"].noise == pytest.approx(0.1, rel=0.2)
+    assert 0.0045 < errors["yaw_rate"].after < 0.007
+    assert 0.09 < errors["a_y"].after < 0.13
     for error in errors.values():
-        assert error.after < 0.3 * error.before
-        assert error.rows == 200
+        assert error.after < 0.5 * error.before
+        assert error.rows > 100
 
 
 def test_what_was_never_driven_is_kept_and_marked(of_other: Identified, tmp_path: FilePath) -> None:
@@ -282,7 +308,7 @@ def test_lateral_intervals_cover(tmp_path: FilePath) -> None:
         for name, deviation in (("yaw_rate", 0.005), ("a_y", 0.1)):
             noisy[name] = noisy[name] + deviation * rng.standard_normal(len(clean.time))
         log = clean._replace(signals=noisy)
-        unknowns = steering(OTHER, lateral.channels(log))
+        unknowns = steering(OTHER, lateral.channels(log), by_angle=False)
         misses = lateral.misses_of(OTHER, log, stretches, unknowns, use)
         found = estimate(misses, np.zeros(len(unknowns)), Selection.of(misses))
         seen = found.determined
@@ -324,6 +350,45 @@ def test_units_of_columns(tmp_path: FilePath) -> None:
     assert log.signals["throttle"][2] == pytest.approx(0.02)
 
 
+COLUMNS = "time=t(s),steer_command=-cmd,v_x_km_h=v(km/h),yaw_rate_deg_s=r,throttle=pedal/200"
+
+
+def test_columns_by_name_unit_sign_and_factor(tmp_path: FilePath) -> None:
+    rows = "".join(f"{0.05 * k:.2f},0.5,36,{k % 7},{k % 3}\n" for k in range(200))
+    (tmp_path / "log.csv").write_text("# t(s),cmd,v(km/h),r,pedal\n" + rows, encoding="utf-8")
+    log = read_log(tmp_path / "log.csv", columns=COLUMNS)
+    assert log.signals["steer_command"][0] == -0.5
+    assert log.signals["v_x"][0] == pytest.approx(10.0)
+    assert log.signals["yaw_rate"][1] == pytest.approx(np.radians(1.0))
+    assert log.signals["throttle"][2] == pytest.approx(0.01)
+    both = joined([log, log])
+    assert len(pieces(both)) == 2
+    for text, said in (
+        ("time=t", "no column 't' for time"),
+        ("tyme=t(s)", "no column is called 'tyme' here; did you mean"),
+        ("carle", "'carle' is not NAME=TITLE; write e.g. time=TITLE"),
+        (COLUMNS.replace("pedal", "pedl"), "no column 'pedl' for throttle; did you mean 'pedal'"),
+    ):
+        with pytest.raises(SteersmanError) as error:
+            read_log(tmp_path / "log.csv", columns=text)
+        assert said in str(error.value)
+
+
+def test_a_log_of_carlas_client_needs_no_rewriting(tmp_path: FilePath) -> None:
+    time = np.arange(0.0, 20.0, 0.05)
+    yaw = -0.2 * time  # to the right, which CARLA counts positive
+    table = np.column_stack(
+        [time, -50.0 * np.sin(yaw), 50.0 * (1.0 - np.cos(yaw)), -yaw, 0.0 * time + 10.0,
+         0.0 * time + 0.1, 0.0 * time + 0.4, 0.0 * time]
+    )  # fmt: skip
+    head = "time,x,y,yaw,speed,steer_normalized,throttle,brake"
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=head, comments="")
+    log = completed(read_log(tmp_path / "log.csv", columns="carla"), MODEL3)
+    assert log.signals["steer_command"][0] == -0.1
+    assert log.signals["yaw_rate"][10:-10] == pytest.approx(-0.2, abs=1e-6)
+    assert log.signals["v_y"][10:-10] == pytest.approx(0.0, abs=1e-3)
+
+
 def test_an_episode_is_a_recording(tmp_path: FilePath) -> None:
     episode = run(build(RunConfig, {"path": "circle", "duration": 10.0}))
     episode.save(tmp_path / "episode.npz")
@@ -334,7 +399,7 @@ def test_an_episode_is_a_recording(tmp_path: FilePath) -> None:
     car = MODEL3
     (stretch,) = stretch_replay.stretches(log, car)
     states = stretch_replay.lateral(car, stretch._replace(driven=stretch.pedals))
-    found = stretch_replay.responses(car, stretch, states, ["yaw_rate"], {})[20:, 0]
+    found = stretch_replay.responses(car, stretch, states, ["yaw_rate"], Sensors({}, {}))[20:, 0]
     np.testing.assert_allclose(found, log.signals["yaw_rate"][20:], atol=1e-4)
 
 
@@ -401,6 +466,113 @@ def test_wrong_units_and_signs_are_told(change: Callable[..., None], said: str) 
     assert said in str(error.value)
 
 
+# ------------------------------------------------------------------------------ sensors
+
+
+def sensed(seconds: float = 40.0, **more: Any) -> Log:
+    """A drive with v_y, and the heading."""
+    keep = ("steer_command", "v_x", "v_y", "yaw_rate", "wheel_angle")
+    log = recording(MODEL3.replace(c_f=120e3, **more), seconds, keep=keep)
+    clean = recording(MODEL3.replace(c_f=120e3, **more), seconds, keep=("yaw_rate",), noise=0.0)
+    heading = np.concatenate([[0.0], np.cumsum(clean.signals["yaw_rate"][:-1]) * 0.05])
+    heading += 0.5 * 0.05 * (clean.signals["yaw_rate"] - clean.signals["yaw_rate"][0])
+    return log._replace(signals={**log.signals, "yaw": heading})
+
+
+def test_where_a_sensor_sits_and_how_it_is_turned_is_found() -> None:
+    log = sensed(30.0)
+    signals = {name: log.signals[name] for name in ("steer_command", "v_x", "yaw_rate")}
+    signals["v_y"] = log.signals["v_y"] - 0.45 * log.signals["yaw_rate"] + 0.02 * log.signals["v_x"]
+    found = {f.name: f for f in identify(log._replace(signals=signals), MODEL3, 0.0).figures}
+    assert found["arm[v_y]"].value == pytest.approx(-0.45, abs=0.1)
+    assert found["offset[v_y]"].value == pytest.approx(0.02, abs=0.003)
+
+
+def test_a_low_passed_yaw_rate_is_seen_in_the_heading() -> None:
+    log = sensed()
+    slow = low_pass(log.signals["yaw_rate"], 0.3, 0.05)
+    slow[300:330] += 0.3
+    shown = completed(log._replace(signals={**log.signals, "yaw_rate": slow}), MODEL3)
+    assert shown.yaw_rate_lag == pytest.approx(0.3, abs=0.03)
+    assert shown.contradicting > 1.0
+    assert np.isnan(shown.signals["yaw_rate"][300:330]).all()
+    assert completed(log, MODEL3).yaw_rate_lag == 0.0
+    assert completed(log, MODEL3).contradicting < 1.0
+
+
+def test_a_standstill_tells_the_gyroscopes_offset() -> None:
+    log = sensed(10.0)
+    signals = {name: values + 0.0 for name, values in log.signals.items() if name != "yaw"}
+    signals["v_x"][:60], signals["yaw_rate"][:60] = 0.0, 0.0
+    signals["yaw_rate"] += 0.02
+    shown = completed(log._replace(signals=signals), MODEL3)
+    assert shown.yaw_rate_offset == pytest.approx(0.02)
+    assert shown.signals["yaw_rate"][:60] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_positions_and_heading_stand_for_speeds() -> None:
+    time = np.arange(0.0, 20.0, 0.05)
+    yaw = 0.2 * time + 3.0
+    course = yaw + 0.05  # side-slip
+    signals = {
+        "x": 50.0 * (np.sin(course) - np.sin(course[0])),
+        "y": -50.0 * (np.cos(course) - np.cos(course[0])),
+        "yaw": (yaw + np.pi) % (2.0 * np.pi) - np.pi,
+        "speed": np.full(len(time), 10.0),
+        "steer_command": np.zeros(len(time)),
+    }
+    shown = completed(Log("log", time, signals), MODEL3).signals
+    assert shown["yaw_rate"][5:-5] == pytest.approx(0.2, abs=1e-6)
+    assert shown["v_y"][5:-5] == pytest.approx(10.0 * np.sin(0.05), abs=1e-3)
+    assert shown["v_x"][5:-5] == pytest.approx(10.0 * np.cos(0.05), abs=1e-3)
+
+
+def test_a_measured_angle_is_replayed_without_the_actuator() -> None:
+    log = sensed(30.0)
+    signals = {name: log.signals[name] for name in ("v_x", "yaw_rate", "wheel_angle")}
+    signals["wheel_angle"] = np.roll(signals["wheel_angle"], 2)  # stamped 0.1 s late
+    start = MODEL3.replace(steer_delay=0.2)
+    found = identify(log._replace(signals=signals), start, 0.0)
+    clock = next(f for f in found.figures if f.name == "clock[wheel_angle]")
+    assert clock.value == pytest.approx(-0.1, abs=0.03)
+    assert found.vehicle.steer_delay == 0.2
+    assert found.vehicle.steer_rate_up == MODEL3.steer_rate_up
+
+
+def test_a_figure_at_its_bound_is_an_error() -> None:
+    unknowns = steering(MODEL3, ["yaw_rate"], by_angle=False)
+    count, names = len(unknowns), [u.name for u in unknowns]
+    log = Log("drive.csv", np.zeros(1), {})
+
+    def fit(name: str, side: int, *, determined: bool = True) -> lateral.Fitted:
+        z, i = np.zeros(count), names.index(name)
+        z[i] = unknowns[i].bounds()[side]
+        told = np.full(count, determined)
+        zero = np.zeros((count, count))
+        found = Estimate(z, told, zero, [-1] * count, np.ones(count), np.ones(1))
+        return lateral.Fitted(unknowns, found, MODEL3, np.zeros(count))
+
+    said = r"drive.csv: the fit drives yaw_inertia to its bound of 1.*kg m\^2, .*low-passed"
+    with pytest.raises(DataError, match=said):
+        check_bounds(log, [fit("yaw_inertia", 1)])
+    with pytest.raises(DataError, match=r"drives steer_delay to its bound of 0.5 s.*clocks"):
+        check_bounds(log, [fit("steer_delay", 1)])
+    check_bounds(log, [fit("steer_delay", 0)])  # no delay is a natural one
+    check_bounds(log, [fit("yaw_inertia", 1, determined=False)])
+
+
+def test_rows_that_no_command_explains_are_left_out() -> None:
+    time, rng = np.arange(0.0, 60.0, 0.05), np.random.default_rng(0)
+    left = rng.standard_normal((len(time), 2))
+    assert not upset(time, left, np.ones(2)).any()
+    left[400:410, 1] += 20.0
+    found = time[upset(time, left, np.ones(2))]
+    assert 19.2 < found[0] < 20.0
+    assert 20.4 < found[-1] < 21.3
+    left[:, 0] *= 50.0  # a model that fails throughout is no kerb
+    assert not upset(time, left, np.ones(2)).any()
+
+
 # -------------------------------------------------------------------------------- the rest
 
 
@@ -432,14 +604,14 @@ def test_blocks_are_held_out_evenly() -> None:
 
 
 def test_unknowns_go_there_and_back() -> None:
-    unknowns = steering(OTHER, ["yaw_rate"])
+    unknowns = steering(OTHER, ["yaw_rate"], by_angle=False)
     rng = np.random.default_rng(0)
     z = rng.uniform(-0.2, 0.2, len(unknowns))
     car, guess = vehicle_at(OTHER, unknowns, z), guess_at(OTHER, unknowns, z)
     for one, other in zip(car.table, guess.table, strict=True):
         assert np.array_equal(one, other)
     for unknown, step in zip(unknowns, z, strict=True):
-        if unknown.offset:
+        if unknown.sensor:
             continue
         found: Any = getattr(car, unknown.field)
         for i in unknown.at:

@@ -133,10 +133,12 @@ def falsify(
 
 
 def identify(  # noqa: PLR0913 - the recording's options and where the fit runs
-    log: Folder,
+    log: Folder | Sequence[Folder],
     vehicle: str | Vehicle = "carla_model3",
     *,
+    columns: str | None = None,
     holdout: float = 0.25,
+    last: bool = False,
     lock: float | None = None,
     ahead: float = 0.0,
     out: Folder | None = None,
@@ -147,9 +149,11 @@ def identify(  # noqa: PLR0913 - the recording's options and where the fit runs
     """Fit a vehicle to a recording.
 
     Args:
-        log: a CSV file, an MCAP file or ROS 2 bag, or the folder of a drive.
+        log: a CSV file, an MCAP file or ROS 2 bag, or the folder of a drive; several of one car.
         vehicle: the vehicle that the fit starts from: a word or a component.
+        columns: ``SIGNAL=TITLE,...`` where the signals of a CSV file stand, or ``carla``.
         holdout: share of the recording that only judges the fit, 0 to 0.5.
+        last: whether that is the recording's end, instead of blocks of 10 s all over it.
         lock: the angle of ``steer_angle`` at full lock [rad].
         ahead: distance of the centre of mass ahead of the recorded point [m] (MCAP).
         out: YAML file for the vehicle.
@@ -159,23 +163,20 @@ def identify(  # noqa: PLR0913 - the recording's options and where the fit runs
 
     Raises:
         ConfigError: there is no such vehicle or engine, or a value is not allowed.
-        DataError: the recording is missing, too short or malformed.
+        DataError: the recording is missing, too short or malformed, or a figure ends at its bound.
     """
     from steersman.engine.jobs import Workers
     from steersman.studies.identify.identification import identify as fit
-    from steersman.studies.identify.recording import read_log
+    from steersman.studies.identify.recording import joined, read_log
     from steersman.studies.identify.result import write
 
     if lock is not None and not lock > 0.0:
         raise ConfigError(f"{lock:g} is not allowed; must be greater than 0 [rad]", ("--lock",))
     start = vehicle_of(vehicle)
-    found = fit(
-        read_log(FilePath(log), lock, ahead),
-        start,
-        holdout,
-        notify or (lambda _: None),
-        Workers(engine, jobs),
-    )
+    files = [log] if isinstance(log, (str, FilePath)) else list(log)
+    logs = [read_log(FilePath(file), lock, ahead, columns) for file in files]
+    tell, workers = notify or (lambda _: None), Workers(engine, jobs)
+    found = fit(joined(logs), start, holdout, tell, workers, last=last)
     if out is not None:
         write(found, FilePath(out))
     return found

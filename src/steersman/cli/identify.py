@@ -19,6 +19,7 @@ EXAMPLES = (
     "  steersman identify drive.csv --out car.yaml\n"
     "  steersman identify runs/log --vehicle bmw_320i --out car.yaml --report fit.html\n"
     "  steersman identify drive.csv --lock 8.2 --out car.yaml   # steering wheel's angle\n"
+    "  steersman identify a.csv b.csv --columns carla --out car.yaml   # logs of a CARLA client\n"
     "  steersman identify drive.mcap --ahead 1.4 --out car.yaml\n"
     "\n"
     "Then: steersman drive vehicle=file vehicle.file=car.yaml"
@@ -27,9 +28,10 @@ EXAMPLES = (
 
 def identify(  # noqa: PLR0913, PLR0917 - an argument is an option of the command
     log: Annotated[
-        str,
+        list[str],
         typer.Argument(
-            metavar="LOG", help="A CSV file, an MCAP file or ROS 2 bag, or a folder of drive --out."
+            metavar="LOG...",
+            help="CSV files, MCAP files or ROS 2 bags, or folders of drive --out, of one car.",
         ),
     ],
     vehicle: Annotated[
@@ -40,12 +42,23 @@ def identify(  # noqa: PLR0913, PLR0917 - an argument is an option of the comman
         str | None, typer.Option("--out", metavar="FILE.yaml", help="The vehicle file to write.")
     ] = None,
     page: settings.Report = None,
+    columns: Annotated[
+        str | None,
+        typer.Option(
+            "--columns",
+            metavar="SIGNAL=TITLE,...|carla",
+            help="Columns of a CSV file: time=t,v_x_km_h=v,yaw_rate=-r,brake=p/90.",
+        ),
+    ] = None,
     holdout: Annotated[
         float,
         typer.Option(
             "--holdout", min=0.0, max=0.5, help="Share that only judges the fit; 0: none."
         ),
     ] = 0.25,
+    last: Annotated[
+        bool, typer.Option("--last", help="Hold the end out, instead of blocks all over.")
+    ] = False,
     lock: Annotated[
         float | None,
         typer.Option("--lock", help="Angle of steer_angle at full lock [rad]."),
@@ -73,7 +86,9 @@ def identify(  # noqa: PLR0913, PLR0917 - an argument is an option of the comman
     found = sm.identify(
         log,
         vehicle,
+        columns=columns,
         holdout=holdout,
+        last=last,
         lock=lock,
         ahead=ahead,
         out=files[0],
@@ -105,6 +120,7 @@ def _targets(out: str | None, page: str | None) -> list[tuple[str | None, str]]:
 
 
 def _show(found: Identified, out: str | None, page: str | None) -> None:
+    from steersman.studies.identify.identification import SEEN
     from steersman.studies.identify.result import described
 
     figures = table("figure", "unit", "before", "now", "95 % interval", right=("before", "now"))
@@ -112,17 +128,17 @@ def _show(found: Identified, out: str | None, page: str | None) -> None:
     for f in found.figures:
         if f.name.startswith("map_acceleration"):
             continue
-        if f.low is None:
+        if f.low is None and f.status != SEEN:
             kept.append(f)
         else:
             figures.add_row(f.name, f.unit, f"{f.before:.4g}", f"{f.value:.4g}", described(f))
-    errors = table("held out", "unit", "before", "now", right=("before", "now"))
+    heads = ("before", "now", "white noise")
+    errors = table("1 s predicted", "unit", *heads, right=heads)
     for e in found.errors:
-        errors.add_row(e.signal, e.unit, f"{e.before:.3g}", f"{e.after:.3g}")
-    items = [
-        f"{found.seconds:.0f} s of {found.log.name} fitted, from {found.before.title}\n",
-        figures,
-    ]
+        errors.add_row(e.signal, e.unit, f"{e.before:.3g}", f"{e.after:.3g}", f"{e.noise:.2g}")
+    items = [f"{found.seconds:.0f} s of {found.log.name} fitted, from {found.before.title}"]
+    items += [f"left out: {left.seconds:.1f} s {left.reason}" for left in found.left_out]
+    items += ["", figures]
     told = _kept(kept)
     if told:
         items += ["", "kept as they were; the recording does not determine them:", told]
@@ -131,7 +147,8 @@ def _show(found: Identified, out: str | None, page: str | None) -> None:
     else:
         items += ["", "throttle map and brakes: kept; the recording has no throttle"]
     if found.errors:
-        items += ["", errors, "\nheld out: RMS of simulated minus measured, sensor noise included"]
+        told = "RMS error of predictions over 1 s, on what was held out, sensor noise included"
+        items += ["", errors, f"\n{told}"]
     items += [f"written to {name}" for name in (out, page) if name]
     if any(f.name == "steer_delay" and f.low is not None for f in found.figures):
         items.append("steer_delay holds any offset between the clocks of commands and sensors")

@@ -9,7 +9,8 @@ import numpy as np
 
 from steersman.report.article import LinePlot, PlotLine, Section, Table, write_article
 from steersman.studies.identify import lateral, longitudinal
-from steersman.studies.identify.identification import FITTED, GIVEN, UNITS, Figure, Identified
+from steersman.studies.identify.identification import FITTED, GIVEN, SEEN, Figure, Identified
+from steersman.studies.identify.prediction import UNITS
 from steersman.studies.identify.result import described
 from steersman.types import FloatArray
 from steersman.vehicles import Vehicle
@@ -34,11 +35,12 @@ def write_identification(found: Identified, out: FilePath) -> None:
 def _figures(found: Identified) -> Section:
     tables: dict[str, list[dict[str, Any]]] = {"Determined by the recording": [], "Kept": []}
     for figure in found.figures:
-        told = figure.status in {FITTED, GIVEN}
+        told = figure.status in {FITTED, GIVEN, SEEN}
         tables["Determined by the recording" if told else "Kept"].append(_row(figure))
     text = [
         f"{found.log.name}: {found.seconds:.0f} s were fitted. The starting vehicle is "
         f"{found.before.kind}.",
+        *(f"Left out: {left.seconds:.1f} s {left.reason}." for left in found.left_out),
         "Intervals hold the uncertainty of the figures that are kept, and are widened where "
         "residuals are correlated.",
     ]
@@ -57,12 +59,19 @@ def _row(figure: Figure) -> dict[str, Any]:
 
 def _held_out(found: Identified) -> Section:
     rows = [
-        {"signal": e.signal, "unit": e.unit, "before": f"{e.before:.4g}", "now": f"{e.after:.4g}"}
+        {
+            "signal": e.signal,
+            "unit": e.unit,
+            "before": f"{e.before:.4g}",
+            "now": f"{e.after:.4g}",
+            "white noise": f"{e.noise:.2g}",
+        }
         for e in found.errors
     ]
     text = (
-        "RMS of simulated minus measured on the blocks that were not fitted; before: with the "
-        "starting vehicle. Sensor noise is part of both."
+        "RMS error of 1 s predictions from the recorded state, on what was not fitted; before: "
+        "with the starting vehicle. The sensor's noise is part of both; its white part is the last "
+        "column."
     )
     return Section("Held out", [text], tables=[Table("Errors held out", rows)])
 
@@ -70,7 +79,7 @@ def _held_out(found: Identified) -> Section:
 def _signals(found: Identified) -> Section:
     log, sides = found.log, (found.before, found.vehicle)
     seen = lateral.measured(log, found.stretches, np.full(len(log.time), True))
-    before, after = (lateral.simulated(v, log, found.stretches, found.offsets) for v in sides)
+    before, after = (lateral.simulated(v, log, found.stretches, found.sensors) for v in sides)
     figures = []
     for k, name in enumerate(lateral.channels(log)):
         figures += _pair(found, name, seen[:, k], before[:, k], after[:, k])

@@ -13,8 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steersman.studies.identify import stretch_replay
-from steersman.studies.identify.estimate import Misses, Selection, estimate
+from steersman.studies.identify.estimate import estimate
+from steersman.studies.identify.in_range import WARM_UP
 from steersman.studies.identify.lateral import Fitted
+from steersman.studies.identify.misses import Misses, Selection
 from steersman.studies.identify.recording import RESOLUTION, Log
 from steersman.studies.identify.stretch_replay import Stretch
 from steersman.studies.identify.unknowns import Unknown, guess_at, pedals, vehicle_at
@@ -40,20 +42,23 @@ class Segments(NamedTuple):
     """(n,) segment of each row."""
     base: FloatArray
     """States of :func:`stretch_replay.lateral`."""
+    clock: float
+    """Delay of the measured steering [s]."""
 
     def released(self, vehicle: Vehicle, speeds: FloatArray) -> FloatArray:
         """Speeds on the grid [m/s] if the car drives on its own from ``speeds`` at the starts."""
-        return stretch_replay.free(vehicle, self.stretch, self.base, self.starts, speeds)
+        stretch, base, starts = self.stretch, self.base, self.starts
+        return stretch_replay.free(vehicle, stretch, base, starts, speeds, self.clock)
 
 
-def segments(vehicle: Vehicle, stretches: Sequence[Stretch]) -> list[Segments]:
+def segments(vehicle: Vehicle, stretches: Sequence[Stretch], clock: float = 0.0) -> list[Segments]:
     """The segments of each stretch, laterally driven by ``vehicle``."""
     out, step = [], round(SEGMENT / stretch_replay.H)
     for stretch in stretches:
         starts = np.arange(0, max(len(stretch.speed) - step // 2, 1), step, dtype=np.int64)
         of_row = np.searchsorted(starts * stretch_replay.H, stretch.time + 1e-9, side="right") - 1
-        base = stretch_replay.lateral(vehicle, stretch)
-        out.append(Segments(stretch, starts, stretch.speed[starts], of_row, base))
+        base = stretch_replay.lateral(vehicle, stretch, clock)
+        out.append(Segments(stretch, starts, stretch.speed[starts], of_row, base, clock))
     return out
 
 
@@ -89,7 +94,7 @@ class _Free(Misses):
         for part in parts:
             stretch = part.stretch
             # A segment in which the car slides says nothing of pedals.
-            slid = part.of_row[~stretch.steady & (stretch.time >= stretch_replay.WARM_UP)]
+            slid = part.of_row[~stretch.steady & (stretch.time >= WARM_UP)]
             upset[stretch.rows] = np.isin(part.of_row, slid)
             self._start[stretch.rows] = len(starts) + part.of_row
             starts += [_start_speed(len(starts) + k) for k in range(len(part.starts))]
@@ -116,14 +121,14 @@ class _Free(Misses):
             out[..., : len(of_figures)] = super().derivative(z, of_figures, wide=wide)
         step = 1e-3
         shift = np.where(np.arange(len(z)) >= count, step, 0.0)
-        slope = (self(z + shift) - self(z))[:, 0] / step
+        slope = (self._simulate(z + shift) - self(z))[:, 0] / step
         for column in np.flatnonzero(which >= count):
             out[:, 0, column] = np.where(self._start == which[column] - count, slope, 0.0)
         return out
 
 
 def fit(
-    vehicle: Vehicle, log: Log, stretches: Sequence[Stretch], use: Any
+    vehicle: Vehicle, log: Log, stretches: Sequence[Stretch], use: Any, clock: float = 0.0
 ) -> tuple[Fitted, list[Stretch]]:
     """Search the map's knots near which the car was, and the brakes if they were pressed.
 
@@ -134,7 +139,7 @@ def fit(
     pressed = brake is not None and float(np.nanmax(brake)) > _PRESSED
     figures = pedals(vehicle, brake=pressed)
     count = len(figures)
-    misses = _Free(vehicle, log, segments(vehicle, stretches), figures, use)
+    misses = _Free(vehicle, log, segments(vehicle, stretches, clock), figures, use)
     near = visited(vehicle, log, stretches, use)
     everything = Selection.of(misses)
     far = [i for i, u in enumerate(figures) if u.at and near[u.at] < _LEAST]
@@ -151,7 +156,7 @@ def fit(
         vehicle_at(vehicle, figures, found.z[:count]),
         everything.rest[:count],
     )
-    parts, shifts = segments(fitted.vehicle, stretches), misses.start_prior * found.z[count:]
+    parts, shifts = segments(fitted.vehicle, stretches, clock), misses.start_prior * found.z[count:]
     refined = _shifted(fitted.vehicle, parts, shifts)
     return fitted, [stretch_replay.corrected(log, stretch, speed) for stretch, speed in refined]
 

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from steersman.errors import DataError
+from steersman.kernels.vehicle import YAW_RATE
 from steersman.studies.identify import stretch_replay
 from steersman.studies.identify.recording import Log
 from steersman.studies.identify.stretch_replay import Stretch
@@ -126,9 +127,7 @@ def _answering(log: Log, stretches: list[Stretch], vehicle: Vehicle) -> None:
     for delay in (0.0, 0.1, 0.2, 0.3, 0.4):
         late = vehicle.replace(steer_delay=delay)
         rates = [
-            stretch_replay.responses(late, s, stretch_replay.lateral(late, s), ["yaw_rate"], {})[
-                :, 0
-            ]
+            stretch_replay.at_rows(s, stretch_replay.lateral(late, s)[:, YAW_RATE])
             for s in stretches
         ]
         gain, together = _slope(np.concatenate(rates), seen)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path as FilePath
 from typing import NamedTuple
@@ -11,9 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from steersman.episode import Episode, is_episode, load_episode
-from steersman.errors import DataError, suggestion
+from steersman.errors import DataError
 from steersman.files import write_text
-from steersman.tables import Sheet, read_sheet
+from steersman.logs.columns import SIGNALS, check_time, missing, read_columns
+from steersman.tables import Sheet
 from steersman.types import FloatArray
 
 # Rows further apart than this do not belong to one drive [s].
@@ -22,36 +23,13 @@ LONGEST_GAP = 0.5
 SHORTEST = 3.0
 _LEAST_ROWS = 100
 _SLOWEST_RATE = 0.21
-
-
-class LogSignal(NamedTuple):
-    """A quantity of a recording; the first unit is the one that it is kept in."""
-
-    meaning: str
-    units: Mapping[str, float]
-    """Unit as written in the name of a column -> factor to the kept unit."""
-    required: bool = False
-
-
-_DEG = float(np.pi / 180.0)
-_SHARE = {"": 1.0, "percent": 0.01}
-_SPEED = {"m_s": 1.0, "km_h": 1.0 / 3.6}
-_ANGLE = {"rad": 1.0, "deg": _DEG}
-_ACCELERATION = {"m_s2": 1.0, "g": 9.81}
-SIGNALS: dict[str, LogSignal] = {
-    "time": LogSignal("time", {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}, required=True),
-    "steer_command": LogSignal("commanded steering, -1 to 1, left positive", _SHARE, required=True),
-    "steer_angle": LogSignal("commanded angle of steering or road wheels; needs --lock", _ANGLE),
-    "throttle": LogSignal("commanded throttle, 0 to 1", _SHARE),
-    "brake": LogSignal("commanded brake, 0 to 1", _SHARE),
-    "v_x": LogSignal("speed ahead", _SPEED, required=True),
-    "v_y": LogSignal("speed to the left, of the centre of mass", _SPEED),
-    "yaw_rate": LogSignal("yaw rate, left positive", {"rad_s": 1.0, "deg_s": _DEG}, required=True),
-    "a_x": LogSignal("acceleration ahead; checked, not fitted", _ACCELERATION),
-    "a_y": LogSignal("acceleration to the left, of the centre of mass", _ACCELERATION),
-    "steer": LogSignal("measured steering, -1 to 1", _SHARE),
-    "wheel_angle": LogSignal("measured angle of the front wheels, the mean of both", _ANGLE),
-}
+# Of each of these a recording has at least one signal.
+_REQUIRED = (
+    ("time",),
+    ("steer_command", "steer_angle", "wheel_angle"),
+    ("v_x", "speed"),
+    ("yaw_rate", "yaw"),
+)
 # Signals that the lateral fit compares; each has an offset of its sensor as an unknown.
 RESPONSES = ("yaw_rate", "v_y", "a_y", "wheel_angle", "steer")
 # Least standard deviation of a residual, in the unit of its signal.
@@ -71,6 +49,14 @@ class Log(NamedTuple):
     name: str
     time: FloatArray
     signals: Mapping[str, FloatArray]
+    yaw_rate_lag: float = 0.0
+    """Time constant [s] of the low pass through which the yaw rate was recorded."""
+    yaw_rate_offset: float | None = None
+    """Offset of its sensor [rad/s], which was subtracted; None: not known."""
+    contradicting: float = 0.0
+    """Time [s] for which heading and yaw rate contradicted each other, so that neither counts."""
+    by_angle: bool = False
+    """Whether ``steer_command`` is computed from the measured wheel angle: no command is there."""
 
     def get(self, name: str) -> FloatArray | None:
         """A signal, or None if there is none or it is empty throughout."""
@@ -78,7 +64,9 @@ class Log(NamedTuple):
         return None if values is None or not np.isfinite(values).any() else values
 
 
-def read_log(file: FilePath, lock: float | None = None, ahead: float = 0.0) -> Log:
+def read_log(
+    file: FilePath, lock: float | None = None, ahead: float = 0.0, columns: str | None = None
+) -> Log:
     """A CSV file, an episode (its file, or the folder that ``drive --out`` wrote), or a ROS 2 bag.
 
     Args:
@@ -86,9 +74,12 @@ def read_log(file: FilePath, lock: float | None = None, ahead: float = 0.0) -> L
             ``metadata.yaml``.
         lock: angle [rad] that is full lock where the commands are angles.
         ahead: how far the centre of mass is ahead of a bag's Odometry [m].
+        columns: where the signals of a CSV file stand, as in
+            :func:`steersman.logs.columns.read_columns`.
 
     Raises:
         DataError: it cannot be read, or holds too little; one line says where and what.
+        ConfigError: ``columns`` is not allowed.
         ModuleNotFoundError: a bag needs the extra ``logs``.
     """
     bag = (file / "metadata.yaml").is_file() or file.suffix in {".mcap", ".db3"}
@@ -101,9 +92,28 @@ def read_log(file: FilePath, lock: float | None = None, ahead: float = 0.0) -> L
             raise DataError(f"{file}: not an episode of Steersman")
         log = of_episode(load_episode(file), str(file))
     else:
-        log = read_csv(file, lock)
+        log = read_csv(file, lock, columns)
     _check_length(log)
     return log
+
+
+def joined(logs: Sequence[Log]) -> Log:
+    """One recording of several of the same car, with a gap between each two.
+
+    Raises:
+        DataError: they hold different signals.
+    """
+    first, *others = logs
+    for log in others:
+        odd = sorted(set(log.signals) ^ set(first.signals))
+        if odd:
+            raise DataError(f"{log.name}: {odd[0]} is in it or in {first.name}, but not in both")
+    times: list[FloatArray] = []
+    for log in logs:
+        start = times[-1][-1] + 2.0 * LONGEST_GAP if times else 0.0
+        times.append(log.time - log.time[0] + start)
+    signals = {name: np.concatenate([log.signals[name] for log in logs]) for name in first.signals}
+    return Log(", ".join(log.name for log in logs), np.concatenate(times), signals)
 
 
 # A bag's columns -> our signals.
@@ -125,9 +135,13 @@ def _of_bag(file: FilePath, lock: float | None, ahead: float) -> Log:
     return Log(str(file), bag["time"], signals)
 
 
+# Of an episode: those that are measured on a car, too.
+_OF_EPISODE = [name for name in SIGNALS if name not in {"time", "speed", "x", "y", "yaw"}]
+
+
 def of_episode(episode: Episode, name: str = "episode") -> Log:
     """The signals of an episode: true values, without any sensor's noise."""
-    signals = {key: episode[key] for key in SIGNALS if key in episode.columns and key != "time"}
+    signals = {key: episode[key] for key in _OF_EPISODE if key in episode.columns}
     return Log(name, episode["time"] - episode["time"][:1], signals)
 
 
@@ -154,77 +168,35 @@ def pieces(log: Log) -> list[slice]:
     return [s for s in found if log.time[s.stop - 1] - log.time[s.start] >= SHORTEST]
 
 
-def names() -> dict[str, tuple[str, float]]:
-    """Every allowed title of a column -> its signal and the factor to the signal's own unit."""
-    out: dict[str, tuple[str, float]] = {}
-    for name, signal in SIGNALS.items():
-        out[name] = (name, 1.0)
-        for unit, factor in signal.units.items():
-            out[f"{name}_{unit}" if unit else name] = (name, factor)
-    return out
-
-
-def read_csv(file: FilePath, lock: float | None = None) -> Log:
-    """Read a recording.
+def read_csv(file: FilePath, lock: float | None = None, columns: str | None = None) -> Log:
+    """Read a recording; ``columns`` as in :func:`steersman.logs.columns.read_columns`.
 
     Raises:
         DataError: names the file, the line and what is wrong.
+        ConfigError: ``columns`` is not allowed.
     """
     cure = "give a CSV file with a header line, an episode.npz or the folder it is in"
-    sheet = read_sheet(file, cure, lambda titles: not names().keys().isdisjoint(titles))
-    signals = {
-        signal: sheet.numbers(title, gaps=True) * names()[title][1]
-        for signal, title in _columns(sheet, lock).items()
-    }
+    sheet, signals = read_columns(file, columns, cure)
+    _check_signals(sheet, signals, lock)
     time = signals.pop("time")
-    _check_time(sheet, time)
+    check_time(sheet, time)
     if "steer_angle" in signals and lock is not None:
         signals["steer_command"] = signals.pop("steer_angle") / lock
     return Log(str(file), time - time[:1], signals)
 
 
-def _columns(sheet: Sheet, lock: float | None) -> dict[str, str]:
-    """Title of each signal's column."""
-    known, found = names(), dict[str, str]()
-    for title in sheet.titles:
-        if title not in known:
-            continue
-        signal, _ = known[title]
-        if signal in found:
-            both = f"{found[signal]} and {title} are the same"
-            raise sheet.fault(sheet.title_line, f"{both}; keep one of them")
-        found[signal] = title
-    have = set(found)
-    if "steer_angle" in have and "steer_command" not in have:
+def _check_signals(sheet: Sheet, signals: Mapping[str, FloatArray], lock: float | None) -> None:
+    def fault(text: str) -> DataError:
+        return sheet.fault(sheet.title_line, text)
+
+    if "steer_angle" in signals:
+        if "steer_command" in signals:
+            raise fault("steer_command and steer_angle; keep one of them")
         if lock is None:
-            raise sheet.fault(
-                sheet.title_line, "steer_angle needs its value at full lock: --lock ANGLE [rad]"
-            )
-        have.add("steer_command")
-    elif "steer_angle" in have:
-        raise sheet.fault(sheet.title_line, "steer_command and steer_angle; keep one of them")
-    for name, wanted in SIGNALS.items():
-        if wanted.required and name not in have:
-            raise sheet.fault(sheet.title_line, _missing(name, sheet.titles))
-    return found
-
-
-def _missing(name: str, titles: list[str]) -> str:
-    """That a signal is missing, and which column may have been meant."""
-    options = [f"{name}_{unit}" if unit else name for unit in SIGNALS[name].units]
-    near = suggestion(name, [title for title in titles if title not in names()])
-    close = near.removeprefix("; did you mean ").removesuffix("?")
-    hint = f"; is {close} it?" if near.startswith("; did you mean") else ""
-    return f"no column {' or '.join(options)} ({SIGNALS[name].meaning}){hint}"
-
-
-def _check_time(sheet: Sheet, time: FloatArray) -> None:
-    absent = np.flatnonzero(np.isnan(time))
-    if absent.size:
-        raise sheet.fault(sheet.lines[absent[0]], "time is missing")
-    back = np.flatnonzero(np.diff(time) <= 0.0)
-    if back.size:
-        raise sheet.fault(sheet.lines[back[0] + 1], "time must increase from line to line")
+            raise fault("steer_angle needs its value at full lock: --lock ANGLE [rad]")
+    for options in _REQUIRED:
+        if signals.keys().isdisjoint(options):
+            raise fault(missing(options[0], sheet.titles))
 
 
 def write_log(log: Log, file: FilePath) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 from steersman.provenance import provenance
 from steersman.studies.identify.identification import Figure, Identified
+from steersman.studies.identify.unknowns import SENSOR
 from steersman.studies.vehicle_file import write_vehicle
 
 
@@ -23,7 +24,7 @@ def write(found: Identified, file: FilePath) -> None:
         "searched.",
     ]
     head += [
-        f"  {e.signal}: RMS error on what was held out {e.after:.3g} {e.unit} "
+        f"  {e.signal}: RMS error of 1 s predictions of what was held out {e.after:.3g} {e.unit} "
         f"(before: {e.before:.3g})"
         for e in found.errors
     ]
@@ -35,7 +36,7 @@ def _marks(figures: list[Figure]) -> dict[str, str]:
     out: dict[str, list[str]] = {}
     for figure in figures:
         field, _, at = figure.name.partition("[")
-        if field != "offset":
+        if field not in {*SENSOR, "lag"}:
             out.setdefault(field, []).append((f"[{at} " if at else "") + described(figure))
     return {field: "; ".join(words) for field, words in out.items()}
 
@@ -55,5 +56,6 @@ def plain(found: Identified) -> dict[str, Any]:
         "seconds_fitted": found.seconds,
         "start": found.before.kind,
         "figures": [f._asdict() for f in found.figures],
+        "left_out": [left._asdict() for left in found.left_out],
         "held_out": [e._asdict() for e in found.errors],
     }

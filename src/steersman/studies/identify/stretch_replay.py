@@ -14,17 +14,15 @@ import numpy as np
 
 from steersman.kernels import recorded_response as kernel
 from steersman.kernels import vehicle as car
+from steersman.studies.identify.completion import low_pass
+from steersman.studies.identify.in_range import Reasons, reasons, steady
 from steersman.studies.identify.recording import Log, pieces
+from steersman.studies.identify.unknowns import Sensors
 from steersman.types import FloatArray
 from steersman.vehicles import LONGEST_STEP, Vehicle
 
 H = LONGEST_STEP
 """Step of the simulation [s], as the simulator's own."""
-WARM_UP = 1.0
-"""Time after a start in which nothing is compared [s]."""
-# Slower than this the tyres do not show in the motion [m/s]; beyond this share of the grip the car
-# slides unpredictably.
-_SLOWEST, _MOST_GRIP = 1.0, 0.7
 # Before a stretch, its first command was held for longer than any delay [s].
 _BEFORE = 5.0
 # Noise of a speed sensor at which half a second is averaged [m/s].
@@ -51,21 +49,33 @@ class Stretch(NamedTuple):
     """(m, 2) throttle and brake that give the recorded acceleration."""
     yaw_rate: float
     """At the start [rad/s]."""
+    left_out: Reasons
+    """Rows that are out of the model's range, and why."""
     steady: Any
-    """(n,) bool: rows by which the answer has forgotten its start, standstill and sliding."""
+    """(n,) bool: rows by which the answer has forgotten its start and what is left out."""
+
+    def without(self, upset: Any) -> Stretch:
+        """The same with the rows ``upset`` (n,) bool left out."""
+        why = self.left_out._replace(upset=upset)
+        return self._replace(left_out=why, steady=self.range_of(why))
+
+    def range_of(self, why: Reasons) -> Any:
+        """(n,) bool: rows that would be steady if those of ``why`` were left out."""
+        return steady(self.time, why)
 
 
 def stretches(log: Log, vehicle: Vehicle) -> list[Stretch]:
     """The recording without its gaps; pedals that explain its speeds come from ``vehicle``."""
-    return [_stretch(log, rows, vehicle) for rows in pieces(log)]
+    return [of_rows(log, rows, vehicle) for rows in pieces(log)]
 
 
-def _stretch(log: Log, rows: slice, vehicle: Vehicle) -> Stretch:
+def of_rows(log: Log, rows: slice, vehicle: Vehicle) -> Stretch:
+    """The stretch of those rows, which have no gap."""
     time = log.time[rows] - log.time[rows.start]
     count = int(np.ceil(time[-1] / H - 1e-6))
     grid = _grid(count + 1)
     speed = _smoothed(time, log.signals["v_x"][rows], grid)
-    steer = _integral(time, log.signals["steer_command"][rows])
+    steer = _integral(time, log.signals["steer_command"][rows], measured=log.by_angle)
     throttle, brake = log.get("throttle"), log.get("brake")
     pedals = None
     if throttle is not None:
@@ -75,17 +85,8 @@ def _stretch(log: Log, rows: slice, vehicle: Vehicle) -> Stretch:
     first = rate[np.isfinite(rate)][:5]
     start = float(np.median(first)) if first.size else 0.0
     driven = _driven(vehicle, speed)
-    steady = _steady(time, np.interp(time, grid, speed), rate, vehicle.friction)
-    return Stretch(rows, time, speed, steer, pedals, driven, start, steady)
-
-
-def _steady(time: FloatArray, speed: FloatArray, yaw_rate: FloatArray, friction: float) -> Any:
-    """Rows that lie ``WARM_UP`` behind the start, a standstill, and the edge of the grip."""
-    sliding = np.abs(speed * np.nan_to_num(yaw_rate)) > _MOST_GRIP * friction * car.GRAVITY
-    upset = np.flatnonzero((speed < _SLOWEST) | sliding)
-    since = np.concatenate([time[:1], time[upset]])
-    before = np.searchsorted(since, time + 1e-9, side="right") - 1
-    return time - since[before] >= WARM_UP
+    why = reasons(np.interp(time, grid, speed), rate, vehicle.friction)
+    return Stretch(rows, time, speed, steer, pedals, driven, start, why, steady(time, why))
 
 
 def _smoothed(
@@ -98,7 +99,7 @@ def _smoothed(
     time, speed = time[known], speed[known]
     if len(speed) < _NEIGHBOURS:
         return np.zeros_like(grid)
-    noise = _noise(speed)
+    noise = noise_of(speed)
     near = np.lib.stride_tricks.sliding_window_view(
         np.pad(speed, _NEIGHBOURS, mode="edge"), 2 * _NEIGHBOURS + 1
     )
@@ -115,21 +116,27 @@ def _grid(count: int) -> FloatArray:
     return np.asarray(H * np.arange(count), dtype=np.float64)
 
 
-def _noise(values: FloatArray) -> float:
+def noise_of(values: FloatArray) -> float:
     """Standard deviation of white noise on a smooth signal, from its second differences."""
     second = np.diff(values, 2)
     return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6.0)) if second.size else 0.0
 
 
-def _integral(time: FloatArray, command: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Integral of a command that is held until the next row; an empty cell holds the one before."""
+def _integral(
+    time: FloatArray, command: FloatArray, *, measured: bool = False
+) -> tuple[FloatArray, FloatArray]:
+    """Integral of a command that is held until the next row; an empty cell holds the one before.
+
+    What is ``measured`` goes straight on to the next row instead.
+    """
     known = np.flatnonzero(np.isfinite(command))
     if not known.size:
         return np.array([-_BEFORE, _BEFORE]), np.zeros(2)
     at = np.maximum(np.searchsorted(known, np.arange(len(command)), side="right") - 1, 0)
     held = command[known[at]]
     times = np.concatenate([[-_BEFORE], time, [time[-1] + _BEFORE]])
-    steps = np.diff(times) * np.concatenate([held[:1], held])
+    after = np.concatenate([held, held[-1:]]) if measured else np.concatenate([held[:1], held])
+    steps = np.diff(times) * (0.5 * (after + np.concatenate([held[:1], held])))
     return times, np.concatenate([[0.0], np.cumsum(steps)])
 
 
@@ -155,10 +162,10 @@ def _driven(vehicle: Vehicle, speed: FloatArray) -> FloatArray:
     return np.column_stack([throttle, brake])
 
 
-def lateral(vehicle: Vehicle, stretch: Stretch) -> FloatArray:
-    """States (m + 1, N_STATE) at the recorded speed under the recorded steering."""
+def lateral(vehicle: Vehicle, stretch: Stretch, clock: float = 0.0) -> FloatArray:
+    """States (m + 1, N_STATE) at the recorded speed; ``clock`` [s] adds to the steering delay."""
     grid = _grid(len(stretch.speed))
-    steer = _held(stretch.steer, grid, _whole(vehicle))
+    steer = _held(stretch.steer, grid, _whole(vehicle.steer_delay + clock))
     commands = np.column_stack([steer, stretch.driven])
     base = np.zeros((len(grid), car.N_STATE))
     base[:, car.VX] = stretch.speed
@@ -176,7 +183,12 @@ def _replayed(
 
 
 def free(
-    vehicle: Vehicle, stretch: Stretch, base: FloatArray, starts: Any, speeds: FloatArray
+    vehicle: Vehicle,
+    stretch: Stretch,
+    base: FloatArray,
+    starts: Any,
+    speeds: FloatArray,
+    clock: float = 0.0,
 ) -> FloatArray:
     """Speeds on the grid (m + 1,) [m/s] if the car drives on its own from each start.
 
@@ -186,17 +198,28 @@ def free(
         base: states of :func:`lateral`.
         starts: steps (k,) of the grid, int64, at which it starts anew, the first of them 0.
         speeds: at those starts [m/s].
+        clock: delay of the steering besides the vehicle's [s].
     """
     if stretch.pedals is None:
         raise ValueError("needs pedals")
-    grid = _grid(len(stretch.speed))
-    steer = _held(stretch.steer, grid, _whole(vehicle))
     base = base.copy()
-    base[:-1, [car.THROTTLE, car.BRAKE]] = stretch.pedals
     base[starts, car.VX] = speeds
-    commands = np.column_stack([steer, stretch.pedals])
-    states = _replayed(vehicle, commands, starts, base, held=False)
-    return np.asarray(states[:, car.VX])
+    return np.asarray(replayed(vehicle, stretch, base, starts, clock)[:, car.VX])
+
+
+def replayed(
+    vehicle: Vehicle, stretch: Stretch, base: FloatArray, starts: Any, clock: float = 0.0
+) -> FloatArray:
+    """States (m + 1, N_STATE) under the recorded commands from ``base`` at each of ``starts``.
+
+    Without pedals the speed is that of ``base`` throughout.
+    """
+    held = stretch.pedals is None
+    pedals = stretch.driven if stretch.pedals is None else stretch.pedals
+    base = base.copy()
+    base[:-1, [car.THROTTLE, car.BRAKE]] = pedals
+    steer = _held(stretch.steer, _grid(len(base)), _whole(vehicle.steer_delay + clock))
+    return _replayed(vehicle, np.column_stack([steer, pedals]), starts, base, held=held)
 
 
 def corrected(log: Log, stretch: Stretch, speed: FloatArray) -> Stretch:
@@ -211,13 +234,13 @@ def corrected(log: Log, stretch: Stretch, speed: FloatArray) -> Stretch:
     return stretch._replace(speed=better, driven=pedals)
 
 
-def _whole(vehicle: Vehicle) -> float:
-    """The steering delay without the part of a step that is left [s].
+def _whole(delay: float) -> float:
+    """A delay without the part of a step that is left [s].
 
     The rest shifts the answer: a jump of the command within a step would act as from the step's
     beginning as long as the rate limits.
     """
-    return float(np.floor(vehicle.steer_delay / H + 1e-9) * H)
+    return float(np.floor(delay / H + 1e-9) * H)
 
 
 def at_rows(stretch: Stretch, values: FloatArray, late: float = 0.0) -> FloatArray:
@@ -239,20 +262,21 @@ def responses(
     stretch: Stretch,
     states: FloatArray,
     names: Sequence[str],
-    offsets: dict[str, float],
+    sensors: Sensors,
 ) -> FloatArray:
-    """What sensors would measure of :func:`lateral` at the rows, (n, channels).
-
-    The offset of a v_y sensor is an angle: it may be mounted askew.
-    """
-    late = vehicle.steer_delay - _whole(vehicle)
-    columns = (states[:, _COLUMNS[name]] for name in names)
-    out = [
-        at_rows(stretch, column, late) + offsets.get(name, 0.0)
-        for name, column in zip(names, columns, strict=True)
-    ]
-    if "v_y" in names:
-        k = list(names).index("v_y")
-        askew = offsets.get("v_y", 0.0)
-        out[k] += askew * (at_rows(stretch, stretch.speed) - 1.0)
+    """What sensors would measure of :func:`lateral` at the rows, (n, channels)."""
+    delay = vehicle.steer_delay + sensors.clock
+    late = delay - _whole(delay)
+    out = []
+    for name in names:
+        column = states[:, _COLUMNS[name]]
+        rate, arm = states[:, car.YAW_RATE], sensors.arms.get(name, 0.0)
+        if name == "yaw_rate":
+            column = low_pass(column, sensors.yaw_rate_lag, H)
+        elif name == "v_y":
+            askew = sensors.offsets.get(name, 0.0)
+            column = column + arm * rate + askew * (stretch.speed - 1.0)
+        elif name == "a_y" and arm != 0.0:
+            column = column + arm * np.gradient(rate, H)
+        out.append(at_rows(stretch, column, late) + sensors.offsets.get(name, 0.0))
     return np.column_stack(out)

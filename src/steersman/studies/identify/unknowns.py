@@ -15,6 +15,9 @@ from steersman.vehicles import Vehicle
 
 # 95 % of a normal distribution lie within so many standard deviations.
 SIGMAS = 1.96
+# What is searched of sensors: an offset, how far ahead of the centre of mass they are, and by how
+# much the measured steering that is replayed comes late.
+OFFSET, ARM, CLOCK = SENSOR = "offset", "arm", "clock"
 _LARGEST_ANGLE = 1.5
 
 
@@ -22,7 +25,7 @@ class Unknown(NamedTuple):
     """A figure that is searched."""
 
     field: str
-    """Field of the vehicle, or ``offset`` of a sensor's signal ``at``."""
+    """Field of the vehicle, or one of ``SENSOR`` of the signal ``at``."""
     at: tuple[Any, ...]
     """Indices within the field."""
     unit: str
@@ -47,9 +50,9 @@ class Unknown(NamedTuple):
         return self.field + "".join(f"[{i}]" for i in self.at)
 
     @property
-    def offset(self) -> bool:
+    def sensor(self) -> bool:
         """Whether it is a sensor's, not the vehicle's."""
-        return self.field == "offset"
+        return self.field in SENSOR
 
     def value(self, z: float) -> float:
         """The figure at ``z``."""
@@ -90,27 +93,45 @@ def _plain(
     return Unknown(field, (), unit, start, False, prior, need, low, high)
 
 
-def steering(vehicle: Vehicle, responses: Iterable[str]) -> list[Unknown]:
-    """Of the lateral fit: steering, axles, inertia, offsets."""
+def steering(vehicle: Vehicle, responses: Iterable[str], *, by_angle: bool) -> list[Unknown]:
+    """Of the lateral fit: steering, axles, inertia, sensors.
+
+    Args:
+        vehicle: where the search starts.
+        responses: signals that are compared.
+        by_angle: whether the steering is replayed as it was measured, not as it was commanded: of
+            the actuator nothing shows then.
+    """
     curve = [
         Unknown(
             "steer_curve_factor", (i,), "-", factor, True, 0.1, 0.06, 0.2 * factor, 2.0 * factor
         )
         for i, factor in enumerate(vehicle.steer_curve_factor)
-        if i > 0
+        if i > 0 and set(vehicle.steer_curve_factor) != {1.0}  # a car without a curve keeps none
     ]
-    return [
-        _plain(vehicle, "steer_delay", "s", 0.05, 0.03, 0.0, 0.5)._replace(coarse=0.1),
+    delay = _plain(vehicle, "steer_delay", "s", 0.05, 0.03, 0.0, 0.5)._replace(coarse=0.1)
+    actuator = [
+        delay,
         _plain(vehicle, "steer_lag", "s", 0.05, 0.05, 0.0, 0.6)._replace(coarse=0.3),
         _ratio(vehicle, "steer_rate_up", "1/s", 0.5, 0.2, 20.0),
         _ratio(vehicle, "steer_rate_down", "1/s", 0.5, 0.2, 20.0),
+    ]
+    if by_angle:
+        actuator = [delay._replace(field=CLOCK, at=("wheel_angle",), start=0.0, low=-0.3, high=0.3)]
+    return [
+        *actuator,
         _ratio(vehicle, "max_wheel_angle", "rad", 0.15, 0.2),
         *curve,
         _plain(vehicle, "steer_bias", "rad", 0.02, 0.01, -0.2, 0.2),
-        _ratio(vehicle, "c_f", "N/rad", 0.3, 0.25, 10.0),
-        _ratio(vehicle, "c_r", "N/rad", 0.3, 0.25, 10.0),
-        _ratio(vehicle, "yaw_inertia", "kg m^2", 0.2, 0.2, 4.0),
+        _ratio(vehicle, "c_f", "N/rad", 0.3, 0.5, 10.0),
+        _ratio(vehicle, "c_r", "N/rad", 0.3, 0.5, 10.0),
+        _ratio(vehicle, "yaw_inertia", "kg m^2", 0.2, 0.5, 4.0),
         *(_offset(name) for name in responses),
+        *(
+            Unknown(ARM, (name,), "m", 0.0, False, 0.5, 0.3, -4.0, 4.0)
+            for name in responses
+            if name in {"v_y", "a_y"}
+        ),
     ]
 
 
@@ -126,7 +147,7 @@ _OFFSETS: Mapping[str, tuple[str, float]] = {
 
 def _offset(name: str) -> Unknown:
     unit, prior = _OFFSETS[name]
-    return Unknown("offset", (name,), unit, 0.0, False, prior, prior, -50.0 * prior, 50.0 * prior)
+    return Unknown(OFFSET, (name,), unit, 0.0, False, prior, prior, -50.0 * prior, 50.0 * prior)
 
 
 def pedals(vehicle: Vehicle, *, brake: bool) -> list[Unknown]:
@@ -156,7 +177,7 @@ def guess_at(vehicle: Vehicle, unknowns: Sequence[Unknown], z: FloatArray) -> Ve
 def _figures(vehicle: Vehicle, unknowns: Sequence[Unknown], z: FloatArray) -> dict[str, Any]:
     figures: dict[str, Any] = {}
     for unknown, step in zip(unknowns, z.tolist(), strict=True):
-        if unknown.offset:
+        if unknown.sensor:
             continue
         if not unknown.at:
             figures[unknown.field] = unknown.value(step)
@@ -175,10 +196,26 @@ def _figures(vehicle: Vehicle, unknowns: Sequence[Unknown], z: FloatArray) -> di
     return figures
 
 
-def offsets_at(unknowns: Sequence[Unknown], z: FloatArray) -> dict[str, float]:
-    """Signal -> offset of its sensor."""
-    pairs = zip(unknowns, z.tolist(), strict=True)
-    return {unknown.at[0]: unknown.value(step) for unknown, step in pairs if unknown.offset}
+class Sensors(NamedTuple):
+    """What the sensors add to the car's own motion."""
+
+    offsets: Mapping[str, float]
+    """Signal -> offset, of v_y an angle [rad]: its sensor may be mounted askew."""
+    arms: Mapping[str, float]
+    """Signal -> how far ahead of the centre of mass it was measured [m]."""
+    clock: float = 0.0
+    """Delay of the answer to the measured steering that is replayed [s]."""
+    yaw_rate_lag: float = 0.0
+    """Time constant of the yaw rate's low pass [s]."""
+
+
+def sensors_at(unknowns: Sequence[Unknown], z: FloatArray, yaw_rate_lag: float) -> Sensors:
+    """The sensors at ``z``."""
+    by: dict[str, dict[str, float]] = {field: {} for field in SENSOR}
+    for unknown, step in zip(unknowns, z.tolist(), strict=True):
+        if unknown.sensor:
+            by[unknown.field][unknown.at[0]] = unknown.value(step)
+    return Sensors(by[OFFSET], by[ARM], sum(by[CLOCK].values()), yaw_rate_lag)
 
 
 def _lists(values: Any) -> Any:

@@ -8,18 +8,12 @@ lag only if it clearly explains more, rates only if they limit. All work on z, s
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from steersman.studies.identify.estimate import (
-    Estimate,
-    Misses,
-    Selection,
-    cost,
-    estimate,
-    judge,
-    search,
-)
+from steersman.studies.identify.estimate import Estimate, cost, estimate, judge, search
+from steersman.studies.identify.misses import Misses, Selection
 from steersman.studies.identify.unknowns import SIGMAS
 from steersman.types import FloatArray
 
@@ -31,8 +25,17 @@ _A_LAG, _LEAST_LAG = 0.6, 0.1
 RATES = ("steer_rate_up", "steer_rate_down")
 
 
-def with_lag_or_without(misses: Misses, start: FloatArray, how: Selection, step: float) -> Estimate:
+def delay_of(names: Sequence[str]) -> int:
+    """Where the delay stands: of the command, or of the measured angle."""
+    return next(i for i, name in enumerate(names) if name in {"steer_delay", "clock[wheel_angle]"})
+
+
+def with_lag_or_without(
+    misses: Misses, begun: FloatArray, at: float, how: Selection, step: float
+) -> Estimate:
     """The fit without a lag, unless the one with a lag explains clearly more.
+
+    The search begins at ``begun``, that for a lag at its z ``at`` if that is one.
 
     A lag that cannot be told from none is none: the simpler model explains as much. The fit with
     it begins where the other ended, part of the delay (the unknown before it) exchanged for it.
@@ -40,11 +43,10 @@ def with_lag_or_without(misses: Misses, start: FloatArray, how: Selection, step:
     """
     lag = misses.names.index("steer_lag")
     without_lag = how.without(lag)
-    begun = _whole_delay(misses, start, without_lag, step)
     without = estimate(misses, begun, without_lag)
     without = snapped(misses, without, without_lag, step)
     begin = without.z.copy()
-    begin[lag] = start[lag] if start[lag] > _LEAST_LAG else _A_LAG
+    begin[lag] = at if at > _LEAST_LAG else _A_LAG
     begin[lag - 1] = max(begin[lag - 1] - begin[lag], misses.low[lag - 1])
     with_lag = estimate(misses, begin, how)
     gain = explained(misses, with_lag, without)
@@ -90,7 +92,7 @@ def without_rates(misses: Misses, found: Estimate, how: Selection) -> Estimate:
 
 def snapped(misses: Misses, found: Estimate, how: Selection, step: float) -> Estimate:
     """The estimate, or one whose delay is a whole number of steps nearby if that is better."""
-    delay = misses.names.index("steer_delay")
+    delay = delay_of(misses.names)
     others = np.array(found.determined)
     others[delay] = False
     best, z = cost(misses(found.z), found.scales), None
@@ -105,14 +107,14 @@ def snapped(misses: Misses, found: Estimate, how: Selection, step: float) -> Est
     return found if z is None else judge(misses, z, found.determined, how)
 
 
-def _whole_delay(misses: Misses, z: FloatArray, how: Selection, step: float) -> FloatArray:
+def whole_delay(misses: Misses, z: FloatArray, how: Selection, step: float) -> FloatArray:
     """The best whole number of integration steps as delay, everything else searched at each.
 
     A command that jumps from row to row makes the acceleration jump at the very row or not,
     depending on the delay, and slow rates and inertia look like delays: the sum of squares has
     kinks and valleys, in which gradients get stuck. So delays are tried all over, then downhill.
     """
-    delay = misses.names.index("steer_delay")
+    delay = delay_of(misses.names)
     others = how.without(delay).wanted
     begin = np.where(how.wanted, z, 0.0)
     scales = misses.scales(search(misses, begin, others, quick=True)[0])
