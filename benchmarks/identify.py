@@ -26,6 +26,7 @@ from steersman.provenance import provenance
 from steersman.rollout import RunConfig, run
 from steersman.studies.identify.identification import identify
 from steersman.studies.identify.recording import Log, of_episode
+from steersman.studies.identify.unknowns import SENSOR
 from steersman.vehicles import Bmw320i, CarlaMkz2020, CarlaModel3, Vehicle
 
 _WRONG = {"c_f": 1.2, "c_r": 0.85, "yaw_inertia": 1.2, "max_wheel_angle": 1.1}
@@ -60,9 +61,9 @@ def starting(car: Vehicle) -> Vehicle:
 
 
 def true_value(car: Vehicle, name: str) -> float:
-    """Of a figure by its name in tables; sensors have no offsets here."""
+    """Of a figure by its name in tables; sensors sit at the centre of mass, without offsets."""
     field, _, rest = name.partition("[")
-    if field == "offset":
+    if field in SENSOR:
         return 0.0
     found: Any = getattr(car, field)
     for index in rest.replace("]", "").split("[") if rest else ():
@@ -132,17 +133,23 @@ def main() -> None:
     parser.add_argument("--recordings", type=int, default=20)
     parser.add_argument("--seconds", type=float, default=120.0)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--resume", action="store_true", help="keep the drives that --out has")
     given = parser.parse_args()
-    begun, results = time.perf_counter(), {}
+    begun, results = time.perf_counter(), dict[str, Any]()
+    if given.out.is_file() and given.resume:
+        results = json.loads(given.out.read_text(encoding="utf-8"))["cars"]
     with ProcessPoolExecutor(given.jobs) as pool:
         for title, (car, how) in _CARS.items():
             for drive, clean in drives(car, how, given.seconds).items():
+                if f"{title}; {drive}" in results:
+                    continue
                 seeds = range(given.recordings)
                 found = list(pool.map(one, *zip(*((car, clean, s) for s in seeds), strict=True)))
                 results[f"{title}; {drive}"] = summary(car, found) | {"seconds": clean.time[-1]}
                 sys.stderr.write(f"{title}; {drive}: {time.perf_counter() - begun:.0f} s\n")
-    record = {"noise": NOISE, "wrong_by": _WRONG, "cars": results, "made_by": provenance()}
-    write_text(given.out, json.dumps(record, indent=2) + "\n")
+                record = {"noise": NOISE, "wrong_by": _WRONG, "cars": results}
+                text = json.dumps(record | {"made_by": provenance()}, indent=2)
+                write_text(given.out, text + "\n")
 
 
 if __name__ == "__main__":

@@ -2,8 +2,8 @@
 
     python benchmarks/real_logs.py --data ../shared/data --out results/identify/real_logs.json
 
-`race_car` fits the first 60 % of the log and predicts the rest; `thirds` fits each third and says how
-far apart their figures are; `carla` fits the seven logs and compares the vehicle with them as
+`race_car` fits the first 60 % of the log and predicts the rest; `thirds` fits each third and says
+how far apart their figures are; `carla` fits the seven logs and compares the vehicle with them as
 benchmarks/recognise.py does; `lap` drives a lap of the race car's line at its recorded speed with
 each controller. A stage that is in the file already is not done again; --only names some.
 """
@@ -15,7 +15,7 @@ import json
 import sys
 import time
 from collections.abc import Callable
-from itertools import combinations
+from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +70,7 @@ def thirds(data: Path) -> dict[str, Any]:
     log = read_log(data / RACE_CAR, columns=COLUMNS.partition(",throttle")[0])
     cuts = np.searchsorted(log.time, np.linspace(0.0, log.time[-1], 4))
     fits = []
-    for a, b in zip(cuts[:-1], cuts[1:], strict=True):
+    for a, b in pairwise(cuts.tolist()):
         signals = {name: values[a:b] for name, values in log.signals.items()}
         part = Log(log.name, log.time[a:b] - log.time[a], signals)
         fits.append(identification.identify(part, START, 0.0, _say))
