@@ -173,7 +173,7 @@ def identify(  # noqa: PLR0913 - the recording's options and where the fit runs
     if lock is not None and not lock > 0.0:
         raise ConfigError(f"{lock:g} is not allowed; must be greater than 0 [rad]", ("--lock",))
     start = vehicle_of(vehicle)
-    files = [log] if isinstance(log, (str, FilePath)) else list(log)
+    files = list(log) if isinstance(log, (list, tuple)) else [cast(Folder, log)]
     logs = [read_log(FilePath(file), lock, ahead, columns) for file in files]
     tell, workers = notify or (lambda _: None), Workers(engine, jobs)
     found = fit(joined(logs), start, holdout, tell, workers, last=last)

@@ -136,7 +136,9 @@ def _show(found: Identified, out: str | None, page: str | None) -> None:
     errors = table("1 s predicted", "unit", *heads, right=heads)
     for e in found.errors:
         errors.add_row(e.signal, e.unit, f"{e.before:.3g}", f"{e.after:.3g}", f"{e.noise:.2g}")
-    items = [f"{found.seconds:.0f} s of {found.log.name} fitted, from {found.before.title}"]
+    items: list[Any] = [
+        f"{found.seconds:.0f} s of {found.log.name} fitted, from {found.before.title}"
+    ]
     items += [f"left out: {left.seconds:.1f} s {left.reason}" for left in found.left_out]
     items += ["", figures]
     told = _kept(kept)

@@ -113,7 +113,7 @@ def _contradicting(log: Log, rate: FloatArray, lag: float) -> FloatArray:
     left = np.abs(np.convolve(left, np.ones(rows) / rows, "same"))
     usual = 1.4826 * float(np.median(left))
     seeds = log.time[left > max(_FAILS * usual, _LEAST_FAILURE)]
-    return near(log.time, seeds, 0.5)
+    return np.asarray(near(log.time, seeds, 0.5))
 
 
 def _without_jumps(rate: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from steersman.engine.jobs import Workers
 from steersman.errors import DataError
-from steersman.studies.identify import lateral, longitudinal, stretch_replay
+from steersman.studies.identify import lateral_fit, longitudinal, stretch_replay
 from steersman.studies.identify.completion import completed
 from steersman.studies.identify.lateral import Fitted
 from steersman.studies.identify.plausibility import check
@@ -98,8 +98,8 @@ def identify(
     pedals = log.get("throttle") is not None
     count = 4 if pedals else 2
     notify(f"1/{count} lateral: steering, tyres, inertia")
-    side = lateral.fit(start, log, stretches, use, workers=workers)
-    stretches = lateral.without_upsets(side, log, stretches, use)
+    side = lateral_fit.fit(start, log, stretches, use, workers=workers)
+    stretches = lateral_fit.without_upsets(side, log, stretches, use)
     fits = []
     if pedals:
         notify(f"2/{count} longitudinal: throttle map, brakes")
@@ -110,7 +110,7 @@ def identify(
         before = {u.field: getattr(start, u.field) for u in side.unknowns if not u.sensor}
         start = ahead.vehicle.replace(**before)
     notify(f"{count - 1}/{count} lateral again, with the speed and the rows that are left")
-    side = lateral.fit(start, log, stretches, use, side)
+    side = lateral_fit.fit(start, log, stretches, use, side)
     fits.insert(0, side)
     check_bounds(log, fits)
     found = side.vehicle
