@@ -149,6 +149,8 @@ def _named(sheet: Sheet, name: str, column: ExpectedColumn, wanted: Wanted) -> F
         if place is not None:
             own = _apart(sheet.titles[place], column)[1] if sheet.headed else None
             unit = wanted.unit or _apart(title, column)[1] or own
+            if abs(factor) != 1.0 and unit not in column.units:
+                unit = None  # the user's factor stands for it
             return Found(place, factor * _factor(sheet, name, column, unit))
     near = suggestion(wanted.title, sheet.titles)
     raise sheet.fault(sheet.title_line, f"no column {wanted.title!r} for {name}{near}")

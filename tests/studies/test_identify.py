@@ -350,12 +350,12 @@ def test_units_of_columns(tmp_path: FilePath) -> None:
     assert log.signals["throttle"][2] == pytest.approx(0.02)
 
 
-COLUMNS = "time=t(s),steer_command=-cmd,v_x_km_h=v(km/h),yaw_rate_deg_s=r,throttle=pedal/200"
+COLUMNS = "time=t(s),steer_command=-cmd,v_x_km_h=v(km/h),yaw_rate_deg_s=r,throttle=pedal(kPa)/200"
 
 
 def test_columns_by_name_unit_sign_and_factor(tmp_path: FilePath) -> None:
     rows = "".join(f"{0.05 * k:.2f},0.5,36,{k % 7},{k % 3}\n" for k in range(200))
-    (tmp_path / "log.csv").write_text("# t(s),cmd,v(km/h),r,pedal\n" + rows, encoding="utf-8")
+    (tmp_path / "log.csv").write_text("# t(s),cmd,v(km/h),r,pedal(kPa)\n" + rows, encoding="utf-8")
     log = read_log(tmp_path / "log.csv", columns=COLUMNS)
     assert log.signals["steer_command"][0] == -0.5
     assert log.signals["v_x"][0] == pytest.approx(10.0)
@@ -364,10 +364,10 @@ def test_columns_by_name_unit_sign_and_factor(tmp_path: FilePath) -> None:
     both = joined([log, log])
     assert len(pieces(both)) == 2
     for text, said in (
-        ("time=t", "no column 't' for time"),
+        ("time=zeit", "no column 'zeit' for time"),
         ("tyme=t(s)", "no column is called 'tyme' here; did you mean"),
         ("carle", "'carle' is not NAME=TITLE; write e.g. time=TITLE"),
-        (COLUMNS.replace("pedal", "pedl"), "no column 'pedl' for throttle; did you mean 'pedal'"),
+        (COLUMNS.replace("pedal", "pedl"), "no column 'pedl(kPa)/200' for throttle"),
     ):
         with pytest.raises(SteersmanError) as error:
             read_log(tmp_path / "log.csv", columns=text)
