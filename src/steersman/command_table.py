@@ -108,7 +108,7 @@ def _several_seeds(error: ConfigError, command: str, tree: Mapping[str, Any]) ->
 
 def _part_with(error: ConfigError, command: str, tree: Mapping[str, Any]) -> str | None:
     """The message about an unknown field that a part of the configuration has; None without one."""
-    if len(error.where) != 1 or not error.what.startswith("unknown field; allowed"):
+    if len(error.where) != 1 or not error.what.startswith("unknown field;"):
         return None
     name, cls = error.where[0], settings_of(command)
     for field, family in component_fields(command).items():

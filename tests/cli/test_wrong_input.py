@@ -35,6 +35,7 @@ WRONG = [
     ("drive path.radius=50m", "path.radius: '50m' is not a number; the unit is m, write e.g. 50"),
     ("drive path.radius=50km", "path.radius: '50km' is not a number; the unit is m, write the"),
     ("drive path=circle radius=50", "radius: unknown field; did you mean 'path.radius'?"),
+    ("drive friction=0.9", "friction: unknown field; did you mean 'vehicle.friction'?"),
     ("drive duration=ten", "duration: 'ten' is not a number; the unit is s"),
     ("drive corridor=0", "corridor: 0 is not allowed; must be greater than 0 [m]"),
     ("drive corridor=true", "corridor: True is not a number; the unit is m"),
