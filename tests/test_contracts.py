@@ -81,7 +81,7 @@ def controller(request: pytest.FixtureRequest, policies: dict[str, str]) -> Cont
 
 
 @pytest.mark.parametrize(
-    "check", [*contract.check.checks, *contract.MIRRORED], ids=lambda check: check.__name__
+    "check", [*contract.check.checks, *contract.NOT_OF_NETWORKS], ids=lambda check: check.__name__
 )
 def test_controllers_keep_their_contract(
     controller: ControllerComponent, check: Callable[[ControllerComponent], Iterator[str]]

@@ -53,13 +53,15 @@ def drive(
     seconds: float | None = None,
     delay: float = 0.0,
     sensor: WaypointSensor | None = None,
+    friction: float | None = None,
 ) -> Episode:
-    """A run from the path's start."""
+    """A run from the path's start; the controller knows of no other ``friction``."""
     driver: Any = resolve("controller", controller)
     source = speed if isinstance(speed, SpeedComponent) else ConstantSpeed(speed=speed)
     parts = {
         "plant": SimulatorConfig(steering_delay=delay),
-        "vehicle": CAR,
+        "vehicle": CAR if friction is None else CAR.replace(friction=friction),
+        "nominal": CAR,
         "controller": driver,
         "path": path,
         "speed": source,

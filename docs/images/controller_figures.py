@@ -214,6 +214,20 @@ def predicted() -> dict[str, Any]:
     return {"title": title, "x": "time [s]", "y": "lateral error [m]", "lines": lines}
 
 
+def nmpc() -> dict[str, Any]:
+    """What a plan with limited tyres is worth where the car has less grip than is known."""
+    lines = []
+    for name, fields in (
+        ("nmpc", {"kind": "nmpc"}),
+        ("mpc_delay, friction not estimated", {"kind": "mpc_delay", "estimate_friction": False}),
+        ("lqr", {"kind": "lqr"}),
+    ):
+        episode = drive(fields, FigureEight(), 10.5, seconds=20.0, friction=0.5)
+        lines.append({"name": name, "x": episode["time"], "y": episode["lateral_error"]})
+    title = "Figure-eight at 10.5 m/s, friction 0.5 where 3.0 is nominal"
+    return {"title": title, "x": "time [s]", "y": "lateral error [m]", "lines": lines}
+
+
 def policy_trim() -> dict[str, Any]:
     """The integral loop around the network."""
     lines = []
@@ -287,6 +301,7 @@ FIGURES = {
     "mpc_delay": mpc_delay,
     "mpc_delay_noise": mpc_delay_noise,
     "predicted": predicted,
+    "nmpc": nmpc,
     "policy_trim": policy_trim,
     "supervisor": supervisor,
     "everybody": everybody,

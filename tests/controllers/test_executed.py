@@ -44,7 +44,7 @@ def ridden(controller: ControllerComponent, *, delay: float, told: bool) -> Any:
 def test_mpc_delay_predicts_what_was_executed(delay: float) -> None:
     """What its model lacks is little, as long as it knows what was commanded."""
     lacks = {
-        told: ridden(MpcDelay(delay=delay), delay=delay, told=told).disturbance
+        told: ridden(MpcDelay(delay=delay), delay=delay, told=told).motion.disturbance
         for told in (True, False)
     }
     assert abs(lacks[True][1]) < 0.02
@@ -53,7 +53,7 @@ def test_mpc_delay_predicts_what_was_executed(delay: float) -> None:
 
 def test_mpc_delay_finds_the_delay_of_what_was_executed() -> None:
     found = {
-        told: ridden(MpcDelay(filter_road=False), delay=0.15, told=told).delay
+        told: ridden(MpcDelay(filter_road=False), delay=0.15, told=told).motion.delay
         for told in (True, False)
     }
     assert found[True] == pytest.approx(0.15, abs=0.03)
@@ -63,7 +63,7 @@ def test_mpc_delay_finds_the_delay_of_what_was_executed() -> None:
 def test_mpc_delay_keeps_its_line_of_commands() -> None:
     state = ridden(MpcDelay(), delay=0.0, told=True)
     expected = [0.03 * math.sin(0.3 * k) + 0.02 * math.sin(0.71 * k) for k in range(199, 189, -1)]
-    assert state.commands[:10] == pytest.approx(expected, abs=0.0)
+    assert state.motion.commands[:10] == pytest.approx(expected, abs=0.0)
     assert CAR.steer_for_wheel_angle(state.angle, 12.0) == pytest.approx(expected[0], rel=0.1)
 
 

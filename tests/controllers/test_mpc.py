@@ -246,7 +246,7 @@ def test_a_solver_that_fails_leaves_the_old_plan_then_the_pid(
     switch["fails"] = True
     pid = state.pid
     for age in range(1, 8):
-        feedback, pid = controller.gains.update(pid, observation.lateral_error, DT)
+        feedback, pid = controller.gains.update(pid, observation.lateral_error, observation.v_x, DT)
         decision, state = controller.step(state, observation)
         planned = plan[age] if age < 5 else 0.0
         expected = CAR.steer_for_wheel_angle(planned, observation.v_x) + feedback
@@ -263,7 +263,7 @@ def test_failing_from_the_start_drives_by_pid(monkeypatch: pytest.MonkeyPatch) -
     observation = observe(Straight(), beside(Straight(), 5.0, d=0.1), 5.0)
     controller = MpcPid(c_pid=1.0)
     decision, _ = controller.step(controller.init(CAR, DT), observation)
-    assert decision.steer == pytest.approx(controller.gains.update(PidState(), 0.1, DT)[0])
+    assert decision.steer == pytest.approx(controller.gains.update(PidState(), 0.1, 10.0, DT)[0])
     assert decision.status is Status.FALLBACK
 
 

@@ -219,16 +219,16 @@ def test_holds_the_circle(v: float) -> None:
 
 def test_the_delay_is_driven_through_at_its_mean_speed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Accelerating by 2 m/s^2, a car is 0.2 m/s faster in the middle of a delay of 0.2 s."""
-    from steersman.controllers import mpc_delay
+    from steersman.controllers import delay_mpc
 
     speeds: list[float] = []
-    through = mpc_delay.kernel.through_delay
+    through = delay_mpc.kernel.through_delay
 
     def noted(table: Any, speed: float, *rest: Any) -> Any:
         speeds.append(speed)
         return through(table, speed, *rest)
 
-    monkeypatch.setattr(mpc_delay.kernel, "through_delay", noted)
+    monkeypatch.setattr(delay_mpc.kernel, "through_delay", noted)
     controller, path = MpcDelay(delay=0.2), Posed()
     state = controller.init(CAR, DT)
     for k in range(100):

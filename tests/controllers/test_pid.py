@@ -21,6 +21,8 @@ from steersman.types import Status
 
 from ..loops import CAR, DT, beside, drive, observe
 
+V = 10.0
+
 
 def gains(**given: float) -> PidGains:
     zero = {"k_p": 0.0, "k_i": 0.0, "k_d": 0.0, "filter_time": 0.0}
@@ -30,7 +32,7 @@ def gains(**given: float) -> PidGains:
 def outputs(pid: PidGains, errors: list[float]) -> list[float]:
     state, out = PidState(), []
     for error in errors:
-        steer, state = pid.update(state, error, DT)
+        steer, state = pid.update(state, error, V, DT)
         out.append(steer)
     return out
 
@@ -68,10 +70,10 @@ def test_derivative_filter_is_first_order() -> None:
 
 def test_anti_windup_holds_the_integral_while_saturated() -> None:
     pid, state = gains(k_p=2.0, k_i=0.5), PidState(0.1)
-    _, after = pid.update(state, 1.0, DT)
+    _, after = pid.update(state, 1.0, V, DT)
     assert after.integral == 0.1
     # Saturated the other way round, the integral may unwind.
-    _, after = gains(k_i=1.0, integral_limit=5.0).update(PidState(-2.0), 1.0, DT)
+    _, after = gains(k_i=1.0, integral_limit=5.0).update(PidState(-2.0), 1.0, V, DT)
     assert after.integral == pytest.approx(-2.0 + DT)
 
 
@@ -91,7 +93,7 @@ def test_is_odd_in_the_error(errors: list[float]) -> None:
 def test_integral_never_exceeds_its_bound(errors: list[float]) -> None:
     pid, state = PidGains(integral_limit=0.7), PidState()
     for error in errors:
-        _, state = pid.update(state, error, DT)
+        _, state = pid.update(state, error, V, DT)
         assert abs(state.integral) <= 0.7
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from steersman.config import dump, resolve
 from steersman.contracts import Contract
+from steersman.contracts.controller_faults import FAULTS, STEERED
 from steersman.contracts.scenes import (
     CAR,
     DT,
@@ -107,58 +107,6 @@ def place_and_direction_do_not_matter(controller: ControllerComponent) -> Iterat
     for name in ("s", "lateral_error", "heading_error", "course_error", "steer_command", "v_x"):
         if _differ(one[name], other[name], _close(controller, driven=True)):
             yield f"{name} differs on the same road elsewhere"
-
-
-def input_that_is_not_finite_is_a_marked_fallback(
-    controller: ControllerComponent,
-) -> Iterator[str]:
-    """The present steering is answered, and the next observation as if nothing had been."""
-    good, points = plain(), plain().preview.copy()
-    fresh = controller.step(controller.init(CAR, DT), good)[0]
-    for value in (math.nan, math.inf, -math.inf):
-        points[7, 1] = value
-        bad = {name: _with(good, name, value) for name in _NUMBERS}
-        for name, seen in {**bad, "preview": good._replace(preview=points.copy())}.items():
-            decision, after = controller.step(controller.init(CAR, DT), seen)
-            if decision.status is not Status.FALLBACK:
-                yield f"{name} {value}: not marked as a fallback"
-            if decision.steer != (0.0 if name == "steer" else good.steer):
-                yield f"{name} {value}: not answered by the present steering"
-            if controller.step(after, good)[0] != fresh:
-                yield f"{name} {value}: changes the next answer"
-
-
-def any_finite_input_gives_a_command(controller: ControllerComponent) -> Iterator[str]:
-    """However large, small or odd."""
-    good, points = plain(), plain().preview
-    for size in (1e-300, 1e3, 1e9, 1e100, 1e300):
-        row = [_with(good, f, s * size) for f in _NUMBERS[1:] for s in (1, -1)]
-        row += [good._replace(preview=s * size * points) for s in (1.0, -1.0)]
-        row += [good._replace(v_x=v, v_y=0.0) for v in (0.0, -5.0, 200.0)]
-        for decision in answers(controller, row):
-            if not -1.0 <= decision.steer <= 1.0:
-                yield f"answers {decision.steer} to input of the size {size:g}"
-
-
-def extreme_input_leaves_nothing_behind(controller: ControllerComponent) -> Iterator[str]:
-    """One glitch may be answered by anything within the limits, but not what follows."""
-    good = plain()
-    for size in (1e3, 1e100, 1e300):
-        for field in _NUMBERS[1:]:
-            state = controller.init(CAR, DT)
-            for observation in (good, _with(good, field, size), *[good] * 5):
-                decision, state = controller.step(state, observation)
-            if decision.status not in _ANSWERED:
-                yield f"five steps after {field} = {size:g} it still answers by a fallback"
-
-
-def a_standing_car_gets_an_ordinary_answer(controller: ControllerComponent) -> Iterator[str]:
-    """No division by the speed."""
-    path = PosedRoad()
-    cars = [beside(path, 30.0, d=d, heading=0.05, velocity=(0.0, 0.0)) for d in (0.0, 0.3, -0.3)]
-    for decision in answers(controller, [observe(path, car, 30.0) for car in cars]):
-        if decision.status not in _ANSWERED:
-            yield "answers a standing car by a fallback"
 
 
 def limits_are_kept(controller: ControllerComponent) -> Iterator[str]:
@@ -276,7 +224,8 @@ def other_control_periods_work(controller: ControllerComponent) -> Iterator[str]
             yield f"dt {dt:g} s: ends after {len(episode) * dt:.2f} s by {episode.end}"
 
 
-MIRRORED = (
+NOT_OF_NETWORKS = (
+    *STEERED,
     a_mirrored_observation_gives_negated_steering,
     a_mirrored_circle_gives_a_mirrored_drive,
     mirrored_executed_commands_give_negated_steering,
@@ -284,10 +233,7 @@ MIRRORED = (
 check: Contract[ControllerComponent] = Contract(
     a_loaded_controller_steers_alike,
     place_and_direction_do_not_matter,
-    input_that_is_not_finite_is_a_marked_fallback,
-    any_finite_input_gives_a_command,
-    extreme_input_leaves_nothing_behind,
-    a_standing_car_gets_an_ordinary_answer,
+    *FAULTS,
     limits_are_kept,
     the_same_seed_gives_the_same_episode,
     one_object_drives_two_cars,
@@ -296,5 +242,5 @@ check: Contract[ControllerComponent] = Contract(
     the_executed_command_counts,
     search_ranges_hold_the_defaults,
     other_control_periods_work,
-    also=lambda controller: () if _learned(dump(controller)) else MIRRORED,
+    also=lambda controller: () if _learned(dump(controller)) else NOT_OF_NETWORKS,
 )

@@ -14,6 +14,7 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 from steersman.config import Component
+from steersman.controllers.plausible import usable
 from steersman.errors import ConfigError, ControllerError, one_line
 from steersman.types import Decision, Observation, Status
 from steersman.vehicles import Vehicle
@@ -57,13 +58,15 @@ class ControllerComponent(Component):
     def step(self, state: Any, observation: Observation) -> tuple[Decision, Any]:
         """Decide the steering for the next control period, in [-1, 1].
 
-        An observation that is not finite gets the present steering, marked as a fallback, and
-        leaves the state alone. So does a decision that is not: numbers may be finite and still
-        overflow on their way. Only a :class:`Wrapper` overrides this.
+        A heading error is taken modulo a whole turn. An observation that is not finite or that no
+        car near its road can measure, and one of a car that drives backwards, gets the present
+        steering, marked as a fallback, and leaves the state alone; so one outlier costs one step.
+        So does a decision that is not finite. Only a :class:`Wrapper` overrides this.
         """
-        if not is_finite(observation):
+        seen = usable(observation)
+        if seen is None:
             return present(observation), state
-        steer, status, after = self.decide(state, observation)
+        steer, status, after = self.decide(state, seen)
         if not math.isfinite(steer):
             return present(observation), state
         if not -1.0 <= steer <= 1.0:
@@ -95,11 +98,6 @@ def present(observation: Observation) -> Decision:
 def within_limits(steer: float) -> float:
     """Steering clipped to [-1, 1]."""
     return min(max(steer, -1.0), 1.0)
-
-
-def is_finite(observation: Observation) -> bool:
-    """Whether every number of the observation is finite."""
-    return math.isfinite(sum(observation[:8]) + float(observation.preview.sum()))
 
 
 def designed(controller: ControllerComponent, vehicle: Vehicle, dt: float) -> Any:

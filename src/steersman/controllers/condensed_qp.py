@@ -9,6 +9,7 @@ lateral position enters the optimisation.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -85,6 +86,10 @@ class MpcProblem:
         if flag not in (1, 2) or not kernel.all_finite(plan):
             return None
         return plan
+
+    def turn(self, observation: Observation) -> FloatArray:
+        """The wheel angles [rad] of the shortest turn towards the road's direction."""
+        return np.full(self.horizon, -math.copysign(self.max_angle, observation.heading_error))
 
     def _limits(self, last_angle: float) -> None:
         n, row = self.horizon, self.horizon

@@ -14,6 +14,7 @@ from steersman.controllers.mpc_delay_plan import pose
 from steersman.controllers.single_track import steady_wheel_angle
 from steersman.kernels import mpc_delay as kernel
 from steersman.kernels import road_filter
+from steersman.kernels.grip import NO_LIMIT
 from steersman.kernels.observe import O_PREVIEW
 from steersman.kernels.predict import seen_from
 from steersman.kernels.preview import curvature_at
@@ -61,7 +62,7 @@ def moved_on(
     if abs(seen.v_x) > _STANDING:
         work = np.empty((2, kernel.N_MOTION))
         road = (seen.preview, seen.spacing, seen.curvature)
-        kernel.hold(vehicle.table, seen.v_x, *road, _NOTHING, steer, dt, after, work)
+        kernel.hold(vehicle.table, seen.v_x, *road, _NOTHING, NO_LIMIT, steer, dt, after, work)
     return after
 
 

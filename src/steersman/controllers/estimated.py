@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Annotated, Any, NamedTuple
 
 from steersman.config import Of, param, register
-from steersman.controllers.base import ControllerComponent, Wrapper, is_finite, present
+from steersman.controllers.base import ControllerComponent, Wrapper, present
+from steersman.controllers.plausible import usable
 from steersman.estimators.base import EstimatorComponent, PredictorComponent
 from steersman.types import Decision, Observation
 from steersman.vehicles import Vehicle
@@ -45,12 +46,12 @@ class Estimated(Wrapper):
     ) -> tuple[Decision, EstimatedState]:
         """The controller's decision on what was estimated.
 
-        An observation that is not finite gets the present steering, marked as a fallback, and
-        leaves the state alone.
+        An observation that no controller can use gets the present steering, marked as a fallback,
+        and leaves the state alone.
         """
-        if not is_finite(observation):
+        seen, chain = usable(observation), []
+        if seen is None:
             return present(observation), state
-        seen, chain = observation, []
         for one, before in zip(self._chain(), state.chain, strict=True):
             seen, after = one.estimate(before, seen)
             chain.append(after)

@@ -12,15 +12,16 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
+from steersman.controllers.motion_estimate import SLOWEST
 from steersman.controllers.single_track import ErrorModel, discrete, error_model, steady_state
 from steersman.kernels import mpc_delay as kernel
 from steersman.types import FloatArray, Observation, Status
 from steersman.vehicles import Vehicle
 
 # Speeds of the tables [m/s]; between them everything is linear, beyond them held.
-SLOWEST, SPEED_STEP, N_SPEEDS = 1.0, 0.5, 79
+SPEED_STEP, N_SPEEDS = 0.5, 79
 # DAQP's exit flags for "solved".
-_SOLVED = (1, 2)
+SOLVED = (1, 2)
 # As in the kernel: half-way to the centre of curvature and beyond, errors mean little.
 _NEAREST = 0.2
 
@@ -110,6 +111,13 @@ def pose(o: Observation) -> FloatArray:
     return np.array([o.lateral_error, o.heading_error, o.v_y, o.yaw_rate, o.steer, 0.0])
 
 
+def largest_step(vehicle: Vehicle, dt: float, steer: float, v: float) -> float:
+    """Largest change of the wheel angle over ``dt`` [s] near a steering, at speed ``v`` [rad]."""
+    half, now = 0.5 * vehicle.steer_rate_up * dt, min(abs(steer), 1.0)
+    ends = [kernel.wheel_angle(vehicle.table, now + d, v) for d in (half, -half)]
+    return ends[0] - ends[1]
+
+
 class PlanProblem(NamedTuple):
     """State, road and limits at the moment at which the next command acts."""
 
@@ -146,11 +154,10 @@ class PlanProblem(NamedTuple):
         along = (v * c - v_y * s) / max(1.0 - kappa * e1, _NEAREST)
         turned = e2 - float(heading[0]) * kappa - float(heading[1:] @ disturbance)
         xi = np.array([e1, v * s + v_y * c, turned, rate - kappa * along])
-        half, now = 0.5 * vehicle.steer_rate_up * dt, min(abs(steer), 1.0)
-        ends = [kernel.wheel_angle(vehicle.table, now + d, v) for d in (half, -half)]
+        step = largest_step(vehicle, dt, steer, v)
         most = kernel.wheel_angle(vehicle.table, 1.0, v)
         offset = float(angle[1:] @ disturbance)
-        return cls(model, road, xi, float(angle[0]), offset, most, ends[0] - ends[1])
+        return cls(model, road, xi, float(angle[0]), offset, most, step)
 
 
 def solve(
@@ -208,7 +215,7 @@ def limited_plan(
     lower = np.concatenate([-p.most - steady, -p.step - steady_changes])
     plan: FloatArray
     plan, _, flag, _ = daqp.solve(hessian, linear, changes, upper, lower)
-    if flag not in _SOLVED or not np.isfinite(plan).all():
+    if flag not in SOLVED or not np.isfinite(plan).all():
         return None
     return plan
 

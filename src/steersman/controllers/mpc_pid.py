@@ -9,6 +9,7 @@ from steersman.config import Settings, param, register
 from steersman.controllers.base import ControllerComponent, within_limits
 from steersman.controllers.condensed_qp import MpcProblem, build_problem
 from steersman.controllers.pid import PidGains, PidState
+from steersman.controllers.plausible import ACROSS, nearer
 from steersman.kernels.mpc_delay import wheel_angle
 from steersman.types import FloatArray, Observation, Status
 from steersman.vehicles import Vehicle
@@ -55,7 +56,8 @@ class Mpc(ControllerComponent):
     """The linear MPC of MPC-PID without its PID.
 
     If DAQP does not solve, the last plan shifted by one step per failure stands in; when that is
-    used up, the wheels point straight ahead. Either is marked as a fallback.
+    used up, the wheels point straight ahead. A car that drives the road the wrong way or across it
+    turns round at full lock. All of these are marked as a fallback.
     """
 
     search: ClassVar[Mapping[str, tuple[float, float, bool]]] = {
@@ -91,15 +93,19 @@ class Mpc(ControllerComponent):
         self, state: MpcState, observation: Observation
     ) -> tuple[Status, float, MpcState]:
         """Plan anew, or shift the last plan; normalised steering of the MPC, and the new state."""
-        problem, plan, age = state.problems[0], state.plan, state.age + 1
+        problem, o, plan, age = state.problems[0], observation, state.plan, state.age + 1
         if self.scheduled:
-            near = round(observation.v_x / _GRID_STEP) - 1
+            near = round(o.v_x / _GRID_STEP) - 1
             problem = state.problems[min(max(near, 0), len(state.problems) - 1)]
-        status, solved = Status.FALLBACK, problem.solve(observation, state.angle)
-        if solved is not None:
-            plan, age, status = solved, 0, Status.SOLVED
+        status = Status.FALLBACK
+        if abs(o.heading_error) > ACROSS:
+            plan, age = problem.turn(o), 0
+        else:
+            solved = problem.solve(nearer(o, problem.horizon * problem.dt), state.angle)
+            if solved is not None:
+                plan, age, status = solved, 0, Status.SOLVED
         angle = float(plan[age]) if plan is not None and age < problem.horizon else 0.0
-        v = observation.v_x
+        v = o.v_x
         steer = state.vehicle.steer_for_wheel_angle(angle, v)
         after = state._replace(plan=plan, age=age, angle=angle, steer=within_limits(steer), v_x=v)
         return status, steer, after
@@ -124,8 +130,8 @@ class MpcPid(Mpc):
     """u = c_mpc u_MPC + c_pid u_PID: a linear MPC at one tuned speed, corrected by a PID.
 
     If DAQP does not solve, the last plan shifted by one step per failure stands in for u_MPC;
-    when that is used up, the PID steers alone. Either is marked as a fallback. When
-    ``scheduled``, the PID fades above v0 as (v0 / v)^2.
+    when that is used up, the PID steers alone; against the road the car turns round. All of these
+    are marked as a fallback. When ``scheduled``, the PID fades above v0 as (v0 / v)^2.
     """
 
     # Defaults are those that `steersman tune controller=mpc_pid` found on the training circuit
@@ -150,12 +156,12 @@ class MpcPid(Mpc):
 
     def decide(self, state: MpcState, observation: Observation) -> tuple[float, Status, MpcState]:
         """Normalised steering, unclipped."""
-        c_pid = self.c_pid
+        o, c_pid = observation, self.c_pid
         if self.scheduled:
-            c_pid *= min(1.0, self.v0 / max(observation.v_x, 1.0)) ** 2
+            c_pid *= min(1.0, self.v0 / max(o.v_x, 1.0)) ** 2
         dt = state.problems[0].dt
-        feedback, pid = self.gains.update(state.pid, observation.lateral_error, dt)
-        status, planned, state = self.next_plan(state, observation)
+        feedback, pid = self.gains.update(state.pid, o.lateral_error, o.v_x, dt)
+        status, planned, state = self.next_plan(state, o)
         steer = self.c_mpc * planned + c_pid * feedback
         return steer, status, state._replace(pid=pid, steer=within_limits(steer))
 

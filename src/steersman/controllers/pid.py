@@ -7,6 +7,7 @@ from typing import ClassVar, NamedTuple
 
 from steersman.config import Settings, param, register
 from steersman.controllers.base import ControllerComponent
+from steersman.controllers.plausible import moving_time
 from steersman.controllers.single_track import (
     preview_curvature,
     steady_side_slip,
@@ -14,6 +15,10 @@ from steersman.controllers.single_track import (
 )
 from steersman.types import Observation, Status
 from steersman.vehicles import Vehicle
+
+# A lateral error that changes faster than this beyond the car's speed is a jump of the measurement,
+# and says nothing about the car's motion [m/s].
+_JUMP = 20.0
 
 
 class PidState(NamedTuple):
@@ -33,15 +38,26 @@ class PidGains(Settings):
     filter_time: float = param(0.1, "s", "Time constant of the derivative's filter.", ge=0)
     integral_limit: float = param(2.0, "m s", "Bound of the integral.", ge=0)
 
-    def update(self, state: PidState, error: float, dt: float) -> tuple[float, PidState]:
+    def update(
+        self, state: PidState, error: float, v_x: float, dt: float
+    ) -> tuple[float, PidState]:
         """Steering against the error (left of the path steers right) and the new state.
 
-        The integral stands still while the output is saturated in its direction.
+        The integral stands still while the output is saturated in its direction, while the car
+        stands and where the error jumps; the derivative too where the error jumps.
+
+        Args:
+            state: what the PID carries.
+            error: lateral error [m].
+            v_x: longitudinal velocity [m/s].
+            dt: control period [s].
         """
         slope = 0.0 if state.error is None else (error - state.error) / dt
-        blend = dt / (self.filter_time + dt)
+        blend, moved = dt / (self.filter_time + dt), moving_time(v_x, dt)
+        if abs(slope) > _JUMP + abs(v_x):
+            blend = moved = 0.0
         derivative = state.derivative + blend * (slope - state.derivative)
-        wanted = state.integral + error * dt
+        wanted = state.integral + error * moved
         wanted = min(max(wanted, -self.integral_limit), self.integral_limit)
         output = -(self.k_p * error + self.k_i * wanted + self.k_d * derivative)
         integral = wanted if abs(output) <= 1.0 or output * error > 0.0 else state.integral
@@ -91,8 +107,8 @@ class Pid(ControllerComponent):
         self, state: PidControllerState, observation: Observation
     ) -> tuple[float, Status, PidControllerState]:
         """Normalised steering, unclipped."""
-        steer, pid = self.gains.update(state.pid, observation.lateral_error, state.dt)
         vehicle, v = state.vehicle, observation.v_x
+        steer, pid = self.gains.update(state.pid, observation.lateral_error, v, state.dt)
         steady_slip = 0.0
         if self.feedforward:
             kappa = preview_curvature(observation, self.preview_time * v, self.preview_window)

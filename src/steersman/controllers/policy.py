@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from steersman.config import dump, param, register, resolve
 from steersman.controllers.base import ControllerComponent, within_limits
+from steersman.controllers.plausible import ACROSS, moving_time
 from steersman.encoding import EncodingComponent, Layout
 from steersman.errors import ConfigError, DataError, one_line
 from steersman.kernels import encode as kernel
@@ -103,10 +103,12 @@ class Policy(ControllerComponent):
     def decide(
         self, state: PolicyState, observation: Observation
     ) -> tuple[float, Status, PolicyState]:
-        """Normalised steering, unclipped; a fallback if the base's is one."""
+        """Normalised steering, unclipped; a fallback if the base's is one, or against the road."""
         table, base_state, status = state.table, state.base_state, Status.SOLVED
+        if abs(observation.heading_error) > ACROSS:
+            status = Status.FALLBACK
         row = to_row(observation, state.waypoints, table.spacing)
-        shift = self._shift(state, observation.lateral_error)
+        shift = self._shift(state, observation)
         row[observe.O_D] += shift
         row[observe.O_PREVIEW + 1 :: 2] -= shift
         memory = state.memory.copy()
@@ -142,13 +144,11 @@ class Policy(ControllerComponent):
         memory[kernel.LAST_COMMAND] = steer
         return state._replace(memory=memory)
 
-    def _shift(self, state: PolicyState, error: float) -> float:
-        """The shift of this step; an error that is not finite leaves it as it is."""
-        speed = state.trim * error
-        if not math.isfinite(speed):
-            return state.shift
+    def _shift(self, state: PolicyState, observation: Observation) -> float:
+        """The shift of this step; at standstill it stays as it is."""
+        speed = state.trim * observation.lateral_error
         speed = min(max(speed, -self.trim_speed), self.trim_speed)
-        shift = state.shift + speed * state.table.dt
+        shift = state.shift + speed * moving_time(observation.v_x, state.table.dt)
         return min(max(shift, -self.trim_limit), self.trim_limit)
 
 

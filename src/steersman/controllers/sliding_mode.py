@@ -15,6 +15,7 @@ from typing import ClassVar, NamedTuple
 
 from steersman.config import param, register
 from steersman.controllers.base import ControllerComponent
+from steersman.controllers.plausible import moving_time
 from steersman.controllers.single_track import errors, preview_curvature, steady_side_slip
 from steersman.types import Observation, Status
 from steersman.vehicles import Vehicle
@@ -69,7 +70,7 @@ class SlidingMode(ControllerComponent):
         e1, e1_rate, e2, e2_rate = errors(o)
         e2 += steady_side_slip(vehicle, v, o.curvature)
         y, rate = e1 + self.look_ahead * e2, e1_rate + self.look_ahead * e2_rate
-        wanted = integral + y * dt
+        wanted = integral + y * moving_time(o.v_x, dt)
         wanted = min(max(wanted, -self.integral_limit), self.integral_limit)
         c = self.slope
         s = rate + 2.0 * c * y + c * c * wanted

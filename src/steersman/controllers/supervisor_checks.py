@@ -7,19 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from steersman.controllers.base import is_finite
+from steersman.controllers.plausible import is_finite, is_possible
 from steersman.types import FloatArray, Observation, Reason
 
-# The largest magnitude that a car on its road can measure, by the observation's fields after the
-# time: lateral error [m], heading error [rad], v_x and v_y [m/s], yaw rate [rad/s], steering [-]
-# (sensors may read a little more than full lock), curvature [1/m]. These are far beyond
-# what can be driven: larger values are measurement faults.
-_MOST = (20.0, 3.2, 100.0, 30.0, 5.0, 1.1, 1.0)
-# Waypoints farther from the car than this many times the preview's length are faults.
-_FARTHEST = 2.0
-# Fewest waypoints that determine a road.
-_FEWEST = 4
-_PLANE = 2
 # Kinds of arrays that hold real numbers.
 _REAL = "fiu"
 # A slower car may see the same for any time [m/s].
@@ -36,19 +26,9 @@ def input_fault(observation: object) -> Reason:
                 return Reason.MISSING
             if not is_finite(observation):
                 return Reason.INPUT_NOT_FINITE
-            return Reason.NONE if _possible(observation) else Reason.INPUT_RANGE
+            return Reason.NONE if is_possible(observation) else Reason.INPUT_RANGE
     except (AttributeError, TypeError, ValueError):  # its fields are something else than numbers
         return Reason.MISSING
-
-
-def _possible(o: Observation) -> bool:
-    if any(abs(value) > most for value, most in zip(o[1:8], _MOST, strict=True)):
-        return False
-    points = o.preview
-    if points.ndim != _PLANE or points.shape[1] != _PLANE:
-        return False
-    reach = _FARTHEST * len(points) * o.spacing + _MOST[0]
-    return len(points) >= _FEWEST and o.spacing > 0.0 and bool(np.abs(points).max() <= reach)
 
 
 class LastSeen(NamedTuple):

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from steersman.controllers.plausible import ACROSS, MOST, REVERSE, WALK, reach
 from steersman.controllers.policy import Policy, card_layout
 from steersman.delivery import c_text
 from steersman.delivery.c_formula import Writer
@@ -198,6 +199,11 @@ def _constants(p: Parts) -> str:
         "TRIM": f"{decimal(p.trim, 'trim')} /* rate of the integral loop [1/s] */",
         "TRIM_SPEED": f"{decimal(p.policy.trim_speed, 'trim_speed')} /* [m/s] */",
         "TRIM_LIMIT": f"{decimal(p.policy.trim_limit, 'trim_limit')} /* [m] */",
+        "ACROSS": f"{decimal(ACROSS, 'heading')} /* [rad] */",
+        "WALK": f"{decimal(WALK, 'pace')} /* [m/s] */",
+        "REVERSE": f"{decimal(REVERSE, 'speed')} /* [m/s] */",
+        "REACH": f"{decimal(reach(p.card.waypoints, p.card.spacing), 'reach')} /* [m] */",
+        **{f"MOST_{name.upper()}": decimal(x, name) for name, x in MOST._asdict().items()},
     }
     return "".join(f"#define {name} {value}\n" for name, value in values.items())
 
@@ -211,7 +217,7 @@ def _command(card: PolicyCard) -> str:
     return f"next.last_command + {step} * action[0]"
 
 
-_SEEN = ("lateral_error", "heading_error", "v_x", "v_y", "yaw_rate", "steer", "curvature")
+_SEEN = MOST._fields
 
 
 def _writer(p: Parts, feature: Feature, first: int) -> Writer:

@@ -10,10 +10,9 @@ import math
 
 from steersman.kernels.actuator import slew
 from steersman.kernels.compiled import kernel
+from steersman.kernels.grip import axle_forces
 from steersman.kernels.preview import curvature_at
 from steersman.kernels.vehicle import (
-    C_F,
-    C_R,
     INERTIA,
     L_F,
     L_R,
@@ -47,15 +46,16 @@ def _slope(
     v: float,
     kappa: float,
     disturbance: FloatArray,
+    grips: FloatArray,
     motion: FloatArray,
     out: FloatArray,
 ) -> None:
-    """Time derivative of a motion, but for the steering: linear tyres, constant speed."""
+    """Time derivative of a motion, but for the steering: brush tyres, constant speed."""
     row = table.rows[0]
     e1, e2, v_y, rate = motion[E1], motion[E2], motion[VY], motion[RATE]
     delta = wheel_angle(table, motion[STEER], v)
-    front = row[C_F] * (delta - (v_y + row[L_F] * rate) / v)
-    rear = -row[C_R] * (v_y - row[L_R] * rate) / v
+    slip_f, slip_r = delta - (v_y + row[L_F] * rate) / v, (row[L_R] * rate - v_y) / v
+    front, rear = axle_forces(row, grips, slip_f, slip_r)
     c, s = math.cos(e2), math.sin(e2)
     along = (v * c - v_y * s) / max(1.0 - kappa * e1, _NEAREST)
     out[E1] = v * s + v_y * c
@@ -73,6 +73,7 @@ def hold(  # noqa: PLR0917 - numba takes no keyword-only arguments
     spacing: float,
     beside: float,
     disturbance: FloatArray,
+    grips: FloatArray,
     command: float,
     duration: float,
     motion: FloatArray,
@@ -81,7 +82,8 @@ def hold(  # noqa: PLR0917 - numba takes no keyword-only arguments
     """Move ``motion`` on by ``duration`` [s] while ``command`` acts on the steering.
 
     Midpoint rule; the steering slews exactly. ``disturbance`` (2,) are the side [m/s^2] and yaw
-    acceleration [rad/s^2] that the model lacks, ``work`` (2, N_MOTION) is scratch.
+    acceleration [rad/s^2] that the model lacks, ``grips`` (2,) the axles' largest side forces [N],
+    ``work`` (2, N_MOTION) is scratch.
     """
     if duration <= 0.0:
         return
@@ -91,11 +93,11 @@ def hold(  # noqa: PLR0917 - numba takes no keyword-only arguments
     k, q = work[0], work[1]
     for _ in range(count):
         kappa = curvature_at(preview, spacing, beside, motion[WAY])
-        _slope(table, v, kappa, disturbance, motion, k)
+        _slope(table, v, kappa, disturbance, grips, motion, k)
         for i in range(N_MOTION):
             q[i] = motion[i] + 0.5 * h * k[i]
         q[STEER] = slew(motion[STEER], command, row[STEER_UP], row[STEER_DOWN], 0.5 * h)
-        _slope(table, v, kappa, disturbance, q, k)
+        _slope(table, v, kappa, disturbance, grips, q, k)
         for i in range(N_MOTION):
             if i != STEER:
                 motion[i] += h * k[i]
@@ -110,6 +112,7 @@ def through_delay(  # noqa: PLR0917 - numba takes no keyword-only arguments
     spacing: float,
     beside: float,
     disturbance: FloatArray,
+    grips: FloatArray,
     commands: FloatArray,
     delay: float,
     dt: float,
@@ -120,9 +123,9 @@ def through_delay(  # noqa: PLR0917 - numba takes no keyword-only arguments
     whole = int(delay / dt + 1e-9)
     part = delay - whole * dt
     command = commands[min(whole, commands.shape[0] - 1)]
-    hold(table, v, preview, spacing, beside, disturbance, command, part, motion, work)
+    hold(table, v, preview, spacing, beside, disturbance, grips, command, part, motion, work)
     for i in range(whole - 1, -1, -1):
-        hold(table, v, preview, spacing, beside, disturbance, commands[i], dt, motion, work)
+        hold(table, v, preview, spacing, beside, disturbance, grips, commands[i], dt, motion, work)
 
 
 @kernel
@@ -132,6 +135,7 @@ def over_last_period(  # noqa: PLR0917 - numba takes no keyword-only arguments
     preview: FloatArray,
     spacing: float,
     disturbance: FloatArray,
+    grips: FloatArray,
     commands: FloatArray,
     delay: float,
     dt: float,
@@ -143,8 +147,8 @@ def over_last_period(  # noqa: PLR0917 - numba takes no keyword-only arguments
     part = delay - whole * dt
     last = commands.shape[0] - 1
     older, newer = commands[min(whole + 1, last)], commands[min(whole, last)]
-    hold(table, v, preview, spacing, 0.0, disturbance, older, part, motion, work)
-    hold(table, v, preview, spacing, 0.0, disturbance, newer, dt - part, motion, work)
+    hold(table, v, preview, spacing, 0.0, disturbance, grips, older, part, motion, work)
+    hold(table, v, preview, spacing, 0.0, disturbance, grips, newer, dt - part, motion, work)
 
 
 @kernel
@@ -154,6 +158,23 @@ def road_ahead(
     """Curvature in the middle of each stretch of ``step`` [m] from ``start`` on."""
     for i in range(out.shape[0]):
         out[i] = curvature_at(preview, spacing, beside, start + (i + 0.5) * step)
+
+
+@kernel
+def road_at(
+    preview: FloatArray,
+    spacing: float,
+    beside: float,
+    start: float,
+    speeds: FloatArray,
+    dt: float,
+    out: FloatArray,
+) -> None:
+    """Curvature in the middle of each period's way from ``start`` [m] on, at changing speed."""
+    for i in range(out.shape[0]):
+        step = speeds[i] * dt
+        out[i] = curvature_at(preview, spacing, beside, start + 0.5 * step)
+        start += step
 
 
 @kernel

@@ -15,6 +15,7 @@ from typing import NamedTuple
 from steersman.kernels import mpc_delay as model
 from steersman.kernels import observe
 from steersman.kernels.compiled import kernel
+from steersman.kernels.grip import NO_LIMIT
 from steersman.kernels.preview import curvature_at, point_at
 from steersman.kernels.vehicle import VehicleTable
 from steersman.types import FloatArray
@@ -109,7 +110,7 @@ def _learn(  # noqa: PLR0917 - numba takes no keyword-only arguments
     motion[model.STEER] = memory[STEER]
     lacks = memory[LACK : TURNING + 1]
     model.over_last_period(
-        table, v, preview, spacing, lacks, commands, memory[DELAY], dt, motion, work
+        table, v, preview, spacing, lacks, NO_LIMIT, commands, memory[DELAY], dt, motion, work
     )
     lacks[0] = _bounded(lacks[0] + (row[observe.O_VY] - motion[model.VY]) / (time + dt))
     lacks[1] = _bounded(lacks[1] + (row[observe.O_RATE] - motion[model.RATE]) / (time + dt))
@@ -171,7 +172,7 @@ def step(  # noqa: PLR0917 - numba takes no keyword-only arguments
         v = max(v + memory[SURGE] * delay, 0.0)
         model.through_delay(
             table, middle, preview, spacing, row[observe.O_KAPPA], memory[LACK : TURNING + 1],
-            commands, delay, dt, motion, work,
+            NO_LIMIT, commands, delay, dt, motion, work,
         )  # fmt: skip
         seen_from(preview, spacing, row[observe.O_KAPPA], motion, v, out)
     else:

@@ -1,0 +1,183 @@
+"""What both MPCs with a model of the delay share: estimates, prediction through it, commands."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from typing import NamedTuple
+
+import numpy as np
+
+from steersman.config import param
+from steersman.controllers.base import ControllerComponent
+from steersman.controllers.motion_estimate import (
+    SLOWEST,
+    MotionEstimate,
+    commanded,
+    first_seen,
+    unmoved,
+    watched,
+)
+from steersman.controllers.mpc_delay_plan import Model, Weights, build_tables, pose
+from steersman.controllers.nmpc_plan import Ahead, iterated, problem
+from steersman.controllers.plausible import ACROSS, nearer
+from steersman.controllers.road_filter import NOTHING_SEEN, RoadState, first_look, fuse
+from steersman.kernels import grip
+from steersman.kernels import mpc_delay as kernel
+from steersman.kernels.vehicle import L_F
+from steersman.types import FloatArray, Observation, Status
+from steersman.vehicles import Vehicle
+
+NO_PLAN: FloatArray = np.zeros(0)
+
+
+class DelayMpcState(NamedTuple):
+    """What the controller carries from step to step."""
+
+    motion: MotionEstimate
+    tables: Model
+    road: RoadState = NOTHING_SEEN
+    """State of the road filter, if there is one."""
+    angle: float = 0.0
+    """Last commanded wheel angle [rad]."""
+    kappa: float = 0.0
+    """Curvature at which it was to act [1/m]."""
+    plan: FloatArray = NO_PLAN
+    """Wheel angles of the last plan, if the next one starts from it [rad]."""
+
+
+class DelayMpc(ControllerComponent):
+    """Predicts the car through the steering delay; subclasses plan from there.
+
+    A car that drives the road the wrong way turns round at full lock, marked as a fallback.
+    """
+
+    delay: float | None = param(
+        None,
+        "s",
+        "Time until a steering command acts; null: found (up to 0.5 s) from the measured steering.",
+        ge=0,
+        le=1.0,
+    )
+    horizon: int = param(20, "-", "Steps of the plan, one control period each.", ge=2, le=200)
+    q_lateral: float = param(1.0, "1/m^2", "Weight of the squared lateral error.", gt=0)
+    q_lateral_rate: float = param(0.01, "s^2/m^2", "Weight of its squared rate.", ge=0)
+    q_heading: float = param(
+        0.1, "1/rad^2", "Weight of the squared heading error less the steady turn's.", ge=0
+    )
+    q_yaw_rate: float = param(0.0, "s^2/rad^2", "Weight of its squared rate.", ge=0)
+    r: float = param(
+        0.1, "1/rad^2", "Weight of the squared wheel angle less the steady turn's.", gt=0
+    )
+    r_change: float = param(10.0, "1/rad^2", "Weight of its squared change over a period.", gt=0)
+    disturbance_time: float | None = param(
+        0.3,
+        "s",
+        "Time constant of the estimate of accelerations missing in the model; null: none.",
+        gt=0,
+    )
+    estimate_friction: bool = param(
+        True, "-", "Find the friction from the car's motion; else it is the nominal one."
+    )
+    filter_road: bool = param(
+        True, "-", "Filter errors and waypoints over time, as far as they are noisy."
+    )
+
+    @abstractmethod
+    def plan(
+        self, state: DelayMpcState, ahead: Ahead, observation: Observation
+    ) -> tuple[float, Status, DelayMpcState]:
+        """The next wheel angle [rad], and the state with what the next plan starts from."""
+
+    def weights(self) -> Weights:
+        """All weights of the cost."""
+        rates = self.q_lateral_rate, self.q_heading, self.q_yaw_rate
+        return Weights(self.q_lateral, *rates, self.r, self.r_change)
+
+    def init(self, vehicle: Vehicle, dt: float) -> DelayMpcState:
+        """Tables for the vehicle's nominal parameters."""
+        tables = build_tables(vehicle, dt, self.horizon, self.weights())
+        return DelayMpcState(unmoved(vehicle, dt, self.delay), tables)
+
+    def decide(
+        self, state: DelayMpcState, observation: Observation
+    ) -> tuple[float, Status, DelayMpcState]:
+        """Normalised steering, unclipped."""
+        o, state = self._observe(state, observation)
+        known = state.motion
+        delay, motion = known.delay, pose(nearer(o, self.horizon * known.dt))
+        kernel.through_delay(
+            known.vehicle.table,
+            known.speed_in(0.5 * delay),
+            o.preview,
+            o.spacing,
+            o.curvature,
+            np.array(known.disturbance),
+            known.grips,
+            known.commands,
+            delay,
+            known.dt,
+            motion,
+            np.empty((2, kernel.N_MOTION)),
+        )
+        if not np.isfinite(motion).all():
+            return math.nan, Status.FALLBACK, state
+        v = known.speed_in(delay)
+        if abs(o.heading_error) > ACROSS:
+            angle = -math.copysign(kernel.wheel_angle(known.vehicle.table, 1.0, v), o.heading_error)
+            status, state = Status.FALLBACK, state._replace(plan=NO_PLAN)
+        else:
+            angle, status, state = self.plan(state, Ahead(motion, v), o)
+        steer = known.vehicle.steer_for_wheel_angle(angle, v)
+        return steer, status, state._replace(motion=commanded(known, steer), angle=angle)
+
+    def executed(self, state: DelayMpcState, steer: float) -> DelayMpcState:
+        """The executed steering replaces the last command; the next change counts from there."""
+        motion = state.motion
+        if not motion.begun or steer == motion.commands[0]:
+            return state
+        commands = motion.commands.copy()
+        commands[0] = steer
+        angle = kernel.wheel_angle(motion.vehicle.table, steer, motion.speed_in(motion.delay))
+        return state._replace(motion=motion._replace(commands=commands), angle=angle)
+
+    def _observe(self, state: DelayMpcState, o: Observation) -> tuple[Observation, DelayMpcState]:
+        """The observation, filtered, and the state with its estimates brought up to date."""
+        motion = state.motion
+        if not motion.begun:
+            angle = kernel.wheel_angle(motion.vehicle.table, o.steer, max(o.v_x, SLOWEST))
+            road = first_look(o) if self.filter_road else NOTHING_SEEN
+            return o, state._replace(
+                motion=first_seen(motion, o), road=road, angle=angle, kappa=o.curvature
+            )
+        motion = watched(
+            motion,
+            o,
+            find_delay=self.delay is None,
+            disturbance_time=self.disturbance_time,
+            find_friction=self.estimate_friction,
+        )
+        road = state.road
+        if self.filter_road:
+            if road.points.shape != o.preview.shape:
+                road = first_look(o)
+            else:
+                o, road = fuse(road, o, motion.dt)
+        return o, state._replace(motion=motion, road=road)
+
+
+def replanned(
+    state: DelayMpcState, weights: Weights, ahead: Ahead, observation: Observation, iterations: int
+) -> tuple[float, Status, DelayMpcState]:
+    """The next wheel angle [rad], planned with tyres up to their grip, and the state after it."""
+    known = state.motion
+    row, front = known.vehicle.table.rows[0], float(known.grips[0])
+    points = float(ahead.motion[kernel.VY] + row[L_F] * ahead.motion[kernel.RATE]) / ahead.v
+    last = grip.linear_for_angle(row, front, points, state.angle)
+    nlp, limits = problem(
+        known, state.tables, weights, ahead, observation, last=last, kappa=state.kappa
+    )
+    plan, solved = iterated(nlp, limits, state.plan, iterations)
+    angle = grip.angle_for_linear(row, front, points, float(plan[0]))
+    status = Status.SOLVED if solved else Status.FALLBACK
+    return angle, status, state._replace(kappa=float(nlp.road[0]), plan=plan)

@@ -1,0 +1,160 @@
+"""The nonlinear MPC against finite differences, the linear MPC, and slippery roads."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from steersman.controllers import nmpc_plan
+from steersman.controllers.mpc_delay import MpcDelay
+from steersman.controllers.nmpc import Nmpc
+from steersman.controllers.nmpc_plan import Limits, Nlp, improved, iterated, linearised
+from steersman.kernels import grip
+from steersman.kernels import vehicle as car
+from steersman.paths.analytic import Circle, FigureEight, Straight
+from steersman.plants.simulator import SimulatorConfig
+from steersman.speed import ConstantSpeed
+from steersman.types import FloatArray, Status
+
+from ..loops import CAR, DT, Posed, beside, drive, observe
+
+N = 12
+ROW = CAR.table.rows[0]
+PLAIN = {"delay": 0.0, "disturbance_time": None, "filter_road": False, "estimate_friction": False}
+
+
+def problem(grips: tuple[float, float] = (9e3, 6e3), v: float = 15.0) -> Nlp:
+    """A car that slides a little on a bending road."""
+    road = 0.02 * np.sin(0.2 * np.arange(N + 1))
+    terminal = np.diag([3.0, 0.2, 2.0, 0.1, 1.0])
+    terminal[0, 4] = terminal[4, 0] = 0.4
+    return Nlp(
+        row=ROW,
+        speeds=np.linspace(v, v + 1.0, N + 1),
+        road=road,
+        headings=-0.1 * road,
+        steady=3.0 * road[:-1],
+        lacks=np.array([0.3, -0.2]),
+        grips=np.array(grips),
+        weight=np.diag([1.0, 0.02, 0.3, 0.05, 0.4]),
+        price=5.0,
+        terminal=terminal,
+        start=np.array([0.2, 0.03, -0.4, 0.1]),
+        before=0.01,
+        most=0.6,
+        dt=DT,
+    )
+
+
+def test_the_gradient_is_the_one_of_finite_differences() -> None:
+    """Where the rear tyres grip; the front ones have their force as the input anyway."""
+    nlp, h = problem(grips=(9e3, 2e4)), 1e-6
+    plan = nlp.steady + 0.01 * np.random.default_rng(0).normal(size=N)
+    step = linearised(nlp, plan)
+    moved = [h * row for row in np.eye(N)]
+    costs = [(linearised(nlp, plan + e).cost, linearised(nlp, plan - e).cost) for e in moved]
+    numeric = [(up - down) / (2.0 * h) for up, down in costs]
+    assert step.linear == pytest.approx(numeric, rel=1e-5, abs=1e-7)
+    assert np.linalg.eigvalsh(step.hessian).min() > 0.0
+    assert np.array_equal(step.hessian, step.hessian.T)
+
+
+def test_iterations_find_the_least_cost() -> None:
+    nlp, limits = problem(), Limits(0.0, 10.0)
+    plan, solved = iterated(nlp, limits, np.zeros(0), 30)
+    best, rng = linearised(nlp, plan).cost, np.random.default_rng(1)
+    assert solved
+    for size in (1e-2, 1e-3):
+        for _ in range(20):
+            assert linearised(nlp, plan + size * rng.normal(size=N)).cost > best - 1e-9
+
+
+def test_limits_are_kept_where_they_bind() -> None:
+    nlp, limits = problem(grips=(3e3, 3e3)), Limits(0.0, 0.01)
+    step = linearised(nlp, nlp.steady)
+    plan = improved(step, limits)
+    assert plan is not None
+    changes = np.diff(plan, prepend=0.0)
+    assert abs(changes).max() == pytest.approx(0.01, rel=1e-6)
+    ramp = 0.01 * np.arange(1, N + 1)
+    assert (plan <= np.maximum(step.high, -ramp) + 1e-9).all()
+    assert (plan >= np.minimum(step.low, ramp) - 1e-9).all()
+
+
+@pytest.mark.parametrize("v", [3.0, 12.0, 25.0])
+def test_with_grip_and_small_errors_it_is_the_linear_plan(v: float) -> None:
+    """Both minimise one cost; they differ by how they integrate and by squares of the errors."""
+    path, scale = Straight(), 1e-3
+    state = beside(path, 5.0, d=scale, heading=0.3 * scale, velocity=(v, scale), yaw_rate=scale)
+    seen = observe(path, state, 5.0)
+    nonlinear, linear = Nmpc(**PLAIN, iterations=3), MpcDelay(**PLAIN)
+    ours, theirs = (c.step(c.init(CAR, DT), seen)[0].steer for c in (nonlinear, linear))
+    assert ours == pytest.approx(theirs, rel=0.02)
+
+
+def test_the_inverse_tyre_is_the_inverse() -> None:
+    for limit in (2e3, 1e4, 1e9):
+        for angle in (-0.03, 0.0, 0.01, 0.05):
+            real = grip.angle_for_linear(ROW, limit, 0.01, angle)
+            share = abs(ROW[car.C_F] * (angle - 0.01)) / limit
+            expected = angle if share < 1.0 else 0.01 + math.copysign(limit / ROW[car.C_F], angle)
+            assert grip.linear_for_angle(ROW, limit, 0.01, real) == pytest.approx(expected)
+
+
+def on_circle(controller: Any, speed: float, **options: Any) -> tuple[FloatArray, Any]:
+    """Lateral errors on a circle of 50 m [m], and the controller's state at the end."""
+    states: list[Any] = []
+
+    class Watched(type(controller)):  # type: ignore[misc] # the class is the parameter
+        kind = ""
+
+        def decide(self, state: Any, observation: Any) -> Any:
+            states.append(super().decide(state, observation))
+            return states[-1]
+
+    episode = drive(
+        Watched(**controller.model_dump()), Circle(), speed=ConstantSpeed(speed=speed), **options
+    )
+    assert episode.completed, episode.end
+    return episode["lateral_error"], states[-1][2]
+
+
+@pytest.mark.parametrize("kind", [Nmpc, MpcDelay])
+@pytest.mark.parametrize("share", [0.6, 0.85])
+def test_holds_a_slippery_circle_and_finds_its_friction(kind: Any, share: float) -> None:
+    friction = 0.5
+    slippery = CAR.replace(friction=friction)
+    speed = math.sqrt(share * friction * 9.81 * 50.0)
+    errors, state = on_circle(kind(), speed, vehicle=slippery, nominal=CAR, duration=15.0)
+    assert abs(errors).max() < 0.25
+    assert abs(errors[-60:]).max() < 0.01
+    if share > 0.8:
+        assert state.motion.friction == pytest.approx(friction, rel=0.3)
+
+
+@pytest.mark.parametrize("nominal", [CAR.replace(c_f=1.3 * CAR.c_f, c_r=1.3 * CAR.c_r), CAR])
+def test_a_soft_or_exact_car_keeps_its_nominal_friction(nominal: Any) -> None:
+    _, state = on_circle(Nmpc(), 15.0, nominal=nominal, duration=8.0)
+    assert state.motion.friction == nominal.friction
+
+
+@pytest.mark.parametrize("delay", [0.1, 0.2])
+def test_a_delay_costs_little(delay: float) -> None:
+    plant = SimulatorConfig(steering_delay=delay)
+    episode = drive(
+        Nmpc(delay=delay), FigureEight(), speed=ConstantSpeed(speed=8.0), plant=plant, duration=20.0
+    )
+    assert episode.completed
+    assert abs(episode["lateral_error"]).max() < 0.02
+
+
+def test_a_solver_that_fails_goes_on_with_the_last_plan(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(nmpc_plan, "improved", lambda *_: None)
+    path, controller = Posed(), Nmpc(filter_road=False)
+    seen = observe(path, beside(path, 5.0, d=0.1), 5.0)
+    decision, state = controller.step(controller.init(CAR, DT), seen)
+    assert decision.status is Status.FALLBACK
+    assert state.plan == pytest.approx(np.zeros(controller.horizon), abs=0.05)
