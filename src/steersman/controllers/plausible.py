@@ -27,8 +27,6 @@ class Magnitudes(NamedTuple):
 MOST = Magnitudes(20.0, 3.2, 100.0, 30.0, 5.0, 1.1, 1.0)
 # Waypoints farther from the car than this many times the preview's length are faults.
 _FARTHEST = 2.0
-# Fewest waypoints that determine a road.
-_FEWEST = 4
 _PLANE = 2
 # A car that rolls back faster than this drives in reverse [m/s]. Slower ones are taken to stand,
 # since speed sensors read a little below zero there.
@@ -54,9 +52,9 @@ def is_possible(o: Observation) -> bool:
     points = o.preview
     if points.ndim != _PLANE or points.shape[1] != _PLANE:
         return False
-    if len(points) < _FEWEST or o.spacing <= 0.0:
+    if o.spacing <= 0.0:
         return False
-    return bool(np.abs(points).max() <= reach(len(points), o.spacing))
+    return bool(np.abs(points).max(initial=0.0) <= reach(len(points), o.spacing))
 
 
 def reach(count: int, spacing: float) -> float:

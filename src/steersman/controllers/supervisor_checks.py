@@ -10,6 +10,8 @@ import numpy as np
 from steersman.controllers.plausible import is_finite, is_possible
 from steersman.types import FloatArray, Observation, Reason
 
+# Fewest waypoints that determine a road.
+_FEWEST = 4
 # Kinds of arrays that hold real numbers.
 _REAL = "fiu"
 # A slower car may see the same for any time [m/s].
@@ -26,7 +28,8 @@ def input_fault(observation: object) -> Reason:
                 return Reason.MISSING
             if not is_finite(observation):
                 return Reason.INPUT_NOT_FINITE
-            return Reason.NONE if is_possible(observation) else Reason.INPUT_RANGE
+            possible = is_possible(observation) and len(observation.preview) >= _FEWEST
+            return Reason.NONE if possible else Reason.INPUT_RANGE
     except (AttributeError, TypeError, ValueError):  # its fields are something else than numbers
         return Reason.MISSING
 

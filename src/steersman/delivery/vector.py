@@ -130,7 +130,7 @@ def _strange(p: Parts, rng: np.random.Generator) -> Iterator[Row]:
     """Beyond full lock; then each number in turn is not finite, tiny or absurd; a sound one."""
     numbers = 7 + 2 * p.card.waypoints
     for side in (-1.0, 1.0):
-        yield Row(True, drawn(p, rng)._replace(steer=single(1.2 * side)), 1.5 * side, None)
+        yield Row(True, drawn(p, rng)._replace(steer=single(1.05 * side)), 1.5 * side, None)
         yield Row(False, drawn(p, rng), side, None)
     for i, value in enumerate(np.resize(_STRANGE, max(len(_STRANGE) * 2, numbers))):
         seen = with_value(drawn(p, rng), i % numbers, single(value))

@@ -35,8 +35,12 @@ _DOUBT = 0.3
 _LEAST_NOISE = 0.1
 # An axle that drives or brakes with all its grip keeps this share of it for cornering.
 _LEAST_SHARE = 0.1
+# Share of the grip that is not used where all of it is wanted: there the inverse has no slope.
+_LEFT = 1e-4
 # So much of an acceleration that was measured is sure.
 _SURE = 0.9
+# Scores [variances] that differ by less are the same, but for rounding.
+_SAME = 1e-6
 # Added to the squared error of a friction that is less than that.
 _IMPOSSIBLE = 10.0
 
@@ -86,13 +90,13 @@ def force_slope(stiffness: float, slip: float, grip: float) -> float:
 def angle_for_linear(row: FloatArray, grip: float, points: float, angle: float) -> float:
     """Wheel angle [rad] with the front force that ``angle`` has on tyres without a limit.
 
-    Where that is beyond the front axle's ``grip`` [N], the least angle with all of it. The brush
+    Where that is beyond the front axle's ``grip`` [N], the angle with nearly all of it. The brush
     tyre's force is grip (1 - (1 - z)^3) at the slip 3 grip z / stiffness. ``points`` is the
     direction in which the front axle moves [rad].
     """
     linear = row[C_F] * (angle - points)
-    share = min(abs(linear) / (grip + 1e-9), 1.0)
-    z = 1.0 - (1.0 - share) ** (1.0 / 3.0)
+    left = max(1.0 - abs(linear) / (grip + 1e-9), _LEFT)
+    z = 1.0 - left ** (1.0 / 3.0)
     return float(points + math.copysign(3.0 * grip * z / row[C_F], linear))
 
 
@@ -151,6 +155,6 @@ def score_frictions(  # noqa: PLR0917 - numba takes no keyword-only arguments
         if frictions[i] < least_friction:
             error += _IMPOSSIBLE
         scores[i] = keep * scores[i] + (1.0 - keep) * error
-        if scores[i] < scores[best]:
+        if scores[i] < scores[best] - _SAME:
             best = i
     return best
