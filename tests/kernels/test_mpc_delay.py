@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from steersman.kernels import mpc_delay as kernel
+from steersman.kernels.grip import NO_LIMIT
 from steersman.kernels.vehicle import wheel_tangents
 from steersman.plants.simulator import SimulatorConfig
 from steersman.types import Command, Pose
@@ -24,7 +25,7 @@ def through(delay: float, commands: list[float], motion: list[float], v: float) 
     out = np.array(motion)
     work = np.empty((2, kernel.N_MOTION))
     kernel.through_delay(
-        TABLE, v, STRAIGHT, SPACING, 0.0, NONE, np.array(commands), delay, DT, out, work
+        TABLE, v, STRAIGHT, SPACING, 0.0, NONE, NO_LIMIT, np.array(commands), delay, DT, out, work
     )
     return out
 
@@ -60,7 +61,7 @@ def test_errors_follow_the_road() -> None:
     bend = np.stack([np.sin(kappa * STRAIGHT[:, 0]), 1.0 - np.cos(kappa * STRAIGHT[:, 0])], axis=1)
     motion, work = np.zeros(kernel.N_MOTION), np.empty((2, kernel.N_MOTION))
     kernel.through_delay(
-        TABLE, v, bend / kappa, SPACING, kappa, NONE, np.zeros(6), t, DT, motion, work
+        TABLE, v, bend / kappa, SPACING, kappa, NONE, NO_LIMIT, np.zeros(6), t, DT, motion, work
     )
     assert motion[kernel.E1] == pytest.approx(-0.5 * kappa * (v * t) ** 2, rel=0.01)
     assert motion[kernel.E2] == pytest.approx(-kappa * v * t, rel=0.01)
@@ -68,7 +69,19 @@ def test_errors_follow_the_road() -> None:
 
 def test_disturbances_accelerate() -> None:
     motion, work = np.zeros(kernel.N_MOTION), np.empty((2, kernel.N_MOTION))
-    kernel.hold(TABLE, 20.0, STRAIGHT, SPACING, 0.0, np.array([0.3, 0.1]), 0.0, 0.005, motion, work)
+    kernel.hold(
+        TABLE,
+        20.0,
+        STRAIGHT,
+        SPACING,
+        0.0,
+        np.array([0.3, 0.1]),
+        NO_LIMIT,
+        0.0,
+        0.005,
+        motion,
+        work,
+    )
     assert motion[[kernel.VY, kernel.RATE]] == pytest.approx([0.0015, 0.0005], rel=0.05)
 
 
@@ -111,7 +124,7 @@ def test_compiled_equals_python() -> None:
     for function in (kernel.through_delay, kernel.through_delay.py_func):
         motion = np.array([0.1, 0.02, 0.1, -0.05, 0.01, 0.0])
         function(
-            TABLE, 9.0, STRAIGHT, SPACING, 0.01, NONE, commands, 0.12, DT, motion,
+            TABLE, 9.0, STRAIGHT, SPACING, 0.01, NONE, NO_LIMIT, commands, 0.12, DT, motion,
             np.empty((2, kernel.N_MOTION)),
         )  # fmt: skip
         motions.append(motion)
