@@ -11,6 +11,7 @@ from steersman.config import build, resolve
 from steersman.contracts.estimator import Listening, as_rows, estimates
 from steersman.contracts.scenes import CAR, DT
 from steersman.controllers.base import ControllerComponent
+from steersman.controllers.estimated import Estimated
 from steersman.controllers.lqr import Lqr
 from steersman.episode import Episode
 from steersman.estimators.kalman import Kalman
@@ -33,7 +34,7 @@ ROAD = {
 
 def driven(fields: dict[str, Any]) -> tuple[Episode, list[Observation], list[float]]:
     """A drive of LQR behind the estimator; observations as the sensor gave them."""
-    listening = Listening(controller=resolve("controller", "estimated"))
+    listening = Listening(controller=Estimated())
     config = build(RunConfig, fields).model_copy(update={"controller": listening})
     episode = attempt(config).episode
     return episode, *listening.record()
