@@ -20,8 +20,9 @@ from steersman.vehicles import CarlaModel3
 from .pages import ROOT, blocks
 
 POLICY = ROOT / "src" / "steersman" / "policies" / "precision.onnx"
-# Folders of trainings (or imitations), of tunings, and of drives.
+# Folders of trainings (or imitations), of trainings with several seeds, of tunings, of drives.
 TRAININGS = ("agent", "agent2", "dagger", "residual", "demo/training", "bc", "mine")
+SEEDS = ("five", "five_td3")
 TUNINGS = ("tune", "tuned", "tune_pid", "stanley")
 DRIVES = ("monza_mpc", "monza_agent", "first")
 
@@ -29,7 +30,7 @@ DRIVES = ("monza_mpc", "monza_agent", "first")
 def make(folder: FilePath) -> None:
     """Write them all."""
     runs = folder / "runs"
-    for name in TRAININGS:
+    for name in (*TRAININGS, *(f"{name}/seed_{k}" for name in SEEDS for k in range(2))):
         (runs / name).mkdir(parents=True, exist_ok=True)
         for suffix in (".onnx", ".json"):
             shutil.copy(POLICY.with_suffix(suffix), runs / name / f"policy{suffix}")
