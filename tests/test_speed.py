@@ -248,6 +248,6 @@ def test_unreadable_files(tmp_path: FilePath) -> None:
     with pytest.raises(DataError, match="cannot be read"):
         read_profile(tmp_path / "absent.csv")
     file = tmp_path / "binary.csv"
-    file.write_bytes(b"\xff\xfe\x00\x80")
+    file.write_bytes(bytes(range(256)))
     with pytest.raises(DataError, match="not a text file"):
         read_profile(file)

@@ -139,7 +139,7 @@ def _sheet(
 def _separator(rows: Sequence[str]) -> str | None:
     """What separates the cells of most rows."""
     for mark in _SEPARATORS:
-        if mark is None or 2 * sum(mark in row for row in rows) > len(rows):
+        if mark is None or (rows and 2 * sum(mark in row for row in rows) >= len(rows)):
             blanks = mark == "," and all(_are_decimal_commas(row) for row in rows)
             return None if blanks else mark
     return None
