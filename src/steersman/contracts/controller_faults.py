@@ -81,7 +81,7 @@ def one_outlier_costs_one_step(controller: ControllerComponent) -> Iterator[str]
     """It may be answered by anything within the limits, but soon after nothing is left of it."""
     good = plain()
     usual = answers(controller, [good] * (_AFTER + 4))[-1].steer
-    sizes = {name: (value, -value) for name, value in _OUTLIERS.items()}
+    sizes: dict[str, tuple[float, ...]] = {n: (v, -v) for n, v in _OUTLIERS.items()}
     sizes["heading_error"] += (1e3, 1e100, 1e300)
     for name, values in sizes.items():
         for value in values:

@@ -157,4 +157,4 @@ def score_frictions(  # noqa: PLR0917 - numba takes no keyword-only arguments
         scores[i] = keep * scores[i] + (1.0 - keep) * error
         if scores[i] < scores[best] - _SAME:
             best = i
-    return best
+    return int(best)
