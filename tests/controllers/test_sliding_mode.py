@@ -89,7 +89,7 @@ def test_no_steady_error_on_the_circle(v: float) -> None:
 
 def test_integral_is_bounded_and_waits_while_saturated() -> None:
     points = np.stack([2.0 * np.arange(15), np.zeros(15)], axis=1)
-    far = Observation(0.0, 90.0, 0.0, V, 0.0, 0.0, 0.0, 0.0, points, 2.0)
+    far = Observation(0.0, 15.0, 1.0, V, 0.0, 0.0, 0.0, 0.0, points, 2.0)
     controller = SlidingMode(integral_limit=0.01)
     state = controller.init(CAR, 0.05)
     decision, after = controller.step(state, far)

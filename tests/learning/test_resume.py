@@ -61,6 +61,13 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
 
 
 @pytest.fixture(scope="module")
+def corrected(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+    """The same of a residual policy."""
+    folder = tmp_path_factory.mktemp("corrected")
+    train(config(**CORRECTED), folder)
+    return folder
+
+
 def test_a_paused_training_goes_on_as_if_it_had_not(whole: FilePath, tmp_path: FilePath) -> None:
     steps = []
     for until in (450, 800, 800, None):
@@ -70,13 +77,6 @@ def test_a_paused_training_goes_on_as_if_it_had_not(whole: FilePath, tmp_path: F
     assert 450 <= counts[0] < 500
     assert 800 <= counts[1] == counts[2] < 850
     assert (tmp_path / "policy.onnx").read_bytes() == (whole / "policy.onnx").read_bytes()
-
-
-def corrected(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
-    """The same of a residual policy."""
-    folder = tmp_path_factory.mktemp("corrected")
-    train(config(**CORRECTED), folder)
-    return folder
 
 
 class Stopped(Exception):

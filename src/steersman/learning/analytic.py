@@ -161,10 +161,11 @@ class AnalyticSteering(SteeringAgent, OnPolicyAlgorithm):
             by_inputs: FloatArray = (step.d1 @ net.w1) * self._mirrored
             return by_inputs
 
-        self.recorded.pull(weights, ends, through)
-        weight_gradients(self._work)
-        gradient = self._work.grad.flat
-        length = float(np.linalg.norm(gradient))
+        with np.errstate(over="ignore", invalid="ignore"):  # such a gradient changes nothing
+            self.recorded.pull(weights, ends, through)
+            weight_gradients(self._work)
+            gradient = self._work.grad.flat
+            length = float(np.linalg.norm(gradient))
         if np.isfinite(length):
             if length > self.settings.max_grad_norm:
                 gradient *= np.float32(self.settings.max_grad_norm / length)

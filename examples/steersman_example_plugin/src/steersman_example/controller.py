@@ -45,8 +45,9 @@ class VectorField(ControllerComponent):
         """Normalised steering, unclipped: left is positive, as all angles are."""
         vehicle, o = state.vehicle, observation
         v = max(o.v_x, 1.0)
+        moving = min(max(o.v_x, 0.0), 1.0)  # a car that stands cannot change its course
         wanted = -self.approach * (2.0 / math.pi) * math.atan(self.gain * o.lateral_error)
         course = math.remainder(o.heading_error + math.atan2(o.v_y, v), 2.0 * math.pi)
-        kappa = o.curvature + self.rate / v * (wanted - course)
+        kappa = o.curvature + moving * self.rate / v * (wanted - course)
         angle = math.atan(vehicle.wheelbase * kappa)
         return vehicle.steer_for_wheel_angle(angle, o.v_x), Status.SOLVED, state

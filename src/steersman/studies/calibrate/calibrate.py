@@ -13,10 +13,8 @@ from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import ValidationError
 
-from steersman.errors import PlantError
-from steersman.messages import config_error
+from steersman.errors import ConfigError, PlantError
 from steersman.paths.analytic import Straight
 from steersman.plants.simulator import SimulatorConfig
 from steersman.protocols import Plant
@@ -108,9 +106,10 @@ def _explained(vehicle: Vehicle, fits: dict[str, Fit], name: str) -> Vehicle:
     """
     try:
         return vehicle.replace(**fits[name].figures)
-    except ValidationError as error:
-        why = config_error(type(vehicle), error)
-        raise PlantError(f"calibrate: {name}: the fitted figures are not allowed: {why}") from None
+    except ConfigError as error:
+        raise PlantError(
+            f"calibrate: {name}: the fitted figures are not allowed: {error}"
+        ) from None
 
 
 def write(found: Calibration, file: FilePath, source: str) -> None:
