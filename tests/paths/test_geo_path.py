@@ -57,7 +57,9 @@ def same_shape(path: PathComponent, other: PathComponent) -> None:
 def test_lines_of_geojson(tmp_path: FilePath, kind: str) -> None:
     point = {"type": "Point", "coordinates": [11.0, 48.0]}
     file = written(tmp_path / "a.geojson", collection(line(SHORT), point, line(ellipse(), kind)))
-    same_shape(GeoJsonPath(file=file), CsvPath(file=write_csv(tmp_path / "a.csv", ellipse())))
+    path = GeoJsonPath(file=file)
+    assert path.closed
+    same_shape(path, CsvPath(file=write_csv(tmp_path / "a.csv", ellipse())))
 
 
 def test_a_file_in_metres(tmp_path: FilePath) -> None:

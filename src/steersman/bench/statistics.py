@@ -11,6 +11,7 @@ H. White, *Econometric Reviews* 28, 2009.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
@@ -40,7 +41,7 @@ class Interval(NamedTuple):
 Statistic: TypeAlias = Callable[[Callable[[ArrayLike], FloatArray]], Any]
 
 
-class Resampled:
+class Resampled(ABC):
     """Draws of a sample's items, from which intervals of statistics of means follow.
 
     Two statistics over the same items are drawn alike, so that differences and ratios are paired.
@@ -63,9 +64,9 @@ class Resampled:
         low, high = np.quantile(draws, [0.5 * (1.0 - LEVEL), 0.5 * (1.0 + LEVEL)])
         return Interval(float(value), float(low), float(high))
 
+    @abstractmethod
     def _means(self, values: ArrayLike) -> FloatArray:
         """Means of the values: the sample's, then each draw's."""
-        raise NotImplementedError
 
 
 class Clusters(Resampled):

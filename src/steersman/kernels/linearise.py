@@ -1,7 +1,7 @@
 """The car's control step with its Jacobian: the plant's own kernels, called with dual numbers.
 
-For whoever needs the plant's derivatives: learning by analytic gradients, optimal control on the
-true plant, a nonlinear MPC. Throttle and brake are held as given. Kinks: see :mod:`dual`.
+Learning by analytic gradients, optimal control on the true plant and a nonlinear MPC need the
+plant's derivatives. Throttle and brake are held as given. Kinks: see :mod:`dual`.
 """
 
 from __future__ import annotations
