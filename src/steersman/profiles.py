@@ -11,7 +11,7 @@ import numpy as np
 from steersman.errors import ConfigError, DataError
 from steersman.kernels import speed as kernel
 from steersman.kernels.speed import SpeedTable
-from steersman.kernels.speed_profile import fastest
+from steersman.kernels.speed_profile import brake_ahead, curvatures, fastest
 from steersman.protocols import Path
 from steersman.tables import read_sheet
 from steersman.types import FloatArray
@@ -67,14 +67,10 @@ def curvature_cap(path: Path, a_lat_max: float | None, deceleration: float) -> F
     if a_lat_max is None:
         return _NO_CAP
     count = math.ceil(path.length / CAP_STEP) + 1
-    kappa = np.array([abs(path.at(min(i * CAP_STEP, path.length)).kappa) for i in range(count)])
-    limit: FloatArray = np.sqrt(a_lat_max / np.maximum(kappa, 1e-4))
-    for _ in range(2 if path.closed else 1):
-        for i in range(count - 2, -1, -1):
-            reach = math.sqrt(limit[i + 1] ** 2 + 2.0 * deceleration * CAP_STEP)
-            limit[i] = min(limit[i], reach)
-        if path.closed:
-            limit[-1] = min(limit[-1], limit[0])
+    kappa = np.empty(count)
+    curvatures(path.table, 0, CAP_STEP, path.length, kappa)
+    limit: FloatArray = np.sqrt(a_lat_max / np.maximum(np.abs(kappa), 1e-4))
+    brake_ahead(path.table, 0, 2.0 * deceleration * CAP_STEP, limit)
     return limit
 
 
@@ -90,7 +86,8 @@ def road_limits(path: Path, profile: Profile) -> tuple[FloatArray, float]:
     count = max(math.ceil(path.length / CAP_STEP), 1)
     step = path.length / count * _LONGER
     places = np.arange(count + 1) * step
-    kappa = np.array([path.at(float(s)).kappa for s in places])
+    kappa = np.empty(count + 1)
+    curvatures(path.table, 0, step, math.inf, kappa)
     limit = np.full(count + 1, _CEILING)
     if not path.closed:
         limit[0] = _CEILING if road.start is None else max(road.start, CRAWL)

@@ -198,8 +198,8 @@ class SensorErrors(Disturber):
 
     def __init__(self, sensor: WaypointSensor) -> None:
         """Of that sensor."""
-        self._sensor, self._deviations = sensor, sensor.deviations
-        self.errors = any(self._deviations)
+        self._sensor, self._deviations = sensor, np.array(sensor.deviations)
+        self.errors = bool(self._deviations.any())
 
     def begin(self, world: World, fleet: Fleet, i: int, rng: np.random.Generator) -> None:
         """Draw the waypoints' errors, if they stay for the whole drive."""
@@ -211,6 +211,7 @@ class SensorErrors(Disturber):
     ) -> None:
         """Draw the errors of this moment."""
         if self.errors:
-            fleet.errors[i, : kernel.N_MEASURED] += rng.normal(0.0, self._deviations)
+            drawn = self._deviations * rng.standard_normal(kernel.N_MEASURED)
+            fleet.errors[i, : kernel.N_MEASURED] += drawn
         if self._sensor.redraw and fleet.shifts.shape[1]:
             fleet.shifts[i] = fleet.levels[i] * self._sensor.draw(rng)

@@ -181,7 +181,8 @@ class Simulation:
         fleet = self.fleet
         for i in range(self.n) if self._watched else ():
             fleet.bounds[i] = -1.0, 1.0
-            self.world.vehicles.rows[i, [car.GRIP_LEFT, car.GRIP_RIGHT]] = 1.0
+            row = self.world.vehicles.rows[i]
+            row[car.GRIP_LEFT] = row[car.GRIP_RIGHT] = 1.0
             for one in self._disturbers:
                 one.act(self.world, fleet, i, self.time(i))
             self._sense(i, float((fleet.clock[i, kernel.CLOCK_STEPS] + 1.0) * self.dt))

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 
 from steersman.kernels.compiled import kernel
+from steersman.kernels.path import CLOSED, PathTable, at
 from steersman.kernels.vehicle import interpolate
 from steersman.types import FloatArray
 
@@ -122,5 +123,33 @@ def fastest(
         for i in range(count - 2, -1, -1):
             bend = max(abs(kappa[i + 1]), abs(kappa[i]))
             limit[i] = _reach(grip, exponent, math.inf, limit[i + 1], bend, limit[i], step)
+        if closed:
+            limit[-1] = min(limit[-1], limit[0])
+
+
+@kernel
+def curvatures(table: PathTable, p: int, step: float, end: float, kappa: FloatArray) -> None:
+    """Fill ``kappa`` [1/m] with the curvature of path ``p`` every ``step`` [m].
+
+    Places behind ``end`` [m] are there.
+    """
+    for i in range(kappa.shape[0]):
+        kappa[i] = at(table, p, min(i * step, end))[3]
+
+
+@kernel
+def brake_ahead(table: PathTable, p: int, reach: float, limit: FloatArray) -> None:
+    """Lower speed limits along path ``p`` so that braking suffices to keep them, in place.
+
+    Args:
+        table: the paths.
+        p: which of them.
+        reach: what the square of the speed loses from one place to the next [m^2/s^2].
+        limit: speed that must not be exceeded at each place [m/s].
+    """
+    closed = table.meta[p, CLOSED] > 0.0
+    for _ in range(2 if closed else 1):
+        for i in range(limit.shape[0] - 2, -1, -1):
+            limit[i] = min(limit[i], math.sqrt(limit[i + 1] ** 2 + reach))
         if closed:
             limit[-1] = min(limit[-1], limit[0])

@@ -74,10 +74,15 @@ def _r79(episode: Episode) -> FloatArray | None:
     values, rate = _fine(episode, 1), sampled_rate(episode)
     if values is None or rate < _R79_RATE - 1e-6:
         return None
+    return _settled(_r79_filter(rate), values)
+
+
+@cache
+def _r79_filter(rate: float) -> Any:
+    """UN R79's filter at a rate [Hz], as second-order sections."""
     from scipy import signal
 
-    sos = signal.butter(_R79_ORDER, _R79_CUT, fs=rate, output="sos")
-    return _settled(sos, values)
+    return signal.butter(_R79_ORDER, _R79_CUT, fs=rate, output="sos")
 
 
 def _settled(sos: Any, values: FloatArray) -> FloatArray:

@@ -30,14 +30,17 @@ from steersman.plants.simulator import SimulatorConfig
 from steersman.provenance import provenance
 from steersman.rollout import RunConfig
 from steersman.studies.folder import same_study
-from steersman.studies.objective import RunCost, TrialCost, measure, together
+from steersman.studies.objective import RunCost, measure, together
 from steersman.studies.optuna_study import open_study, sampler, trial_states
+from steersman.studies.racing import affordable, bound, raced
 from steersman.studies.ranges import TriedValues, ranges, widened
 from steersman.studies.trials import TrialFigures, TuneResult, trade
 from steersman.vehicles import Vehicle
 
 # Simulated time from which drives of a trial are handed out together [s].
-_PIECE_SIZE = 300.0
+_PIECE_SIZE = 75.0
+# What each run of the first trial cost [m], in the journal.
+_RUNS = "cost_of_run_m"
 
 
 class TuneConfig(Settings):
@@ -140,13 +143,12 @@ def tune(
     with Workers(engine, jobs if config.plant.computed else 1) as workers:
         for number in range(len(_finished(study)), config.trials):
             values, space = _next(config, _finished(study))
-            found = _drive(config, _apply(config.controller, values), workers)
+            cost_m, kept = _drive(
+                config, _apply(config.controller, values), workers, _finished(study)
+            )
             study.add_trial(
                 optuna.trial.create_trial(
-                    params=values,
-                    distributions=space,
-                    value=found.cost_m,
-                    user_attrs=found._asdict(),
+                    params=values, distributions=space, value=cost_m, user_attrs=kept
                 )
             )
             if progress is not None:
@@ -181,14 +183,34 @@ def _tried(finished: Sequence[Any]) -> list[TriedValues]:
     return [TriedValues(one.value, one.params) for one in finished]
 
 
-def _drive(config: TuneConfig, controller: ControllerComponent, workers: Workers) -> TrialCost:
+def _drive(
+    config: TuneConfig, controller: ControllerComponent, workers: Workers, before: Sequence[Any]
+) -> tuple[float, dict[str, Any]]:
+    """The cost of a trial [m], and what is kept beside it: figures, and costs of the first's runs.
+
+    Of a trial that is stopped the cost is a bound, and only the simulated time is kept.
+    """
     driver = in_front(controller, config.estimator, config.predictor)
-    jobs = [
-        Job(str(k), run.model_copy(update={"controller": driver}), planned_seconds(run))
-        for k, run in enumerate(config.suite)
-    ]
     work = partial(_measured, config.smoothness)
-    return together([*workers.run(work, jobs, piece_size=_PIECE_SIZE).values()])
+
+    def drive(numbers: Sequence[int]) -> list[RunCost]:
+        runs = [config.suite[k].model_copy(update={"controller": driver}) for k in numbers]
+        jobs = [Job(str(k), run, planned_seconds(run)) for k, run in enumerate(runs)]
+        return [*workers.run(work, jobs, piece_size=_PIECE_SIZE).values()]
+
+    numbers = range(len(config.suite))
+    if not before:
+        all_of = drive(numbers)
+        found = together(all_of)
+        return found.cost_m, {**found._asdict(), _RUNS: [one.total for one in all_of]}
+    costs = before[0].user_attrs.get(_RUNS, [0.0] * len(numbers))
+    order = sorted(numbers, key=lambda k: -costs[k])
+    driven = raced(drive, order, affordable([one.value for one in before]))
+    if len(driven) < len(order):
+        seconds = sum(one.seconds for one in driven.values())
+        return bound(driven, len(order)), {"simulated_seconds": seconds}
+    found = together([driven[k] for k in numbers])
+    return found.cost_m, found._asdict()
 
 
 def _measured(smoothness: float, run: RunConfig, _: object) -> RunCost:
