@@ -48,9 +48,9 @@ def input_that_no_car_measures_is_a_marked_fallback(
     fresh = controller.step(controller.init(CAR, DT), good)[0]
     for value in (math.nan, math.inf, -math.inf, 1e4, -1e300):
         points[7, 1] = value
-        names: tuple[str, ...] = ("time", *MOST._fields, "spacing")
+        names: tuple[str, ...] = ("time", *MOST, "spacing")
         if math.isfinite(value):  # such a time is late, such a heading was not wrapped
-            names = tuple(name for name in MOST._fields if name != "heading_error")
+            names = tuple(name for name in MOST if name != "heading_error")
         bad = {name: _with(good, name, value) for name in names}
         for name, seen in {**bad, "preview": good._replace(preview=points.copy())}.items():
             decision, after = controller.step(controller.init(CAR, DT), seen)
@@ -69,7 +69,7 @@ def any_finite_input_gives_a_command(controller: ControllerComponent) -> Iterato
     for size in (1e-300, 1.0, 1e3, 1e9, 1e100, 1e300, 1.797e308):
         with np.errstate(over="ignore"):
             row = [good._replace(preview=s * size * points) for s in (1.0, -1.0)]
-        row += [_with(good, f, s * size) for f in MOST._fields for s in (1, -1)]
+        row += [_with(good, f, s * size) for f in MOST for s in (1, -1)]
         row += [good._replace(v_x=v, v_y=0.0) for v in (0.0, -5.0, 200.0)]
         row += [good._replace(spacing=s) for s in (0.0, -1.0)]
         for decision in answers(controller, row):

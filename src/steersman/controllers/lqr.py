@@ -84,7 +84,8 @@ def gain_at(gains: FloatArray, v: float) -> tuple[float, float, float, float]:
     at = min(max((v - _SPEEDS[0]) / (_SPEEDS[1] - _SPEEDS[0]), 0.0), len(_SPEEDS) - 1.001)
     i = int(at)
     w = at - i
-    k1, k2, k3, k4 = ((1.0 - w) * gains[i] + w * gains[i + 1]).tolist()
+    low, high = gains[i : i + 2].tolist()
+    k1, k2, k3, k4 = [(1.0 - w) * a + w * b for a, b in zip(low, high, strict=True)]
     return k1, k2, k3, k4
 
 

@@ -105,10 +105,10 @@ class Mpc(ControllerComponent):
             if solved is not None:
                 plan, age, status = solved, 0, Status.SOLVED
         angle = float(plan[age]) if plan is not None and age < problem.horizon else 0.0
-        v = o.v_x
-        steer = state.vehicle.steer_for_wheel_angle(angle, v)
-        after = state._replace(plan=plan, age=age, angle=angle, steer=within_limits(steer), v_x=v)
-        return status, steer, after
+        vehicle, problems, pid = state[:3]
+        steer = vehicle.steer_for_wheel_angle(angle, o.v_x)
+        held = within_limits(steer)
+        return status, steer, MpcState(vehicle, problems, pid, plan, age, angle, held, o.v_x)
 
     def executed(self, state: MpcState, steer: float) -> MpcState:
         """The rate limit counts from the executed steering; see :meth:`share`."""

@@ -3,28 +3,25 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from operator import le
 
 import numpy as np
 
+from steersman.kernels.preview import lies_within
 from steersman.types import Observation
 
-
-class Magnitudes(NamedTuple):
-    """Of the numbers of an observation after its time."""
-
-    lateral_error: float
-    heading_error: float
-    v_x: float
-    v_y: float
-    yaw_rate: float
-    steer: float
-    curvature: float
-
-
 # The largest that a car near its road can measure, far beyond what can be driven; sensors may read
-# a little more than full lock.
-MOST = Magnitudes(20.0, 3.2, 100.0, 30.0, 5.0, 1.1, 1.0)
+# a little more than full lock. In the order of an observation's numbers after its time.
+MOST = {
+    "lateral_error": 20.0,
+    "heading_error": 3.2,
+    "v_x": 100.0,
+    "v_y": 30.0,
+    "yaw_rate": 5.0,
+    "steer": 1.1,
+    "curvature": 1.0,
+}
+_MOST = tuple(MOST.values())
 # Waypoints farther from the car than this many times the preview's length are faults.
 _FARTHEST = 2.0
 _PLANE = 2
@@ -39,27 +36,20 @@ ACROSS = 0.5 * math.pi
 WALK = 1.4
 
 
-def is_finite(observation: Observation) -> bool:
-    """Whether every number of the observation is finite."""
-    total = sum(observation[:8]) + float(observation.preview.sum()) + observation.spacing
-    return math.isfinite(total)
-
-
 def is_possible(o: Observation) -> bool:
-    """Whether a car near its road can measure these finite numbers, of whatever array types."""
-    if any(abs(value) > most for value, most in zip(o[1:8], MOST, strict=True)):
+    """Whether a car near its road can measure these numbers, of whatever array types."""
+    points, spacing = o.preview, o.spacing
+    # NaN is not less than anything.
+    if not (all(map(le, map(abs, o[1:8]), _MOST)) and 0.0 < spacing < math.inf):
         return False
-    points = o.preview
-    if points.ndim != _PLANE or points.shape[1] != _PLANE:
+    if not math.isfinite(o.time) or points.ndim != _PLANE or points.shape[1] != _PLANE:
         return False
-    if o.spacing <= 0.0:
-        return False
-    return bool(np.abs(points).max(initial=0.0) <= reach(len(points), o.spacing))
+    return lies_within(np.asarray(points, np.float64), reach(len(points), spacing))
 
 
 def reach(count: int, spacing: float) -> float:
     """Largest coordinate [m] of the ``count`` waypoints that lie ``spacing`` [m] apart."""
-    return _FARTHEST * count * spacing + MOST.lateral_error
+    return _FARTHEST * count * spacing + MOST["lateral_error"]
 
 
 def usable(observation: Observation) -> Observation | None:
@@ -69,11 +59,9 @@ def usable(observation: Observation) -> Observation | None:
     backwards, where steering acts the other way round.
     """
     o = observation
-    if not is_finite(o) or o.v_x < -REVERSE:
-        return None
-    if abs(o.heading_error) > math.pi:
+    if math.pi < abs(o.heading_error) < math.inf:
         o = o._replace(heading_error=math.remainder(o.heading_error, math.tau))
-    return o if is_possible(o) else None
+    return o if o.v_x >= -REVERSE and is_possible(o) else None
 
 
 def moving_time(v_x: float, dt: float) -> float:
@@ -93,9 +81,9 @@ def nearer(observation: Observation, time: float) -> Observation:
     least error. Other numbers stay.
     """
     o, most = observation, _APPROACH * max(observation.v_x, 0.0) * time
-    excess = o.lateral_error - min(max(o.lateral_error, -most), most)
-    if excess == 0.0:
-        return observation
+    if abs(o.lateral_error) <= most:
+        return o
+    excess = o.lateral_error - math.copysign(most, o.lateral_error)
     across = math.sin(o.heading_error), math.cos(o.heading_error)
     preview = o.preview + excess * np.array(across)
     return o._replace(lateral_error=o.lateral_error - excess, preview=preview)

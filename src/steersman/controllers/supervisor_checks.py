@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from steersman.controllers.plausible import is_finite, is_possible
+from steersman.controllers.plausible import is_possible
 from steersman.types import FloatArray, Observation, Reason
 
 # Fewest waypoints that determine a road.
@@ -26,7 +26,8 @@ def input_fault(observation: object) -> Reason:
         with np.errstate(over="ignore", invalid="ignore"):
             if observation.preview.dtype.kind not in _REAL:
                 return Reason.MISSING
-            if not is_finite(observation):
+            numbers = (*observation[:8], observation.spacing, observation.preview.sum())
+            if not all(map(math.isfinite, numbers)):
                 return Reason.INPUT_NOT_FINITE
             possible = is_possible(observation) and len(observation.preview) >= _FEWEST
             return Reason.NONE if possible else Reason.INPUT_RANGE

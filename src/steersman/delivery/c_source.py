@@ -203,7 +203,7 @@ def _constants(p: Parts) -> str:
         "WALK": f"{decimal(WALK, 'pace')} /* [m/s] */",
         "REVERSE": f"{decimal(REVERSE, 'speed')} /* [m/s] */",
         "REACH": f"{decimal(reach(p.card.waypoints, p.card.spacing), 'reach')} /* [m] */",
-        **{f"MOST_{name.upper()}": decimal(x, name) for name, x in MOST._asdict().items()},
+        **{f"MOST_{name.upper()}": decimal(x, name) for name, x in MOST.items()},
     }
     return "".join(f"#define {name} {value}\n" for name, value in values.items())
 
@@ -217,7 +217,7 @@ def _command(card: PolicyCard) -> str:
     return f"next.last_command + {step} * action[0]"
 
 
-_SEEN = MOST._fields
+_SEEN = tuple(MOST)
 
 
 def _writer(p: Parts, feature: Feature, first: int) -> Writer:

@@ -9,6 +9,15 @@ from steersman.types import FloatArray
 
 
 @kernel
+def lies_within(points: FloatArray, most: float) -> bool:
+    """Whether no coordinate of the points (n, 2) is NaN or larger than ``most`` [m]."""
+    for i in range(points.shape[0]):
+        if not (abs(points[i, 0]) <= most and abs(points[i, 1]) <= most):
+            return False
+    return True
+
+
+@kernel
 def point_at(preview: FloatArray, spacing: float, u: float) -> tuple[float, float]:
     """Position at arc length ``u`` [m] after the first of the waypoints (n >= 4, 2).
 
