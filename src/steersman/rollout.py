@@ -151,6 +151,16 @@ def attempt(config: RunConfig, progress: Callable[[float], None] | None = None) 
     return Attempt(OUTCOMES.get(end, "finished"), episode)
 
 
+def started(config: RunConfig) -> Simulation:
+    """The simulation of a run with its vehicle at the start; to be closed by the caller.
+
+    Raises:
+        PlantError: the plant cannot be reached.
+        ConfigError: the configuration's parts do not fit together.
+    """
+    return _Drive(config).simulation
+
+
 class _Drive:
     """A fleet of one, its controller, and the record of what they do."""
 

@@ -173,6 +173,19 @@ class ErrorRatio(StoredResult):
     """Geometric mean of the scenarios' ratios."""
 
 
+class Regret(StoredResult):
+    """What drives cost beyond the oracle's: RMS error and the price of steering together."""
+
+    runs: int
+    """Drives of scenarios with an oracle."""
+    below: int
+    """Those that cost less than the oracle's, which is a local optimum."""
+    oracle_m: float
+    """Mean cost of the oracle's drives [m]."""
+    mean_m: IntervalEstimate
+    median_m: IntervalEstimate
+
+
 class ControllerSummary(StoredResult):
     """The figures of a controller over all its rows."""
 
@@ -207,6 +220,8 @@ class ControllerSummary(StoredResult):
     """Drives whose path needs no more acceleration than the standards of comfort allow."""
     iso_11270_share: float | None
     r79_share: float | None
+    regret: Regret | None = optional()
+    """None where no scenario has an oracle."""
     ratio: dict[str, ErrorRatio] | None = optional()
     """By group, over the best classical controller; None without one."""
 

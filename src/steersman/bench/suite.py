@@ -90,6 +90,9 @@ class Suite(Settings):
     plant: Annotated[PlantComponent, Of("plant")] = param(
         SimulatorConfig(), "-", "Plant; scenarios that it cannot do are left out, and counted."
     )
+    sample: int | None = param(
+        None, "-", "So many scenarios of each disturbance, drawn from the seed; null: all.", ge=1
+    )
 
     @field_validator("courses", "vehicles")
     @classmethod
@@ -137,10 +140,25 @@ class Suite(Settings):
         return dict(Counter(one.disturbance for one in every if one.applied.beyond(one.run.plant)))
 
     def _every(self, seeds: Sequence[int]) -> list[Scenario]:
+        return [self._scenario(*each, seed) for seed in seeds for each in self._drawn(seed)]
+
+    def _drawn(self, seed: int) -> list[tuple[str, str, str, str]]:
+        """Path, speed, disturbance and vehicle of all scenarios, or of a sample of them."""
+        every = self._combined()
+        if self.sample is None:
+            return every
+        kept = set()
+        for disturbance in (*self.disturbances, *self.mixed):
+            alike = [each for each in every if each[2] == disturbance]
+            rng = np.random.default_rng(derived_seed(seed, "sample", disturbance))
+            chosen = rng.permutation(len(alike))[: self.sample]
+            kept |= {alike[k] for k in chosen}
+        return [each for each in every if each in kept]
+
+    def _combined(self) -> list[tuple[str, str, str, str]]:
         every = (*self.disturbances, *self.mixed)
         return [
-            self._scenario(path, speed, disturbance, vehicle, seed)
-            for seed in seeds
+            (path, speed, disturbance, vehicle)
             for path, course in self.courses.items()
             for speed in course.speeds
             for disturbance in course.only.get(speed, every)

@@ -15,6 +15,8 @@ import numpy as np
 from steersman.bench.disturbance import Disturbance
 from steersman.bench.entrants import Entrant
 from steersman.bench.maps import Map
+from steersman.bench.oracle import OracleCost, known
+from steersman.bench.regret import clusters_of, regret
 from steersman.bench.results import (
     BenchResult,
     BenchRow,
@@ -27,7 +29,6 @@ from steersman.bench.results import (
     Summary,
     SweepStep,
 )
-from steersman.bench.statistics import Clusters
 from steersman.bench.suite import CLEAN, Suite
 from steersman.metrics.comfort import MOST_ACCELERATION
 from steersman.provenance import provenance
@@ -78,13 +79,17 @@ def results(
         **provenance(),
         made_by=sorted({str(row.commit) for row in rows}),
         controllers={e.label: e.shown for e in entrants},
-        summary=summarise_rows(rows, entrants),
+        summary=summarise_rows(rows, entrants, known(suite.scenarios(seeds))),
         plant=", ".join(sorted({row.plant or suite.plant.kind for row in rows})),
         left_out=suite.left_out(seeds),
     )
 
 
-def summarise_rows(rows: Sequence[BenchRow], entrants: Sequence[Named]) -> Summary:
+def summarise_rows(
+    rows: Sequence[BenchRow],
+    entrants: Sequence[Named],
+    oracle: Mapping[str, OracleCost] | None = None,
+) -> Summary:
     """Figures of every controller, in the order of their error over all scenarios.
 
     Scenarios beyond grip are summed up for themselves, and under their disturbances and paths.
@@ -104,6 +109,7 @@ def summarise_rows(rows: Sequence[BenchRow], entrants: Sequence[Named]) -> Summa
                 **figures[name],
                 **_standards([row for row in table[name] if row.scenario in gentle]),
                 beyond=_errors(beyond[name]) if beyond[name] else None,
+                regret=regret(table[name], oracle or {}),
                 ratio=None if best is None else _ratios(table[name], table[best]),
             )
             for name in order
@@ -209,7 +215,7 @@ def _sweep(rows: Sequence[BenchRow], name: str) -> list[SweepStep]:
 
 
 def _errors(rows: Sequence[BenchRow]) -> PooledErrors:
-    errors, clusters = _column(row.charged_rms_m for row in rows), _clusters(rows)
+    errors, clusters = _column(row.charged_rms_m for row in rows), clusters_of(rows)
     squares, logs = errors**2, np.log(np.maximum(errors, _FINEST))
     lost = _column(float(not row.completed) for row in rows)
     return PooledErrors(
@@ -225,14 +231,9 @@ def _errors(rows: Sequence[BenchRow]) -> PooledErrors:
     )
 
 
-def _clusters(rows: Sequence[BenchRow]) -> Clusters:
-    """Draws of roads, and of what has the same name."""
-    return Clusters([row.path for row in rows], [row.replicate for row in rows])
-
-
 def _distributed(rows: Sequence[BenchRow], metric: str) -> DistributedFigure:
     known = [row for row in rows if row.metrics.get(metric) is not None]
-    values, clusters = _column(row.number(metric) for row in known), _clusters(known)
+    values, clusters = _column(row.number(metric) for row in known), clusters_of(known)
     root = clusters.interval(lambda mean: np.sqrt(mean(values**2)))
     return DistributedFigure(
         rms=IntervalEstimate.of(root), median=IntervalEstimate.of(clusters.median(values))
@@ -254,7 +255,7 @@ def _ratios(rows: Sequence[BenchRow], base: Sequence[BenchRow]) -> dict[str, Err
         others = [np.array(known[row.scenario]) for row in mine]
         other = np.sqrt(_column(float(np.mean(each**2)) for each in others))
         typical = _column(float(np.mean(np.log(np.maximum(e, _FINEST)))) for e in others)
-        clusters = _clusters(mine)
+        clusters = clusters_of(mine)
         logs = np.log(np.maximum(own, _FINEST)) - typical
         out[name] = ErrorRatio(
             rms=IntervalEstimate.of(clusters.interval(_root_ratio(own**2, other**2))),

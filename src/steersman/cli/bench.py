@@ -109,7 +109,7 @@ def bench(  # noqa: PLR0913, PLR0917 - typer's options
 def _show(outcome: BenchResult, folder: str) -> None:
     summary = outcome.summary
     best = summary.best_classical
-    columns = ("clean", "disturbed", "typical", "lost", "steer", "step", "ratio")
+    columns = ("clean", "disturbed", "typical", "lost", "steer", "step", "regret", "ratio")
     out = table("controller", *columns, right=columns)
     for name, found in summary.controllers.items():
         ratio = None if found.ratio is None else found.ratio["all"].rms
@@ -121,6 +121,7 @@ def _show(outcome: BenchResult, folder: str) -> None:
             str(found.failures),
             _steering(found),
             _number(found.control_time_us_p50),
+            "" if found.regret is None else _interval(found.regret.median_m, 1e3),
             "" if ratio is None else _interval(ratio),
         )
     notes = (
@@ -128,7 +129,8 @@ def _show(outcome: BenchResult, folder: str) -> None:
         " bootstrap over paths, and over seeds where a controller has several. clean, disturbed:"
         " RMS lateral error [mm]; typical: geometric mean of disturbed errors [mm]; lost: runs"
         " that ended early, charged in all errors; steer: change in a step [1/1000], RMS and"
-        " under it the median; step: median computing time [us]"
+        " under it the median; step: median computing time [us]; regret: median of"
+        " error and price of steering [mm] beyond the oracle's, where there is one"
     )
     if best is not None:
         notes += f"; ratio: RMS error over that of {best}, the best classical controller"

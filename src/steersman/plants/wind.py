@@ -32,6 +32,10 @@ class Wind(Settings):
     arm: float = param(0.4, "m", "Centre of pressure ahead of the centre of mass.")
     seed: int = param(0, "-", "Decides when and how strong.", ge=0)
 
+    def figures(self) -> tuple[float, float]:
+        """Side force over flow angle and squared speed [N s^2/m^2], and its arm [m]."""
+        return 0.5 * _AIR_DENSITY * self.area * self.side, self.arm
+
     def load(self, wind: float, v_x: float) -> tuple[float, float]:
         """Side force [N] (left positive) and yaw moment [N m] of a wind [m/s] to the left."""
         pressure = 0.5 * _AIR_DENSITY * (v_x * v_x + wind * wind)
@@ -55,6 +59,10 @@ class Gusts(Disturber):
 
     def begin(self, world: World, fleet: Fleet, i: int, rng: np.random.Generator) -> None:
         """Draw the first gust of a drive."""
+        self.restart(i)
+
+    def restart(self, i: int) -> None:
+        """Begin with a pause."""
         self._gusts[i] = 0.0
         self._next(i)
 

@@ -93,6 +93,7 @@ def _ranking(summary: Summary) -> Section:
             "Typical is the geometric mean over the scenarios. Scenarios that ask for more grip "
             "than there is are counted in their own column alone."
             " A diamond marks a controller with a learned policy."
+            + _regret_words(summary)
             + (
                 " The typical ratio is the geometric mean over the scenarios, which hard ones do "
                 "not dominate."
@@ -103,6 +104,18 @@ def _ranking(summary: Summary) -> Section:
         tables=[Table("Controllers, best first", rows)],
         figures=figures,
         warnings=_few_paths(found),
+    )
+
+
+def _regret_words(summary: Summary) -> str:
+    known = next((one.regret for one in summary.controllers.values() if one.regret), None)
+    if known is None:
+        return ""
+    return (
+        " Regret is what a drive costs beyond the oracle's, which knows car, delay, road and"
+        " future: RMS error plus 0.05 m s times the RMS steering rate. The oracle is optimised"
+        f" on the plant itself. Its mean cost in {known.runs} drives:"
+        f" {text(_MM * known.oracle_m, 3)} mm."
     )
 
 
@@ -138,6 +151,7 @@ def _row(name: str, found: ControllerSummary, best: str | None) -> dict[str, Any
         "failed": f"{found.failures} of {found.runs}",
         "failed [%]": interval_text(found.all.lost_share, _PERCENT),
         "beyond grip": _beyond(found),
+        **_regret(found),
         **_measured(found, "steer_change_rms", "steering change [1/1000]", _MM),
         "reversals per minute": found.steer_reversals_per_min,
     }
@@ -163,6 +177,17 @@ def _measured(
 def _beyond(found: ControllerSummary) -> str:
     """Drives lost where more grip is asked for than there is."""
     return "" if found.beyond is None else f"{found.beyond.failures} of {found.beyond.runs}"
+
+
+def _regret(found: ControllerSummary) -> dict[str, str]:
+    """What drives cost beyond the oracle's, if any scenario has one."""
+    known = found.regret
+    if known is None:
+        return {}
+    return {
+        "regret, mean [mm]": interval_text(known.mean_m, _MM),
+        "median [mm]": interval_text(known.median_m, _MM),
+    }
 
 
 def _profiles(summary: Summary) -> Section:
