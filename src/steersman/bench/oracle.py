@@ -153,8 +153,7 @@ class Search:
         self._trails = kernel.empty_trail(steps), kernel.empty_trail(steps)
         old = self._trails[0].command[:, 0]
         old[: len(steering)], old[len(steering) :] = steering, steering[-1]
-        # Nobody steers before the first command arrives.
-        old[:held] = self._simulation.fleet.state[0, car.STEER]
+        self._idle = float(self._simulation.fleet.state[0, car.STEER])
 
     def replayed(self) -> FloatArray:
         """Lateral errors [m] of the kernel's drive with the controller's steering."""
@@ -169,6 +168,8 @@ class Search:
             if name in self._start:
                 values[:] = self._start[name]
         old, new = self._trails
+        # Nothing steers before the first command arrives.
+        old.command[: self.held, 0] = self._idle
         world, fleet = simulation.world, simulation.fleet
         steps = kernel.drive(world, fleet, self._air, self.held, old, self._plan, share, new)
         errors = new.tracking[:steps, obs.D]
