@@ -5,7 +5,8 @@
 Each part writes a file of its own.
 
 biases: the circle of radius 50 m at 18.7 m/s for 60 s, the road exact, odometry biased;
-every tuned controller and the policy, alone and behind the estimator.
+every tuned controller and the policy, alone and behind the estimator. ``moved_mm`` is what the bias
+adds, at its largest; the rest is the controller's own.
 
 noise: random roads with shifted waypoints. The bound is the standard deviation of the lateral error
 given all waypoints so far, were the car's motion known exactly and the road's third difference over
@@ -103,6 +104,13 @@ def figures(episode: Episode) -> dict[str, Any]:
     }
 
 
+def moved(episode: Episode, drives: dict[str, Episode]) -> dict[str, float]:
+    """How far the bias moves the car: the largest difference from the drive without one."""
+    ends = (episode["lateral_error"], drives["none"]["lateral_error"])
+    both = min(len(end) for end in ends)
+    return {"moved_mm": _mm(np.abs(ends[0][:both] - ends[1][:both]).max())}
+
+
 def rms(values: FloatArray) -> float:
     """Root mean square."""
     return float(np.sqrt(np.square(values).mean()))
@@ -118,10 +126,11 @@ def biases() -> dict[str, Any]:
     for word in (*names(), "precision"):
         own = entrant(word).controller
         for name, controller in ((word, own), (f"estimated/{word}", Estimated(controller=own))):
+            drives = {words: drive(controller, _biased(bias)) for words, bias in BIASES.items()}
             out[name] = {
-                words: figures(drive(controller, _biased(bias))) for words, bias in BIASES.items()
+                words: figures(each) | moved(each, drives) for words, each in drives.items()
             }
-            sys.stdout.write(f"{name}: {[row['largest_mm'] for row in out[name].values()]}\n")
+            sys.stdout.write(f"{name}: {[row['moved_mm'] for row in out[name].values()]}\n")
     return out
 
 
