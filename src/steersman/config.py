@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import partial
-from typing import Any, ClassVar, Generic, TypeVar, get_args
+from functools import cache, partial
+from typing import Any, ClassVar, Generic, Literal, TypeVar, get_args
 
 from pydantic import (
     BaseModel,
@@ -71,20 +71,28 @@ class Settings(BaseModel):
     @field_validator("*", mode="before")
     @classmethod
     def _check_and_complete(cls, value: Any, info: ValidationInfo) -> Any:
-        field = cls.model_fields[str(info.field_name)]
         # pydantic takes True for 1.0; where a number is meant, "throttle: yes" is a mistake.
-        types = _types_in(field.annotation)
-        if types & {int, float} and bool not in types and _holds_boolean(value):
-            raise PydanticKnownError("float_type" if float in types else "int_type")
+        if (number := _number(cls, str(info.field_name))) and _holds_boolean(value):
+            raise PydanticKnownError(number)
         # Some fields of a group keep the others as this field's default has them, which need
         # not be what the group's own class has.
         if isinstance(value, Mapping):
+            field = cls.model_fields[str(info.field_name)]
             default = field.get_default(call_default_factory=True)
             if isinstance(default, BaseModel):
                 return merge(dump(default) or {}, value)
             if any(isinstance(mark, Of) for mark in field.metadata):
                 return merge(_fields(default), value)
         return value
+
+
+@cache
+def _number(cls: type[BaseModel], field: str) -> Literal["float_type", "int_type"] | None:
+    """The error of a boolean in a field that is meant for numbers; None for any other field."""
+    types = _types_in(cls.model_fields[field].annotation)
+    if not types & {int, float} or bool in types:
+        return None
+    return "float_type" if float in types else "int_type"
 
 
 def _types_in(annotation: Any) -> set[Any]:

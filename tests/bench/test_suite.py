@@ -32,8 +32,7 @@ def test_every_suite_survives_its_file(name: str, tmp_path: FilePath) -> None:
     suite = suites.suite(name)
     file = tmp_path / "suite.yaml"
     file.write_text(to_yaml(suite), encoding="utf-8")
-    again = suites.suite(str(file))
-    assert again.scenarios((3,)) == suite.scenarios((3,))
+    assert suites.suite(str(file)) == suite
 
 
 @pytest.mark.parametrize("name", suites.SUITES)

@@ -56,15 +56,16 @@ def test_every_name_of_the_front_door_is_there() -> None:
 @pytest.mark.parametrize(
     "code",
     [
-        "import gymnasium, steersman; make('steersman/PathFollowing-v0')",
-        "import steersman, gymnasium; make('steersman/PathFollowing-v0')",
-        "import gymnasium; make('steersman:steersman/PathFollowing-v0')",
+        "import gymnasium, steersman; found = gymnasium.spec('steersman/PathFollowing-v0')",
+        "import steersman, gymnasium; found = gymnasium.spec('steersman/PathFollowing-v0')",
+        "import gymnasium; found = gymnasium.make('steersman:steersman/PathFollowing-v0').spec",
     ],
 )
 def test_gymnasium_finds_the_environment(code: str) -> None:
-    code = code.replace("make(", "print(gymnasium.make(")[:-1] + ").spec.id)"
+    code += "; print(found.id, found.entry_point)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.stdout == "steersman/PathFollowing-v0\n", done.stderr
+    told = "steersman/PathFollowing-v0 steersman.learning.env:PathFollowingEnv\n"
+    assert done.stdout == told, done.stderr
 
 
 @pytest.mark.parametrize(

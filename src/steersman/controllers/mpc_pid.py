@@ -29,7 +29,8 @@ class ModelError(Settings):
 
     def nominal(self, vehicle: Vehicle) -> Vehicle:
         """The nominal vehicle, whose parameters the controller computes with."""
-        return vehicle.replace(**{name: getattr(vehicle, name) * f for name, f in self})
+        wrong = {name: getattr(vehicle, name) * f for name, f in self if f != 1.0}
+        return vehicle.replace(**wrong) if wrong else vehicle
 
 
 class MpcState(NamedTuple):
