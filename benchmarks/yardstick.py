@@ -21,6 +21,7 @@ from pathlib import Path
 
 import steersman as sm
 from steersman import policies, tuned
+from steersman.provenance import provenance
 from steersman.studies.tune_seeds import SeedsResult
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -62,7 +63,7 @@ def bench(folders: dict[str, Path], given: argparse.Namespace) -> None:
         places = {name: getattr(given, name) for name in FOLDERS} if suite == "foreign" else {}
         sm.bench(
             *words,
-            suite=suite,
+            suite=[suite] if given.sample is None else [suite, f"sample={given.sample}"],
             out=given.out / suite,
             notify=say,
             engine=given.engine,
@@ -80,7 +81,8 @@ def keep(folders: dict[str, Path], given: argparse.Namespace) -> None:
         copy((folder / file for file in ("tuned.yaml", "seeds.json")), into)
         copy((folder / f"seed_{median}" / file for file in OF_SEED), into)
         text = (folder / "tuned.yaml").read_text(encoding="utf-8")
-        head = f"# steersman tune tuned/{name} seeds={given.seeds} --trials {given.trials}\n"
+        command = f"steersman tune tuned/{name} seeds={given.seeds} --trials {given.trials}"
+        head = f"# At commit {provenance()['commit']}, from the gains of before: {command}\n"
         (ROOT / "src/steersman/tuned" / f"{name}.yaml").write_text(head + text, encoding="utf-8")
     names = {"standard": "bench", "foreign": "foreign"}
     for suite in given.suites:
@@ -111,6 +113,7 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--suites", nargs="*", default=SUITES)
     for name in FOLDERS:
         parser.add_argument(f"--{name}", type=Path, help="folder for the suite foreign")
+    parser.add_argument("--sample", type=int, help="so many scenarios of each disturbance")
     parser.add_argument("--jobs", type=int)
     parser.add_argument("--engine")
     parser.add_argument("--keep", action="store_true", help="copy into results/ and src/")

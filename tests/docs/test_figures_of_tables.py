@@ -12,6 +12,7 @@ from steersman.bench.results import BenchResult, IntervalEstimate
 ROOT = Path(__file__).resolve().parents[2]
 RECORD = "results/bench/results.json"
 NUMBER = r"-?[\d.]+"
+NOTHING = IntervalEstimate(value=None)
 
 
 def rows(page: str) -> list[dict[str, str]]:
@@ -32,8 +33,8 @@ def estimate(found: IntervalEstimate, factor: float = 1.0) -> list[float]:
 
 @pytest.mark.parametrize("page", ["README.md", "docs/bench.md"])
 def test_a_table_shows_what_the_record_holds(page: str) -> None:
-    found = BenchResult.read(ROOT / RECORD).summary.controllers
-    table = rows(page)
+    summary = BenchResult.read(ROOT / RECORD).summary
+    found, table = summary.controllers, rows(page)
     names = [re.findall(r"`(.*?)`", row["controller"])[0] for row in table]
     assert names == list(found)
     for name, row in zip(names, table, strict=True):
@@ -42,10 +43,13 @@ def test_a_table_shows_what_the_record_holds(page: str) -> None:
         wanted = {
             "clean, RMS [mm]": estimate(one.clean.rms_m, 1e3),
             "disturbed, RMS [mm]": estimate(one.disturbed.rms_m, 1e3),
-            "ended early": [float(one.failures)],
+            "disturbed, typical [mm]": estimate(one.disturbed.typical_m or NOTHING, 1e3),
+            "ended early": [float(one.failures), float(one.runs)],
+            "regret, median [mm]": estimate(one.regret.median_m if one.regret else NOTHING, 1e3),
             "RMS steering change [1/1000]": [1e3 * (one.steer_change_rms or 0.0)],
             "step [us]": [one.control_time_us_p50],
-            "RMS over mpc_delay's": estimate(one.ratio["all"].rms),
+            f"RMS over {summary.best_classical}'s": estimate(one.ratio["all"].rms),
+            "typical ratio": estimate(one.ratio["all"].typical),
         }
         for title, values in wanted.items():
             # Three digits, or the tenths and units that the column has.
