@@ -12,11 +12,14 @@ from tests.loops import PedalWork
 from steersman.config import build, lookup
 from steersman.errors import DataError
 from steersman.kernels import vehicle as kernel
+from steersman.kernels.path import PathTable
 from steersman.kernels.steady_turn import steady_turn
+from steersman.paths.base import PathComponent
+from steersman.paths.segments import Segment, from_segments
 from steersman.plants.simulator import SimulatorConfig
 from steersman.profiles import Profile, curvature_cap, read_profile, stack_profiles
 from steersman.speed import ConstantSpeed, ConstantThrottle, Nedc, RandomProfile, SpeedCsv
-from steersman.types import Command, FloatArray, PathPoint, Pose
+from steersman.types import Command, FloatArray, Pose
 from steersman.vehicles import CarlaModel3
 
 CIRCLE = build(lookup("path", "circle"), {"radius": 50.0})
@@ -111,16 +114,14 @@ def test_cap_slows_down_in_time() -> None:
 
 
 def test_cap_ahead_of_one_corner() -> None:
-    class Corner:
+    class Corner(PathComponent):
         """100 m straight on, then 30 m at a radius of 25 m."""
 
-        length, closed = 130.0, False
+        def build_table(self) -> PathTable:
+            straight, bend = Segment(100.0, 0.0, 0.0), Segment(30.0, 0.04, 0.04)
+            return from_segments([straight, bend], closed=False)
 
-        @staticmethod
-        def at(s: float) -> PathPoint:
-            return PathPoint(0.0, 0.0, 0.0, 0.04 if s >= 100.0 else 0.0)
-
-    limit = curvature_cap(Corner, 4.0, 3.0)  # type: ignore[arg-type]
+    limit = curvature_cap(Corner(), 4.0, 3.0)
     assert limit[100:] == pytest.approx(10.0)
     for before in (1, 10, 50):
         assert limit[100 - before] == pytest.approx(math.sqrt(100.0 + 2.0 * 3.0 * before))

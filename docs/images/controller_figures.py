@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,6 +15,21 @@ from steersman.paths.analytic import Circle, DoubleLaneChange, FigureEight
 from steersman.sensing import WaypointSensor
 from steersman.types import Observation, Status
 from steersman.vehicles import Vehicle
+
+
+def over_time(
+    title: str,
+    episodes: Mapping[str, Any],
+    column: str = "lateral_error",
+    label: str = "lateral error [m]",
+    factor: float = 1.0,
+) -> dict[str, Any]:
+    """A column of drives over time, times ``factor``: a line for each."""
+    lines = [
+        {"name": name, "x": episode["time"], "y": factor * episode[column]}
+        for name, episode in episodes.items()
+    ]
+    return {"title": title, "x": "time [s]", "y": label, "lines": lines}
 
 
 def pid() -> dict[str, Any]:
@@ -31,27 +47,25 @@ def pid() -> dict[str, Any]:
 
 def pid_feedforward() -> dict[str, Any]:
     """The steady turn's steering, or an integral that has to find it."""
-    lines = []
-    for name, controller in (
-        ("PID", {"kind": "pid"}),
-        ("PID with feed-forward", {"kind": "pid", "feedforward": True}),
-    ):
-        episode = drive(controller, FigureEight(), 8.0, seconds=30.0)
-        lines.append({"name": name, "x": episode["time"], "y": episode["lateral_error"]})
-    title = "Figure-eight at 8 m/s"
-    return {"title": title, "x": "time [s]", "y": "lateral error [m]", "lines": lines}
+    controllers = {
+        "PID": {"kind": "pid"},
+        "PID with feed-forward": {"kind": "pid", "feedforward": True},
+    }
+    return over_time(
+        "Figure-eight at 8 m/s",
+        {n: drive(c, FigureEight(), 8.0, seconds=30.0) for n, c in controllers.items()},
+    )
 
 
 def bearing_pid() -> dict[str, Any]:
     """A point ahead is no point on the road."""
-    lines = []
-    for speed in (5.0, 8.0, 11.0):
-        episode = drive("bearing_pid", FigureEight(), speed, seconds=24.0)
-        lines.append(
-            {"name": f"{speed:.0f} m/s", "x": episode["time"], "y": episode["lateral_error"]}
-        )
-    title = "PID on the bearing (CARLA's gains), figure-eight"
-    return {"title": title, "x": "time [s]", "y": "lateral error [m]", "lines": lines}
+    return over_time(
+        "PID on the bearing (CARLA's gains), figure-eight",
+        {
+            f"{speed:.0f} m/s": drive("bearing_pid", FigureEight(), speed, seconds=24.0)
+            for speed in (5.0, 8.0, 11.0)
+        },
+    )
 
 
 def pure_pursuit() -> dict[str, Any]:
@@ -78,19 +92,16 @@ def pure_pursuit() -> dict[str, Any]:
 
 def pure_pursuit_corner() -> dict[str, Any]:
     """A long look-ahead cuts corners."""
-    lines = []
-    for ahead in (4.0, 8.0, 16.0):
-        fields = {"kind": "pure_pursuit", "look_ahead_time": 0.0, "look_ahead_offset": ahead}
-        episode = drive(fields, FigureEight(), 5.0, seconds=30.0)
-        lines.append(
-            {
-                "name": f"look-ahead {ahead:.0f} m",
-                "x": episode["time"],
-                "y": episode["lateral_error"],
-            }
-        )
-    title = "Pure pursuit, figure-eight at 5 m/s, error of the centre of mass"
-    return {"title": title, "x": "time [s]", "y": "lateral error [m]", "lines": lines}
+    fields = {"kind": "pure_pursuit", "look_ahead_time": 0.0}
+    return over_time(
+        "Pure pursuit, figure-eight at 5 m/s, error of the centre of mass",
+        {
+            f"look-ahead {ahead:.0f} m": drive(
+                {**fields, "look_ahead_offset": ahead}, FigureEight(), 5.0, seconds=30.0
+            )
+            for ahead in (4.0, 8.0, 16.0)
+        },
+    )
 
 
 def stanley() -> dict[str, Any]:
@@ -148,102 +159,88 @@ def mpc_price() -> dict[str, Any]:
 
 def mpc_pid_speed() -> dict[str, Any]:
     """One model for all speeds, or a model for each."""
-    lines = []
-    for name, fields in (
-        ("one model, 30 km/h", {"kind": "mpc_pid"}),
-        ("a model for each speed", {"kind": "mpc_pid", "scheduled": True}),
-    ):
-        for speed in (8.0, 16.0):
-            episode = drive(fields, Circle(), speed, seconds=10.0)
-            lines.append(
-                {
-                    "name": f"{name}, {speed:.0f} m/s",
-                    "x": episode["time"],
-                    "y": 1e3 * episode["lateral_error"],
-                }
-            )
+    controllers = {
+        "one model, 30 km/h": {"kind": "mpc_pid"},
+        "a model for each speed": {"kind": "mpc_pid", "scheduled": True},
+    }
+    episodes = {
+        f"{name}, {speed:.0f} m/s": drive(fields, Circle(), speed, seconds=10.0)
+        for name, fields in controllers.items()
+        for speed in (8.0, 16.0)
+    }
     title = "MPC-PID on the circle of 50 m"
-    return {"title": title, "x": "time [s]", "y": "lateral error [mm]", "lines": lines}
+    return over_time(title, episodes, label="lateral error [mm]", factor=1e3)
+
+
+def _late(controllers: Mapping[str, Any]) -> dict[str, Any]:
+    """The figure-eight with 0.2 s of steering delay."""
+    return over_time(
+        "Steering that acts 0.2 s late, figure-eight at 8 m/s",
+        {n: drive(c, FigureEight(), 8.0, seconds=20.0, delay=0.2) for n, c in controllers.items()},
+    )
 
 
 def mpc_delay() -> dict[str, Any]:
     """What 0.2 s of steering delay does, and what knowing it is worth."""
-    lines = []
-    for name, fields in (
-        ("mpc_delay, delay found", {"kind": "mpc_delay"}),
-        ("mpc_delay, delay given", {"kind": "mpc_delay", "delay": 0.2}),
-        ("lqr, which knows of none", {"kind": "lqr"}),
-    ):
-        episode = drive(fields, FigureEight(), 8.0, seconds=20.0, delay=0.2)
-        lines.append({"name": name, "x": episode["time"], "y": episode["lateral_error"]})
-    title = "Steering that acts 0.2 s late, figure-eight at 8 m/s"
-    return {"title": title, "x": "time [s]", "y": "lateral error [m]", "lines": lines}
+    return _late(
+        {
+            "mpc_delay, delay found": {"kind": "mpc_delay"},
+            "mpc_delay, delay given": {"kind": "mpc_delay", "delay": 0.2},
+            "lqr, which knows of none": {"kind": "lqr"},
+        }
+    )
 
 
 def mpc_delay_noise() -> dict[str, Any]:
     """What the filter of the road takes out of the steering."""
-    lines = []
-    for name, filtered in (("filter_road: false", False), ("filter_road: true", True)):
-        fields = {"kind": "mpc_delay", "filter_road": filtered}
-        noisy = WaypointSensor(error_range=0.1)
-        episode = drive(fields, DoubleLaneChange(), 10.0, sensor=noisy)
-        lines.append({"name": name, "x": episode["time"], "y": episode["steer_command"]})
+    noisy = WaypointSensor(error_range=0.1)
+    episodes = {
+        f"filter_road: {str(filtered).lower()}": drive(
+            {"kind": "mpc_delay", "filter_road": filtered}, DoubleLaneChange(), 10.0, sensor=noisy
+        )
+        for filtered in (False, True)
+    }
     title = "Waypoints shifted by up to 0.1 m: double lane change at 10 m/s"
-    return {"title": title, "x": "time [s]", "y": "steering command [-]", "lines": lines}
+    return over_time(title, episodes, "steer_command", "steering command [-]")
 
 
 def predicted() -> dict[str, Any]:
     """What the predictor makes of LQR under 0.2 s of steering delay."""
-    lines = []
     alone = {"kind": "lqr"}
-    for name, fields in (
-        ("lqr", alone),
-        (
-            "lqr behind the predictor",
-            {
-                "kind": "estimated",
-                "estimator": None,
-                "predictor": "single_track",
-                "controller": alone,
-            },
-        ),
-    ):
-        episode = drive(fields, FigureEight(), 8.0, seconds=20.0, delay=0.2)
-        lines.append({"name": name, "x": episode["time"], "y": episode["lateral_error"]})
-    title = "Steering that acts 0.2 s late, figure-eight at 8 m/s"
-    return {"title": title, "x": "time [s]", "y": "lateral error [m]", "lines": lines}
+    behind = {"kind": "estimated", "estimator": None, "predictor": "single_track"}
+    return _late({"lqr": alone, "lqr behind the predictor": {**behind, "controller": alone}})
 
 
 def nmpc() -> dict[str, Any]:
     """What a plan with limited tyres is worth where the car has less grip than is known."""
-    lines = []
-    for name, fields in (
-        ("nmpc", {"kind": "nmpc"}),
-        ("mpc_delay, friction not estimated", {"kind": "mpc_delay", "estimate_friction": False}),
-        ("lqr", {"kind": "lqr"}),
-    ):
-        episode = drive(fields, FigureEight(), 10.5, seconds=20.0, friction=0.5)
-        lines.append({"name": name, "x": episode["time"], "y": episode["lateral_error"]})
-    title = "Figure-eight at 10.5 m/s, friction 0.5 where 3.0 is nominal"
-    return {"title": title, "x": "time [s]", "y": "lateral error [m]", "lines": lines}
+    controllers = {
+        "nmpc": {"kind": "nmpc"},
+        "mpc_delay, friction not estimated": {"kind": "mpc_delay", "estimate_friction": False},
+        "lqr": {"kind": "lqr"},
+    }
+    return over_time(
+        "Figure-eight at 10.5 m/s, friction 0.5 where 3.0 is nominal",
+        {
+            n: drive(c, FigureEight(), 10.5, seconds=20.0, friction=0.5)
+            for n, c in controllers.items()
+        },
+    )
 
 
 def policy_trim() -> dict[str, Any]:
     """The integral loop around the network."""
-    lines = []
-    for name, trim in (("trim 0", 0.0), ("trim as its card says", None)):
-        fields = {"kind": "policy", "trim": trim}
-        episode = drive(fields, Circle(), 18.0, seconds=30.0)
-        errors = 1e3 * episode["lateral_error"]
-        lines.append({"name": name, "x": episode["time"], "y": errors})
+    episodes = {
+        name: drive({"kind": "policy", "trim": trim}, Circle(), 18.0, seconds=30.0)
+        for name, trim in (("trim 0", 0.0), ("trim as its card says", None))
+    }
     title = "The packaged policy on the circle of 50 m, 18 m/s"
-    return {"title": title, "x": "time [s]", "y": "lateral error [mm]", "lines": lines}
+    return over_time(title, episodes, label="lateral error [mm]", factor=1e3)
 
 
 class Stuck(ControllerComponent):
-    """Steers as LQR does, and from a moment on keeps what it commanded last, with a good face."""
+    """Steers as LQR does, and from a moment on repeats its last command, marked as solved."""
 
-    family: ClassVar[str] = "controller"  # of no registry: nobody is meant to drive with it
+    family: ClassVar[str] = "controller"  # not registered: it serves this figure alone
     kind: ClassVar[str] = "stuck"
 
     moment: float = 3.0
@@ -263,12 +260,13 @@ class Stuck(ControllerComponent):
 
 def supervisor() -> dict[str, Any]:
     """A controller that gets stuck on a bend, alone and supervised."""
-    lines = []
-    for name, controller in (("alone", Stuck()), ("supervised", Supervisor(inner=Stuck()))):
-        episode = drive(controller, FigureEight(), 8.0, seconds=10.0)
-        lines.append({"name": name, "x": episode["time"], "y": episode["lateral_error"]})
-    title = "The controller's command gets stuck at the entry of a bend, figure-eight at 8 m/s"
-    return {"title": title, "x": "time [s]", "y": "lateral error [m]", "lines": lines}
+    return over_time(
+        "The controller's command gets stuck at the entry of a bend, figure-eight at 8 m/s",
+        {
+            name: drive(controller, FigureEight(), 8.0, seconds=10.0)
+            for name, controller in (("alone", Stuck()), ("supervised", Supervisor(inner=Stuck())))
+        },
+    )
 
 
 def everybody() -> dict[str, Any]:

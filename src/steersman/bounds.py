@@ -77,7 +77,7 @@ def read_arrays(stream: BinaryIO, most: int | None = None) -> dict[str, Any]:
             }
     except OSError:
         raise
-    # zipfile and numpy answer a damaged header with whatever their parsers stumble over.
+    # For a damaged header zipfile and numpy raise errors of many classes.
     except Exception as error:  # noqa: BLE001
         raise ValueError(shortened(one_line(str(error)) or type(error).__name__, 200)) from None
 

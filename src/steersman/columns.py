@@ -1,4 +1,4 @@
-"""Which column of a table holds what: by its title and unit, or as the user says.
+"""Which column of a table holds what: by its title and unit, or as the user assigns them.
 
 The user says it with ``NAME=TITLE,NAME=TITLE``: the title as in the file's header, or the number
 of the column from 1. A unit that is not the usual one stands behind the name or the title

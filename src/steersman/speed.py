@@ -80,7 +80,10 @@ class SpeedTracking(SpeedComponent):
 
     def profile(self) -> Profile:
         """The demand, as the kernels read it."""
-        times, speeds = self.breakpoints()
+        return self.demand(*self.breakpoints())
+
+    def demand(self, times: FloatArray, speeds: FloatArray) -> Profile:
+        """The demand for speeds [m/s] at times [s]."""
         demand = Profile(None, times, speeds, self.a_lat_max, self.deceleration)
         return demand._replace(k_p=self.k_p, k_i=self.k_i, road=self.along())
 
@@ -192,17 +195,7 @@ class RandomProfile(SpeedTracking):
         for i in range(1, count):
             speeds[i] = min(max(speeds[i - 1] + steps[i - 1], self.low), self.high)
         scale = math.sqrt(rng.uniform(self.cap_low, 1.0))
-        return Profile(
-            None,
-            times,
-            speeds,
-            self.a_lat_max,
-            self.deceleration,
-            self.k_p,
-            self.k_i,
-            scale,
-            self.along(),
-        )
+        return self.demand(times, speeds)._replace(cap_scale=scale)
 
 
 @cache

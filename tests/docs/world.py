@@ -12,7 +12,7 @@ from steersman.cli import app
 from steersman.config import build, override, to_yaml
 from steersman.episode import load_episode
 from steersman.learning.config import load_preset, train_config
-from steersman.learning.imitation.imitate import imitation_config
+from steersman.learning.imitation.config import ImitationConfig
 from steersman.logs.write import write_episode
 from steersman.rollout import RunConfig
 from steersman.vehicles import CarlaModel3
@@ -35,7 +35,7 @@ def make(folder: FilePath) -> None:
         for suffix in (".onnx", ".json"):
             shutil.copy(POLICY.with_suffix(suffix), runs / name / f"policy{suffix}")
     (runs / "agent" / "config.yaml").write_text(to_yaml(train_config(load_preset("demo"))))
-    (runs / "dagger" / "config.yaml").write_text(to_yaml(imitation_config({})))
+    (runs / "dagger" / "config.yaml").write_text(to_yaml(ImitationConfig()))
     gains = tuned.locate("tuned/pid")
     assert gains is not None
     for name in TUNINGS:

@@ -18,9 +18,9 @@ from steersman.learning.fleet import FleetDriver
 from steersman.learning.imitation.config import FitConfig, ImitationConfig
 from steersman.learning.imitation.driving import Dataset, Drives, Driving, collect
 from steersman.learning.imitation.fit import Regression, update
-from steersman.learning.imitation.imitate import imitate, imitation_config, load_imitation
+from steersman.learning.imitation.imitate import imitate
 from steersman.learning.networks import Draw
-from steersman.learning.progress import ImitationRow
+from steersman.learning.progress import ImitationRow, learned
 from steersman.learning.validate import Validator
 
 from ..loops import Posed, drive
@@ -392,12 +392,11 @@ def test_a_loss_that_is_not_finite_ends_it(tmp_path: FilePath) -> None:
 )
 def test_bad_input(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
-        imitation_config(merge(TINY, changes))
+        build(ImitationConfig, merge(TINY, changes))
 
 
 def test_the_result_is_read_from_its_folder(done: FilePath) -> None:
-    result = load_imitation(done)
-    assert result.config == config()
+    result = learned(done, config(), ImitationRow)
     assert [row.steps for row in result.rows] == [400, 800, 1200]
     assert result.best.updates == result.card.training["updates"]
     assert result.best.validation_error_mm == min(row.validation_error_mm for row in result.rows)

@@ -1,4 +1,4 @@
-"""How much of the tyres' grip a run asks for, and the class that follows from it."""
+"""How much of the tyres' grip a run needs, and the class that follows from it."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from steersman.rollout import RunConfig, goal
 GripClass: TypeAlias = Literal["within 60 %", "60 to 90 %", "beyond"]
 BEYOND: GripClass = "beyond"
 _USUAL, _MOST = 0.6, 0.9
-# Distance between places at which the road's friction is asked for [m].
+# Distance between places at which the road's friction is read [m].
 _STEP = 0.5
 
 
 def demanded_grip(run: RunConfig) -> float:
-    """The largest share of grip that path and speeds of the run ask for [-].
+    """The largest share of grip that path and speeds of the run need [-].
 
     Lateral and longitudinal demand together, see :mod:`steersman.kernels.grip_demand`, on a road
     whose disturbances may change its friction on the way. Where it differs between left and right,

@@ -2,7 +2,7 @@
 
 Known tracks and random roads of three generators, none of which any training or tuning uses; what
 is wrong with car, sensors and road, one thing at a time and drawn together. What each scenario asks
-of the tyres is computed (:mod:`steersman.bench.grip`): some ask for more than there is.
+of the tyres is computed (:mod:`steersman.bench.grip`): some need more than there is.
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ GROUP_EXAMPLES = (
 )
 # A radius that says no more than that the road is straight [m].
 _STRAIGHT = 1e4
-# So many faults of a map are told one by one.
+# Faults of a map that are printed one by one.
 _MOST_TOLD = 10
 
 

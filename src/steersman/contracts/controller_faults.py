@@ -16,7 +16,7 @@ from steersman.speed import ConstantSpeed, StopAndGo
 from steersman.types import Observation, Status
 
 _ANSWERED = {Status.SOLVED, Status.SATURATED}
-# Outliers that a sensor may give and no single observation tells from the truth.
+# Outliers that a sensor may give; a single observation cannot be told from a true one.
 _OUTLIERS = {
     "lateral_error": 5.0,
     "heading_error": 1.0,
@@ -178,7 +178,7 @@ def driving_backwards_is_steered_rightly_or_a_fallback(
 
 
 def the_wrong_way_is_turned_round_or_a_fallback(controller: ControllerComponent) -> Iterator[str]:
-    """A car that drives against the road's direction turns, or says that this is not its case."""
+    """A car that drives against the road's direction turns round, or its decision is a marked fallback."""
     road = Straight(distance=400.0)
     for degrees in (150.0, -150.0, 179.0):
         start = Start(s=200.0, offset=0.2, heading=math.radians(degrees))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -51,6 +52,14 @@ class DelayMpc(ControllerComponent):
 
     A car that drives the road the wrong way turns round at full lock, marked as a fallback.
     """
+
+    search: ClassVar[Mapping[str, tuple[float, float, bool]]] = {
+        "q_lateral_rate": (1e-4, 3.0, True),
+        "q_heading": (1e-3, 30.0, True),
+        "r": (1e-3, 30.0, True),
+        "r_change": (0.1, 1e3, True),
+        "disturbance_time": (0.1, 3.0, True),
+    }
 
     delay: float | None = param(
         None,

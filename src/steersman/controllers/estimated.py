@@ -1,4 +1,4 @@
-"""A controller that sees what an estimator and a predictor make of the observations."""
+"""A controller of which the input comes from an estimator and a predictor."""
 
 from __future__ import annotations
 

@@ -7,9 +7,6 @@ Control, 2nd ed., 2017, sec. 2.5. docs/equations/mpc_delay.md has the equations.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import ClassVar
-
 import numpy as np
 
 from steersman.config import register
@@ -29,14 +26,6 @@ class MpcDelay(DelayMpc):
     and marked as a fallback. Where the car turned out to have less grip than its nominal tyres, the
     plan is one iteration of ``nmpc``'s, with tyres up to that grip.
     """
-
-    search: ClassVar[Mapping[str, tuple[float, float, bool]]] = {
-        "q_lateral_rate": (1e-4, 3.0, True),
-        "q_heading": (1e-3, 30.0, True),
-        "r": (1e-3, 30.0, True),
-        "r_change": (0.1, 1e3, True),
-        "disturbance_time": (0.1, 3.0, True),
-    }
 
     def plan(
         self, state: DelayMpcState, ahead: Ahead, observation: Observation

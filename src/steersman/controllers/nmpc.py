@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import ClassVar
-
 from steersman.config import param, register
 from steersman.controllers.delay_mpc import DelayMpc, DelayMpcState, replanned
 from steersman.controllers.nmpc_plan import Ahead
@@ -19,14 +16,6 @@ class Nmpc(DelayMpc):
     wheel angle, steering rate or the front tyres' grip, DAQP solves its QP; if that fails, the plan
     of one period ago goes on, marked as a fallback.
     """
-
-    search: ClassVar[Mapping[str, tuple[float, float, bool]]] = {
-        "q_lateral_rate": (1e-4, 3.0, True),
-        "q_heading": (1e-3, 30.0, True),
-        "r": (1e-3, 30.0, True),
-        "r_change": (0.1, 1e3, True),
-        "disturbance_time": (0.1, 3.0, True),
-    }
 
     iterations: int = param(1, "-", "Gauss-Newton steps in a decision.", ge=1, le=50)
 

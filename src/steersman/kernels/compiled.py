@@ -72,7 +72,7 @@ class _MendedCache:
         """The compiled function; None if it is not there, or cannot be read."""
         try:
             return self._inner.load_overload(*key)
-        except Exception:  # noqa: BLE001 - pickle answers damaged bytes with whatever it finds
+        except Exception:  # noqa: BLE001 - for damaged bytes pickle raises errors of any class
             tell(f"damaged files in {self._inner.cache_path} are compiled anew")
             with suppress(OSError):
                 self._inner.flush()

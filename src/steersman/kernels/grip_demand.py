@@ -1,4 +1,4 @@
-"""The share of the tyres' grip that the path and the speeds of a drive ask for.
+"""The share of the tyres' grip that the path and the speeds of a drive need.
 
 A point mass on the path: its demand is the resultant of m v^2 kappa and of the braking that its
 speeds need, over friction times weight ("friction circle", Rajamani, Vehicle Dynamics and Control,

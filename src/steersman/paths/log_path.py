@@ -6,12 +6,11 @@ from pathlib import Path as FilePath
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import field_validator
 
 from steersman.config import param, register, required
 from steersman.errors import ConfigError, DataError
 from steersman.logs.columns import check_time, missing, read_columns
-from steersman.paths.point_path import PointPath
+from steersman.paths.point_path import RecordedPath
 from steersman.paths.points import Points
 from steersman.types import FloatArray
 
@@ -19,7 +18,7 @@ _NEEDED = ("time", "x", "y")
 
 
 @register("path", "log")
-class LogPath(PointPath):
+class LogPath(RecordedPath):
     """The driven line of a recording in a CSV file, with the speeds at which it was driven.
 
     A cubic spline goes through its positions, as for csv; ``speed=path`` drives the recorded speed.
@@ -31,24 +30,9 @@ class LogPath(PointPath):
         "-",
         "where they stand: time=t,x=pos_x,y=pos_y,v_x_km_h=v, or carla; null: by their names",
     )
-    window: tuple[float, float] | None = param(
-        None, "s", "part of the recording, [from, to] since its first row"
-    )
     spacing: float = param(
         2.0, "m", "points closer to the last one than this are left out", ge=0.1, le=50.0
     )
-    loop: bool | None = param(
-        None,
-        "-",
-        "whether it is a lap; null: if the line passes its start again, where it is then cut",
-    )
-
-    @field_validator("window")
-    @classmethod
-    def _ordered(cls, window: tuple[float, float] | None) -> tuple[float, float] | None:
-        if window is not None and not window[0] < window[1]:
-            raise ValueError(f"{list(window)} is not allowed; from must be before to [s]")
-        return window
 
     def recorded(self, *, speeds: bool = False) -> Points:
         """The positions of the recording.

@@ -6,18 +6,16 @@ import math
 from pathlib import Path as FilePath
 from typing import ClassVar
 
-from pydantic import field_validator
-
 from steersman.config import param, register, required
 from steersman.logs.lines import read_line
-from steersman.paths.point_path import PointPath
+from steersman.paths.point_path import RecordedPath
 from steersman.paths.points import Points
 
 _SAME = 1e-6
 
 
 @register("path", "mcap")
-class McapPath(PointPath):
+class McapPath(RecordedPath):
     """A line out of a recording of ROS 2: an MCAP or SQLite file, or the folder of a bag.
 
     The topic holds Odometry, whose positions are what was driven, or a Path, whose longest message
@@ -30,17 +28,8 @@ class McapPath(PointPath):
     topic: str | None = param(
         None, "-", "of nav_msgs Odometry or Path; null: the only Odometry, else the only Path"
     )
-    window: tuple[float, float] | None = param(
-        None, "s", "part of the recording, [from, to] since the topic's first message"
-    )
     spacing: float = param(
         0.5, "m", "points closer to the last one than this are left out", ge=0.1, le=50.0
-    )
-    loop: bool | None = param(
-        None,
-        "-",
-        "whether it is a lap; null: if a driven line passes its start again, where it is then cut, "
-        "or if a Path's end is near its start",
     )
     ahead: float = param(
         0.0,
@@ -49,13 +38,6 @@ class McapPath(PointPath):
         ge=-20.0,
         le=20.0,
     )
-
-    @field_validator("window")
-    @classmethod
-    def _ordered(cls, window: tuple[float, float] | None) -> tuple[float, float] | None:
-        if window is not None and not window[0] < window[1]:
-            raise ValueError(f"{list(window)} is not allowed; from must be before to [s]")
-        return window
 
     def recorded(self, *, speeds: bool = False) -> Points:
         """The positions of the topic."""

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Annotated, Literal, NamedTuple, TypeAlias
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from steersman.config import Built, param
 from steersman.errors import DataError
@@ -102,6 +102,27 @@ class _Curve(NamedTuple):
 
     knots: FloatArray
     evaluate: Callable[[FloatArray, int], FloatArray]
+
+
+class RecordedPath(PointPath):
+    """A line out of a recording, which holds the time of each point."""
+
+    loop: bool | None = param(
+        None,
+        "-",
+        "whether it is a lap; null: if a driven line passes its start again, where it is then cut, "
+        "or if a planned one's end is near its start",
+    )
+    window: tuple[float, float] | None = param(
+        None, "s", "part of the recording, [from, to] since its first row or message"
+    )
+
+    @field_validator("window")
+    @classmethod
+    def _ordered(cls, window: tuple[float, float] | None) -> tuple[float, float] | None:
+        if window is not None and not window[0] < window[1]:
+            raise ValueError(f"{list(window)} is not allowed; from must be before to [s]")
+        return window
 
 
 def table_through(points: Points) -> PathTable:

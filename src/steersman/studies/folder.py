@@ -1,10 +1,12 @@
-"""The folder of a study holds its configuration, so that no other study goes on in it."""
+"""What a study keeps in its folder: its configuration, and Optuna's journal to go on from."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path as FilePath
+from typing import Any
 
+from steersman.bench.suite import derived_seed
 from steersman.config import Settings, build, dump, read_yaml, to_yaml
 from steersman.errors import ConfigError
 from steersman.files import write_text
@@ -27,3 +29,34 @@ def same_study(config: Settings, out: FilePath, free: Sequence[str]) -> None:
             if before.get(key) != now[key]:
                 raise ConfigError(f"{out} holds a study with another {key}; give another folder")
     write_text(file, to_yaml(config))
+
+
+def open_study(journal: FilePath, name: str) -> Any:
+    """The study that a file keeps, made if need be; this process must be alone in its folder."""
+    import optuna
+    from optuna.storages import JournalStorage
+    from optuna.storages.journal import JournalFileBackend
+
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    # Optuna's own lock stays behind if it is killed while it writes, and would be waited for.
+    journal.with_name(f"{journal.name}.lock").unlink(missing_ok=True)
+    return optuna.create_study(
+        study_name=name,
+        storage=JournalStorage(JournalFileBackend(str(journal))),
+        load_if_exists=True,
+    )
+
+
+def trial_states() -> Any:
+    """Optuna's states of a trial."""
+    from optuna.trial import TrialState
+
+    return TrialState
+
+
+def sampler(seed: int, number: int, *, constant_liar: bool = False) -> Any:
+    """The sampler of a trial, which draws the same whether or not the study was interrupted."""
+    from optuna.samplers import TPESampler
+
+    own = derived_seed(seed, "trial", str(number))
+    return TPESampler(seed=own, multivariate=True, constant_liar=constant_liar)

@@ -25,8 +25,7 @@ from steersman.learning import checkpoint
 from steersman.learning.config import TrainConfig
 from steersman.provenance import provenance
 from steersman.stored import SourcedResult, StoredResult
-from steersman.studies.folder import same_study
-from steersman.studies.optuna_study import open_study, sampler
+from steersman.studies.folder import open_study, same_study, sampler
 from steersman.studies.search_space import SearchConfig, SettingRange, applied
 
 # Called with the trial, what it trains now in words, and the best score so far [m].

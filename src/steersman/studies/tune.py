@@ -29,9 +29,8 @@ from steersman.plants.base import PlantComponent
 from steersman.plants.simulator import SimulatorConfig
 from steersman.provenance import provenance
 from steersman.rollout import RunConfig
-from steersman.studies.folder import same_study
+from steersman.studies.folder import open_study, same_study, sampler, trial_states
 from steersman.studies.objective import RunCost, measure, together
-from steersman.studies.optuna_study import open_study, sampler, trial_states
 from steersman.studies.racing import affordable, bound, raced
 from steersman.studies.ranges import TriedValues, ranges, widened
 from steersman.studies.trials import TrialFigures, TuneResult, trade

@@ -5,18 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated
 
 from steersman.config import Of, param, register
-from steersman.learning.algorithms.base import AgentComponent
+from steersman.learning.algorithms.base import OnPolicyComponent
 from steersman.learning.schedules import HoldThenDecay, Schedule
 
 if TYPE_CHECKING:
     from steersman.learning.config import TrainConfig
-    from steersman.learning.demonstration import Demonstration
     from steersman.learning.sb3 import SteeringAgent
     from steersman.learning.vec_env import PathFollowingVecEnv
 
 
 @register("agent", "apg")
-class Apg(AgentComponent):
+class Apg(OnPolicyComponent):
     """Analytic policy gradients over a short horizon; with a critic, SHAC (Xu et al., 2022).
 
     The rewards of a stretch of driving are differentiated by the policy's weights through the
@@ -37,7 +36,6 @@ class Apg(AgentComponent):
         0.95, "-", "Critic's target: 0 one step and the value, 1 the stretch's return.", ge=0, le=1
     )
     tau: float = param(0.2, "-", "Share by which the target critic follows.", gt=0, le=1)
-    max_grad_norm: float = param(0.5, "-", "Longest gradient; longer ones are shortened.", gt=0)
     mirror: bool = param(
         True, "-", "Every other vehicle drives by the policy's mirror image, left for right."
     )
@@ -47,14 +45,6 @@ class Apg(AgentComponent):
         from steersman.learning.analytic import make_analytic
 
         return make_analytic(self, config, env)
-
-    def check(self, demonstration: Demonstration, steps: int) -> None:
-        """No extra action: what is differentiated is the policy's own driving.
-
-        Raises:
-            ConfigError: the demonstrator would act.
-        """
-        self.refuse_actions(demonstration, steps)
 
     @property
     def operators(self) -> tuple[str, str]:

@@ -74,8 +74,24 @@ class AgentComponent(Component):
             ConfigError: it cannot learn from it.
         """
 
-    def refuse_actions(self, demonstration: Demonstration, steps: int) -> None:
-        """For ``check`` of an algorithm that learns only from its own policy's actions.
+    @property
+    def operators(self) -> tuple[str, str]:
+        """ONNX operators after the policy's hidden layers and after its output."""
+        return "Relu", "Tanh"
+
+    @property
+    def first_actor_update(self) -> int:
+        """The number of updates after which the actor has a loss."""
+        return 1
+
+
+class OnPolicyComponent(AgentComponent):
+    """An algorithm that learns only from what its own policy has just driven."""
+
+    max_grad_norm: float = param(0.5, "-", "Longest gradient; longer ones are shortened.", gt=0)
+
+    def check(self, demonstration: Demonstration, steps: int) -> None:
+        """No extra action.
 
         Raises:
             ConfigError: the demonstrator would act.
@@ -89,16 +105,6 @@ class AgentComponent(Component):
                 "problem.demonstration.p_action={kind: constant, at: 0}",
                 ("problem", "demonstration", "p_action"),
             )
-
-    @property
-    def operators(self) -> tuple[str, str]:
-        """ONNX operators after the policy's hidden layers and after its output."""
-        return "Relu", "Tanh"
-
-    @property
-    def first_actor_update(self) -> int:
-        """The number of updates after which the actor has a loss."""
-        return 1
 
 
 class OffPolicyComponent(AgentComponent):

@@ -8,18 +8,17 @@ from pydantic import model_validator
 
 from steersman.config import Of, param, register
 from steersman.errors import ConfigError
-from steersman.learning.algorithms.base import AgentComponent
+from steersman.learning.algorithms.base import OnPolicyComponent
 from steersman.learning.schedules import HoldThenDecay, Schedule
 
 if TYPE_CHECKING:
     from steersman.learning.config import TrainConfig
-    from steersman.learning.demonstration import Demonstration
     from steersman.learning.sb3 import SteeringAgent
     from steersman.learning.vec_env import PathFollowingVecEnv
 
 
 @register("agent", "ppo")
-class Ppo(AgentComponent):
+class Ppo(OnPolicyComponent):
     """PPO (Schulman et al., 2017): learns from what its own policy just did, then drops it.
 
     No replay buffer, and so no extra action of the demonstrator and no mirror images; the
@@ -50,7 +49,6 @@ class Ppo(AgentComponent):
     normalize_advantage: bool = param(True, "-", "Advantages of a batch to mean 0, deviation 1.")
     ent_coef: float = param(0.0, "-", "Weight of the entropy in the loss.", ge=0)
     vf_coef: float = param(0.5, "-", "Weight of the values' error in the loss.", gt=0)
-    max_grad_norm: float = param(0.5, "-", "Longest gradient; longer ones are shortened.", gt=0)
     target_kl: float | None = param(
         None, "nat", "A training ends early beyond 1.5 times this divergence; null: never.", gt=0
     )
@@ -73,14 +71,6 @@ class Ppo(AgentComponent):
         from steersman.learning.on_policy import make_on_policy
 
         return make_on_policy(self, config, env)
-
-    def check(self, demonstration: Demonstration, steps: int) -> None:
-        """No extra action: PPO weighs actions by the probability with which its policy took them.
-
-        Raises:
-            ConfigError: the demonstrator would act.
-        """
-        self.refuse_actions(demonstration, steps)
 
     @property
     def operators(self) -> tuple[str, str]:

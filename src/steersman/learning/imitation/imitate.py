@@ -16,7 +16,6 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from steersman.config import build, read_yaml
 from steersman.errors import TrainingDiverged
 from steersman.files import alone, replacing
 from steersman.learning import checkpoint
@@ -76,26 +75,6 @@ def imitate(
         with closing(source):
             _Imitation(config, source, out, reporter, tick, say).run(saved)
     return learned(out, config, ImitationRow)
-
-
-def load_imitation(folder: FilePath) -> ImitationResult:
-    """The result of an imitation from its folder, whichever version wrote it.
-
-    Raises:
-        DataError: there is no record or no policy, or one of them cannot be read.
-        ConfigError: ``config.yaml`` holds no imitation.
-    """
-    config = build(ImitationConfig, read_yaml(folder / "config.yaml"))
-    return learned(folder, config, ImitationRow)
-
-
-def imitation_config(data: dict[str, Any]) -> ImitationConfig:
-    """The configuration of an imitation from plain data, defaults filled in.
-
-    Raises:
-        ConfigError: it names something unknown or holds values that are not allowed.
-    """
-    return build(ImitationConfig, data)
 
 
 def _no_notice(_: Any) -> None:
