@@ -186,7 +186,7 @@ def mpc_delay() -> dict[str, Any]:
         {
             "mpc_delay, delay found": {"kind": "mpc_delay"},
             "mpc_delay, delay given": {"kind": "mpc_delay", "delay": 0.2},
-            "lqr, which knows of none": {"kind": "lqr"},
+            "lqr, without a model of it": {"kind": "lqr"},
         }
     )
 
