@@ -178,7 +178,7 @@ def driving_backwards_is_steered_rightly_or_a_fallback(
 
 
 def the_wrong_way_is_turned_round_or_a_fallback(controller: ControllerComponent) -> Iterator[str]:
-    """A car that drives against the road's direction turns round, or its decision is a marked fallback."""
+    """A car that drives against the road's direction turns round, or is answered by a fallback."""
     road = Straight(distance=400.0)
     for degrees in (150.0, -150.0, 179.0):
         start = Start(s=200.0, offset=0.2, heading=math.radians(degrees))
