@@ -19,7 +19,16 @@ from steersman.controllers.policy import card_layout
 from steersman.delivery.c_formula import Writer
 from steersman.encoding import EncodingComponent, FeatureList, Layout
 from steersman.errors import ConfigError, DataError
-from steersman.features import Feature, Loop, Waypoints
+from steersman.features import (
+    Feature,
+    Loop,
+    RoadAccelerations,
+    RoadCurvatures,
+    SpeedAcross,
+    Waypoints,
+    YawRateError,
+)
+from steersman.kernels import observe
 from steersman.kernels.formula import Group, call, compiled
 from steersman.learning.task import FunctionTerm, Judged, PaperTask, RewardTerm, TaskComponent
 from steersman.policy_file import locate, read_policy, shipped
@@ -64,6 +73,19 @@ def test_all_features_together_mirror_and_have_distinct_names() -> None:
     rows, commands = scenes(layout.reads, 2.0)
     left, right = drive(layout, rows, commands), drive(layout, mirrored_rows(rows), -commands)
     assert right == pytest.approx(left * layout.mirror, abs=1e-9)
+
+
+def test_the_road_asks_for_its_curvature_times_the_speed_squared() -> None:
+    """And what the car does beyond that turn is zero in it."""
+    curvatures, accelerations = RoadCurvatures(count=4), RoadAccelerations(count=4)
+    rows, commands = scenes(7, 2.0)
+    rows[:, observe.O_RATE] = rows[:, observe.O_VX] * rows[:, observe.O_KAPPA]
+    rows[:, observe.O_VY] = -rows[:, observe.O_VX] * rows[:, observe.O_HEADING]
+    parts = curvatures, accelerations, YawRateError(), SpeedAcross()
+    made = drive(Layout(parts, 2.0, 0.05), rows, commands)
+    square = rows[:, [observe.O_VX]] ** 2
+    assert made[:, 4:8] == pytest.approx(made[:, :4] * square, abs=1e-9)
+    assert made[:, 8:] == pytest.approx(np.zeros((len(made), 2)), abs=1e-9)
 
 
 def test_any_list_of_features_is_an_encoding() -> None:

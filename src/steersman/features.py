@@ -182,6 +182,27 @@ class RoadCurvatures(Feature):
         return float(2.0 * offset / (u * u))
 
 
+@register("feature", "road_accelerations")
+class RoadAccelerations(RoadCurvatures):
+    """Lateral acceleration that the road asks for at the present speed: ``road_curvatures`` v^2."""
+
+    unit, scale = "m/s^2", 0.1
+
+    def label(self, i: int, spacing: float) -> str:
+        """The distance over which it is the mean."""
+        return f"road_acceleration_{2 * i * spacing:g}m [m/s^2]"
+
+    def value(self, seen: Observation, loop: Loop, i: int) -> float:
+        """Mean curvature times v_x^2 [m/s^2]."""
+        square = seen.v_x * seen.v_x
+        if i == 0:
+            return square * seen.curvature
+        u = 2 * i * loop.spacing
+        ahead = seen.preview[2 * i, 0] - seen.preview[0, 0]
+        offset = seen.preview[2 * i, 1] - seen.preview[0, 1] + seen.heading_error * ahead
+        return float(square * 2.0 * offset / (u * u))
+
+
 @register("feature", "v_x")
 class LongitudinalVelocity(Feature):
     """Longitudinal velocity."""
@@ -213,6 +234,28 @@ class YawRate(Feature):
     def value(self, seen: Observation) -> float:
         """As sensed [rad/s]."""
         return seen.yaw_rate
+
+
+@register("feature", "yaw_rate_error")
+class YawRateError(Feature):
+    """Yaw rate less that of the road, v_x times its curvature beside the vehicle."""
+
+    unit, scale = "rad/s", 4.0
+
+    def value(self, seen: Observation) -> float:
+        """As sensed [rad/s]."""
+        return seen.yaw_rate - seen.v_x * seen.curvature
+
+
+@register("feature", "speed_across")
+class SpeedAcross(Feature):
+    """Speed away from the path to the left, for small angles: the rate of the lateral error."""
+
+    unit = "m/s"
+
+    def value(self, seen: Observation) -> float:
+        """v_y + v_x times the heading error [m/s]."""
+        return seen.v_y + seen.v_x * seen.heading_error
 
 
 @register("feature", "steer")
@@ -344,6 +387,25 @@ class PastErrors(_Past):
     def remember(self, seen: Observation, memory: Sequence[float], i: int) -> float:
         """The error of this step [m]; the others move on by one."""
         return memory[i - 1] if i > 0 else seen.lateral_error
+
+
+@register("feature", "past_yaw_rates")
+class PastYawRates(_Past):
+    """Yaw rates of the last control steps, newest first; at the start the present one."""
+
+    unit = "rad/s"
+
+    def label(self, i: int, spacing: float) -> str:
+        """How many steps ago."""
+        return f"yaw_rate_{i + 1}_ago [rad/s]"
+
+    def begin(self, seen: Observation) -> float:
+        """The present yaw rate [rad/s]."""
+        return seen.yaw_rate
+
+    def remember(self, seen: Observation, memory: Sequence[float], i: int) -> float:
+        """The yaw rate of this step [rad/s]; the others move on by one."""
+        return memory[i - 1] if i > 0 else seen.yaw_rate
 
 
 @register("feature", "past_commands")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
 
@@ -206,12 +207,28 @@ class SensorErrors(Disturber):
         if not self._sensor.redraw and fleet.shifts.shape[1]:
             fleet.shifts[i] = fleet.levels[i] * self._sensor.draw(rng)
 
-    def sense(
-        self, world: World, fleet: Fleet, i: int, time: float, rng: np.random.Generator
+    def sense_each(
+        self,
+        world: World,
+        fleet: Fleet,
+        chosen: Sequence[int],
+        times: FloatArray,
+        rngs: Sequence[np.random.Generator],
     ) -> None:
-        """Draw the errors of this moment."""
+        """Draw the errors of this moment, each vehicle's from its own generator."""
+        levels, error_range = fleet.levels[chosen], self._sensor.error_range
+        moved = self._sensor.redraw and fleet.shifts.shape[1] > 0
+        normal = np.zeros((len(chosen), kernel.N_MEASURED))
+        uniform = np.zeros((len(chosen), *fleet.shifts.shape[1:]))
+        for i, pose, shift in zip(chosen, normal, uniform, strict=True):
+            if self.errors:
+                rngs[i].standard_normal(out=pose)
+            if moved:
+                rngs[i].random(out=shift)
         if self.errors:
-            drawn = self._deviations * rng.standard_normal(kernel.N_MEASURED)
-            fleet.errors[i, : kernel.N_MEASURED] += drawn
-        if self._sensor.redraw and fleet.shifts.shape[1]:
-            fleet.shifts[i] = fleet.levels[i] * self._sensor.draw(rng)
+            errors = levels[:, None] * (self._deviations * normal)
+            fleet.errors[chosen, : kernel.N_MEASURED] += errors
+        if moved:
+            fleet.shifts[chosen] = levels[:, None, None] * (
+                2.0 * error_range * uniform - error_range
+            )

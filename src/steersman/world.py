@@ -84,6 +84,7 @@ class Simulation:
         self.n, self.dt, self.sensor, self.lesson = n, plant.dt, sensor, lesson
         declared = [sensor.make(n, seed), *plant.disturbances(n, seed), *disturbances]
         self._disturbers = [one for one in declared if one is not None]
+        self._acting = [one for one in self._disturbers if type(one).act is not Disturber.act]
         if not plant.computed and any(one.on_vehicle for one in self._disturbers):
             raise ConfigError(
                 f"one of them alters the road under the wheels, which plant={plant.kind} cannot",
@@ -155,7 +156,7 @@ class Simulation:
 
     def look(self, i: int) -> None:
         """Measure vehicle ``i`` where it is."""
-        self._sense(i, self.time(i))
+        self._sense([i], np.array([self.time(i)]))
         kernel.look(self.world, self.fleet, i)
 
     def measure(self, i: int, step: int, state: FloatArray, tracking: FloatArray) -> None:
@@ -178,27 +179,29 @@ class Simulation:
         Raises:
             PlantError: the plant failed.
         """
-        fleet = self.fleet
-        for i in range(self.n) if self._watched else ():
-            fleet.bounds[i] = -1.0, 1.0
-            row = self.world.vehicles.rows[i]
-            row[car.GRIP_LEFT] = row[car.GRIP_RIGHT] = 1.0
-            for one in self._disturbers:
-                one.act(self.world, fleet, i, self.time(i))
-            self._sense(i, float((fleet.clock[i, kernel.CLOCK_STEPS] + 1.0) * self.dt))
+        fleet, rows = self.fleet, self.world.vehicles.rows
+        if self._watched:
+            fleet.bounds[:] = -1.0, 1.0
+            rows[:, [car.GRIP_LEFT, car.GRIP_RIGHT]] = 1.0
+            steps = fleet.clock[:, kernel.CLOCK_STEPS]
+            for one in self._acting:
+                for i, time in enumerate((steps * self.dt).tolist()):
+                    one.act(self.world, fleet, i, time)
+            self._sense(range(self.n), (steps + 1.0) * self.dt)
         self.mover.step(self.world, self.fleet, self.lesson, actions)
 
-    def _sense(self, i: int, time: float) -> None:
-        fleet, times = self.fleet, self._times[i]
+    def _sense(self, chosen: Sequence[int], times: FloatArray) -> None:
+        fleet, late = self.fleet, self._times
         if fleet.errors.shape[1]:
-            fleet.errors[i] = 0.0
-        fleet.arrives[i] = kernel.MEASURED
+            fleet.errors[chosen] = 0.0
+        fleet.arrives[chosen] = kernel.MEASURED
         for one in self._disturbers:
-            one.sense(self.world, fleet, i, time, self.rngs[i])
-        if time > 0.0:
-            times[1:] = times[:-1]
-        if fleet.arrives[i] != kernel.DROPPED:
-            times[0] = time
+            one.sense_each(self.world, fleet, chosen, times, self.rngs)
+        if late.shape[1] > 1:
+            moved = np.array(chosen)[times > 0.0]
+            late[moved, 1:] = late[moved, :-1]
+        came = fleet.arrives[chosen] != kernel.DROPPED
+        late[np.array(chosen)[came], 0] = times[came]
 
     def time(self, i: int) -> float:
         """Time since the drive of vehicle ``i`` began [s]."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 
 from steersman.kernels import observe
 from steersman.kernels import speed as speeds
@@ -224,9 +224,10 @@ def test_sb3s_other_methods() -> None:
     env.close()
 
 
-def test_slippery_roads_are_driven_as_slippery_ones() -> None:
-    """Friction within its range, and no more than 60 % of the grip asked for."""
-    spread = {"slippery": 1.0, "least_friction": 0.4}
+@pytest.mark.parametrize("used", [0.6, 0.45])
+def test_slippery_roads_are_driven_as_slippery_ones(used: float) -> None:
+    """Friction within its range, and no more than the given share of the grip asked for."""
+    spread = {"slippery": 1.0, "least_friction": 0.4, "used_grip": used}
     source = {"kind": "random_profile", "low": 5.0, "high": 25.0, "a_lat_max": 8.0}
     driver = FleetDriver(problem(spread=spread, speeds=[source], roads=["circle"]), 64)
     driver.seed(0)
@@ -241,8 +242,50 @@ def test_slippery_roads_are_driven_as_slippery_ones() -> None:
     below = np.mean(mu < np.sqrt(0.4 * own))
     assert 0.38 < below < 0.62
     v = driver.fleet.state[:, car.VX]
-    assert np.all(v**2 / 50.0 <= np.minimum(0.6 * mu * 9.81, 8.0) * 1.001)
+    assert np.all(v**2 / 50.0 <= np.minimum(used * mu * 9.81, 8.0) * 1.001)
     assert v.max() > 15.0
+
+
+def test_steering_differs_from_car_to_car() -> None:
+    """Rates within the share, both alike; the bias as a wheel angle to either side."""
+    spread = {"steer_rate": 0.8, "steer_bias": 0.02, "nominal": 0.25}
+    driver = FleetDriver(problem(spread=spread), 64)
+    driver.seed(0)
+    for i in range(driver.n):
+        driver.reset(i)
+    rows, own = driver.world.vehicles.rows, problem().vehicle.table.rows[0]
+    share = rows[:, car.STEER_UP] / own[car.STEER_UP]
+    assert share.min() >= 0.2
+    assert share.min() < 0.35
+    assert 8 <= np.sum(share == 1.0) <= 24
+    assert_allclose(rows[:, car.STEER_DOWN] / own[car.STEER_DOWN], share)
+    angle = (rows[:, car.STEER_BIAS] - own[car.STEER_BIAS]) * own[car.MAX_STEER]
+    assert np.abs(angle).max() <= 0.02
+    assert angle.min() < -0.01 < 0.01 < angle.max()
+    assert 8 <= np.sum(angle == 0.0) <= 24
+
+
+def test_sensor_errors_are_scaled_from_drive_to_drive() -> None:
+    """A drive without errors sees everything exactly; with half of them, half as much."""
+    words = {
+        "sensor": {"error_range": 0.1, "position_noise": 0.05, "speed_noise": 0.1},
+        "disturbances": [{"kind": "sensor_bias", "v_y": 0.2}],
+        "demonstration": {"enabled": False},
+    }
+    seen = []
+    for level in (0.0, 0.5, 1.0):
+        driver = FleetDriver(problem(**words), 2)
+        driver.seed(0)
+        driver.fleet.levels[:] = level
+        for i in range(driver.n):
+            driver.begin(i, driver._draw_start(np.random.default_rng(i)))
+            driver.look(i)
+        driver.step(np.zeros(2))
+        rows = driver.fleet.rows[:, [observe.O_VX, observe.O_VY]]
+        seen.append(rows - driver.fleet.state[:, [car.VX, car.VY]])
+    assert_array_equal(seen[0], 0.0)
+    assert_allclose(seen[1], 0.5 * seen[2], atol=1e-12)
+    assert np.abs(seen[2][:, 1] - 0.2).min() > 1e-4
 
 
 def test_without_slippery_roads_nothing_is_drawn_for_them() -> None:

@@ -30,8 +30,6 @@ from steersman.types import FloatArray, Pose
 from steersman.world import Simulation
 
 _UNCAPPED = 1e6
-# Share of the grip that a speed cap asks for on a slippery road.
-_USED_GRIP = 0.6
 
 
 class FleetStart(NamedTuple):
@@ -176,6 +174,10 @@ class FleetDriver:
             (car.MASS, car.INERTIA, car.C_F, car.C_R, car.MU), draws, strict=True
         ):
             row[column] *= factor
+        if spread.steer_rate > 0.0:
+            row[[car.STEER_UP, car.STEER_DOWN]] *= 1.0 - rng.uniform(0.0, spread.steer_rate)
+        if spread.steer_bias > 0.0:
+            row[car.STEER_BIAS] += rng.uniform(-1.0, 1.0) * spread.steer_bias / row[car.MAX_STEER]
         extra = int(rng.integers(round(spread.delay / self.problem.plant.h) + 1))
         self.fleet.delay[i] = self.problem.plant.delay_of(self.problem.vehicle) + extra
 
@@ -184,7 +186,7 @@ class FleetDriver:
         row = self.world.vehicles.rows[i]
         least, own = self.problem.spread.least_friction, row[car.MU]
         row[car.MU] = min(least * (own / least) ** rng.uniform(), own)
-        cap = _USED_GRIP * row[car.MU] * GRAVITY
+        cap = self.problem.spread.used_grip * row[car.MU] * GRAVITY
         if profile.a_lat_max is None or _lateral_cap(profile) <= cap:
             return profile
         return profile._replace(cap_scale=math.sqrt(cap / profile.a_lat_max))

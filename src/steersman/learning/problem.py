@@ -31,7 +31,10 @@ PAPER_RATE = 1.5708
 
 
 # What of a spread only the embedded simulator can do.
-CARS_DIFFER = ("mass", "yaw_inertia", "stiffness", "friction", "slippery")
+CARS_DIFFER = (
+    *("mass", "yaw_inertia", "stiffness", "friction", "slippery"),
+    *("steer_rate", "steer_bias"),
+)
 
 
 class Spread(Settings):
@@ -42,8 +45,18 @@ class Spread(Settings):
     stiffness: float = param(0.0, "-", "Each axle's stiffness, up to 1 +- this.", ge=0, lt=1)
     friction: float = param(0.0, "-", "Friction is scaled by up to 1 +- this.", ge=0, lt=1)
     delay: float = param(0.0, "s", "Longest additional steering delay.", ge=0, le=0.4)
+    steer_rate: float = param(
+        0.0, "-", "The steering actuator's rates are lower by up to this share.", ge=0, lt=1
+    )
+    steer_bias: float = param(
+        0.0, "rad", "Inner wheel angle at centred steering, up to this to either side.", ge=0
+    )
     waypoints: float = param(
-        0.0, "-", "Waypoint errors are scaled by a draw from 1 - this to 1.", ge=0, le=1
+        0.0,
+        "-",
+        "Errors of waypoints and of the other sensors are scaled by a draw from 1 - this to 1.",
+        ge=0,
+        le=1,
     )
     nominal: float = param(
         0.0, "-", "Share of episodes with the nominal car, delay and sensor.", ge=0, le=1
@@ -55,9 +68,11 @@ class Spread(Settings):
     least_friction: float = param(
         0.4,
         "-",
-        "Tyre friction there: from this to the vehicle's own, evenly in its logarithm; speed caps "
-        "ask for at most 60 % of the grip.",
+        "Tyre friction there: from this to the vehicle's own, evenly in its logarithm.",
         gt=0,
+    )
+    used_grip: float = param(
+        0.6, "-", "Share of that grip which speed caps ask for at most.", gt=0, le=1
     )
     offset: float = param(0.0, "m", "Start up to this far beside the path.", ge=0)
     heading: float = param(0.0, "rad", "Start turned by up to this.", ge=0)
