@@ -132,6 +132,7 @@ def _strange(p: Parts, rng: np.random.Generator) -> Iterator[Row]:
     for side in (-1.0, 1.0):
         yield Row(True, drawn(p, rng)._replace(steer=single(1.05 * side)), 1.5 * side, None)
         yield Row(False, drawn(p, rng), side, None)
+        yield Row(True, _aside(p, side), 1.5 * side, None)
     for i, value in enumerate(np.resize(_STRANGE, max(len(_STRANGE) * 2, numbers))):
         seen = with_value(drawn(p, rng), i % numbers, single(value))
         yield Row(i == 0, seen, single(rng.uniform(-1.0, 1.0)), None)
@@ -139,6 +140,16 @@ def _strange(p: Parts, rng: np.random.Generator) -> Iterator[Row]:
     if p.card.base is not None:
         yield Row(False, drawn(p, rng), math.nan, None)
         yield Row(False, drawn(p, rng), 1.5, None)
+
+
+def _aside(p: Parts, side: float) -> Observation:
+    """Full lock to ``side`` with the path far off on that side, which asks for still more."""
+    ahead = np.arange(p.card.waypoints) * p.card.spacing
+    preview = np.stack([ahead, side * (3.0 + 0.5 * ahead)], axis=1)
+    seen = Observation(
+        0.0, -3.0 * side, -0.5 * side, 5.0, 0.0, 0.0, side, 0.0, preview, p.card.spacing
+    )
+    return rounded(seen, p.card.waypoints)
 
 
 def with_value(seen: Observation, index: int, value: float) -> Observation:
