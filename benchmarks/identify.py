@@ -35,8 +35,7 @@ _CARS: dict[str, tuple[Vehicle, dict[str, Any]]] = {
     "carla_model3, delay 0.12 s, lag 0.08 s, bias 0.01 rad": (_MODEL3, {}),
     "carla_mkz2020, delay 0.07 s": (CarlaMkz2020(steer_delay=0.07), {}),
     "bmw_320i, steering 1.5 lock/s": (
-        # With a strong engine, so that half a minute shows every speed.
-        Bmw320i(steer_rate_up=1.5, steer_rate_down=1.5, map_acceleration=_MODEL3.map_acceleration),
+        Bmw320i(steer_rate_up=1.5, steer_rate_down=1.5),
         {"acceleration": 2.0, "top": 15.0, "throttles": (0.4, 0.5, 0.6)},
     ),
 }
@@ -133,23 +132,31 @@ def main() -> None:
     parser.add_argument("--recordings", type=int, default=20)
     parser.add_argument("--seconds", type=float, default=120.0)
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--resume", action="store_true", help="keep the drives that --out has")
+    parser.add_argument("--resume", action="store_true", help="keep what is done in --out")
     given = parser.parse_args()
     begun, results = time.perf_counter(), dict[str, Any]()
     if given.out.is_file() and given.resume:
         results = json.loads(given.out.read_text(encoding="utf-8"))["cars"]
+    parts = given.out.with_suffix(".parts.json")  # recordings of drives that are not finished
+    found = json.loads(parts.read_text(encoding="utf-8")) if parts.is_file() else {}
     with ProcessPoolExecutor(given.jobs) as pool:
         for title, (car, how) in _CARS.items():
             for drive, clean in drives(car, how, given.seconds).items():
-                if f"{title}; {drive}" in results:
+                name = f"{title}; {drive}"
+                if name in results:
                     continue
-                seeds = range(given.recordings)
-                found = list(pool.map(one, *zip(*((car, clean, s) for s in seeds), strict=True)))
-                results[f"{title}; {drive}"] = summary(car, found) | {"seconds": clean.time[-1]}
-                sys.stderr.write(f"{title}; {drive}: {time.perf_counter() - begun:.0f} s\n")
+                rows = found.setdefault(name, [])
+                seeds = range(len(rows), given.recordings)
+                for row in pool.map(one, *zip(*((car, clean, s) for s in seeds), strict=True)):
+                    rows.append(row)
+                    write_text(parts, json.dumps(found))
+                    said = f"{name}: {len(rows)} after {time.perf_counter() - begun:.0f} s"
+                    sys.stderr.write(said + "\n")
+                results[name] = summary(car, rows) | {"seconds": clean.time[-1]}
                 record = {"noise": NOISE, "wrong_by": _WRONG, "cars": results}
                 text = json.dumps(record | {"made_by": provenance()}, indent=2)
                 write_text(given.out, text + "\n")
+    parts.unlink(missing_ok=True)
 
 
 if __name__ == "__main__":

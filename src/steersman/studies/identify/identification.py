@@ -91,7 +91,7 @@ def identify(
             at its bound.
     """
     log = completed(log, vehicle)
-    start = first = vehicle.replace(**_DIRECT) if log.by_angle else vehicle
+    start = first = vehicle.replace(**DIRECT) if log.by_angle else vehicle
     stretches = stretch_replay.stretches(log, start)
     check(log, stretches, start)
     use = fitted_rows(log, holdout, last=last)
@@ -115,7 +115,7 @@ def identify(
     check_bounds(log, fits)
     found = side.vehicle
     if log.by_angle:
-        found = found.replace(**{name: getattr(vehicle, name) for name in _DIRECT})
+        found = found.replace(**{name: getattr(vehicle, name) for name in DIRECT})
     sensors = sensors_at(side.unknowns, side.estimate.z, log.yaw_rate_lag)
     notify(f"{count}/{count} predictions of what was held out")
     figures = [figure for fit in fits for figure in _figures(fit)] + _of_sensors(log)
@@ -128,8 +128,8 @@ def identify(
     )  # fmt: skip
 
 
-# Where the measured angle is replayed, nothing of the actuator is between it and the wheels.
-_DIRECT = {"steer_delay": 0.0, "steer_lag": 0.0, "steer_rate_up": 1e3, "steer_rate_down": 1e3}
+DIRECT = {"steer_delay": 0.0, "steer_lag": 0.0, "steer_rate_up": 1e3, "steer_rate_down": 1e3}
+"""Where the measured angle is replayed, nothing of the actuator is between it and the wheels."""
 
 # Why a figure may run to a bound.
 _CAUSES = {
