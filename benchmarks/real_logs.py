@@ -41,7 +41,7 @@ COLUMNS = (
 )
 START = Vehicle(
     mass=790.0, l_f=1.248, l_r=1.7328, yaw_inertia=1000.0, track_width=1.65, height=0.3,
-    c_f=80e3, c_r=100e3, friction=1.3, drive_front=0.0, brake_front=0.55, brake_force=9000.0,
+    c_f=180e3, c_r=130e3, friction=1.6, drive_front=0.0, brake_front=0.55, brake_force=9000.0,
     max_wheel_angle=0.3, ackermann=False, steer_curve_speed=(0.0, 40.0),
     steer_curve_factor=(1.0, 1.0), map_throttle=(0.0, 0.1, 0.2, 0.3, 0.5),
     map_speed=(0.0, 10.0, 20.0, 35.0),
@@ -50,7 +50,8 @@ START = Vehicle(
         (3.0, 2.5, 2.0, 1.0), (4.0, 4.0, 3.5, 2.5),
     ),
 )  # fmt: skip
-"""Mass and axle distances are the published ones; the rest is a guess before the log is read."""
+"""Mass and axle distances are the published ones; stiffnesses and friction are those of slicks (40
+times the static load per radian); the rest is a guess."""
 # The lap begins on the course, not in the pit lane [s].
 LAP = (215.0, 400.0)
 
@@ -173,13 +174,11 @@ def lap(data: Path) -> dict[str, Any]:
     return {"length": config.path.length, "controllers": out}
 
 
-CONTROLLERS = tuple(
-    f"tuned/{name}"
-    for name in (
-        "bearing_pid", "lqr", "mpc", "mpc_delay", "mpc_pid", "pid", "pure_pursuit", "sliding_mode",
-        "stanley",
-    )
+TUNED = (
+    "bearing_pid", "lqr", "mpc", "mpc_delay", "mpc_pid", "mpc_pid_scheduled", "pid",
+    "pid_feedforward", "pure_pursuit", "pure_pursuit_cm", "sliding_mode", "stanley", "stanley_cm",
 )  # fmt: skip
+CONTROLLERS = (*(f"tuned/{name}" for name in TUNED), "nmpc", "precision")
 STAGES: dict[str, Callable[[Path], dict[str, Any]]] = {
     stage.__name__: stage for stage in (race_car, whole, carla, thirds, lap)
 }

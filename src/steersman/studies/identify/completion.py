@@ -50,12 +50,12 @@ def completed(log: Log, vehicle: Vehicle) -> Log:
         signals["yaw_rate"] = np.where(wrong, np.nan, signals["yaw_rate"])
         seconds = float(np.median(np.diff(log.time)) * wrong.sum())
         log = log._replace(yaw_rate_lag=lag, contradicting=seconds)
-    stands = np.abs(signals["v_x"]) < _STANDS
-    known = stands & np.isfinite(signals["yaw_rate"])
-    if float(np.median(np.diff(log.time))) * known.sum() >= _LONG_ENOUGH:
-        offset = float(np.median(signals["yaw_rate"][known]))
-        signals["yaw_rate"] = signals["yaw_rate"] - offset
-        log = log._replace(yaw_rate_offset=offset)
+        # A heading does not drift away from where the car goes.
+        log = _without_offset(log, signals["yaw_rate"] - _passed(log, _without_jumps(rate), lag))
+    if log.yaw_rate_offset is None:
+        stands = np.abs(signals["v_x"]) < _STANDS
+        log = _without_offset(log, np.where(stands, signals["yaw_rate"], np.nan))
+    signals = dict(log.signals)
     if "steer_command" not in signals:
         angle = signals.pop("wheel_angle")
         steer = [
@@ -63,8 +63,18 @@ def completed(log: Log, vehicle: Vehicle) -> Log:
             for a, v in zip(angle, np.nan_to_num(signals["v_x"]), strict=True)
         ]
         signals["steer_command"] = np.where(np.isfinite(angle), steer, np.nan)
-        log = log._replace(by_angle=True)
+        log = log._replace(signals=signals, by_angle=True)
     return log
+
+
+def _without_offset(log: Log, shown: FloatArray) -> Log:
+    """The recording without the yaw rate's offset, of which ``shown`` (rows,) are samples."""
+    known = shown[np.isfinite(shown)]
+    if float(np.median(np.diff(log.time))) * len(known) < _LONG_ENOUGH:
+        return log
+    offset = float(np.median(known))
+    signals = {**log.signals, "yaw_rate": log.signals["yaw_rate"] - offset}
+    return log._replace(signals=signals, yaw_rate_offset=offset)
 
 
 def _filled(time: FloatArray, angle: FloatArray) -> FloatArray:

@@ -176,7 +176,7 @@ def _of_sensors(log: Log) -> list[Figure]:
         lag = log.yaw_rate_lag
         out.append(Figure("lag[yaw_rate]", "s", 0.0, lag, None, None, SEEN, note))
     if log.yaw_rate_offset is not None:
-        offset, note = log.yaw_rate_offset, "at standstill; subtracted"
+        offset, note = log.yaw_rate_offset, "at standstill or by the heading; subtracted"
         out.append(Figure("offset[yaw_rate]", "rad/s", 0.0, offset, None, None, SEEN, note))
     return out
 
