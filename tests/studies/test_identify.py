@@ -497,6 +497,10 @@ def test_a_low_passed_yaw_rate_is_seen_in_the_heading() -> None:
     assert shown.contradicting > 1.0
     assert np.isnan(shown.signals["yaw_rate"][300:330]).all()
     assert completed(log, MODEL3).yaw_rate_lag == 0.0
+    off = {**log.signals, "yaw_rate": log.signals["yaw_rate"] + 0.02}
+    assert completed(log._replace(signals=off), MODEL3).yaw_rate_offset == pytest.approx(
+        0.02, abs=1e-3
+    )
     assert completed(log, MODEL3).contradicting < 1.0
 
 
