@@ -6,6 +6,7 @@ The plan is the optimum that no limit bounds, or DAQP's within the limits.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -57,10 +58,15 @@ class Model(NamedTuple):
 
 def at_speed(tables: Model, v: float) -> Model:
     """The tables at speed ``v`` [m/s]."""
+    return Model(*interpolated(tables, v))
+
+
+def interpolated(tables: Iterable[FloatArray], v: float) -> Iterator[FloatArray]:
+    """Some of the tables at speed ``v`` [m/s]."""
     at = min(max((v - SLOWEST) / SPEED_STEP, 0.0), N_SPEEDS - 1.001)
     i = int(at)
     w = at - i
-    return Model(*((1.0 - w) * table[i] + w * table[i + 1] for table in tables))
+    return ((1.0 - w) * table[i] + w * table[i + 1] for table in tables)
 
 
 @lru_cache(maxsize=64)

@@ -9,12 +9,13 @@ docs/equations/nmpc.md has the equations.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from steersman.controllers.motion_estimate import MotionEstimate
-from steersman.controllers.mpc_delay_plan import SOLVED, Model, Weights, at_speed, largest_step
+from steersman.controllers.mpc_delay_plan import SOLVED, Model, Weights, interpolated, largest_step
 from steersman.kernels import mpc_delay as delay_kernel
 from steersman.kernels import nmpc as kernel
 from steersman.kernels.nmpc_model import N_STATES, SLOWEST
@@ -108,15 +109,15 @@ def problem(
         kappa: curvature at which it was to act [1/m].
     """
     o, vehicle, dt, v = observation, known.vehicle, known.dt, ahead.v
-    model = at_speed(tables, v)
-    n = len(model.ahead)
+    steady, terminal = interpolated((tables.steady, tables.terminal), v)
+    n = tables.ahead.shape[1]
     goes_on = -np.expm1(-dt / _SURGE * np.arange(n + 1))
     speeds = np.maximum(v + known.acceleration * _SURGE * goes_on, SLOWEST)
     road, start = np.empty(n + 1), float(ahead.motion[delay_kernel.WAY])
     delay_kernel.road_at(o.preview, o.spacing, o.curvature, start, speeds, dt, road)
     lacks = np.array(known.disturbance)
-    lean, hold = (model.steady[:, 1:] @ lacks).tolist()
-    bend, turn = model.steady[:, 0].tolist()
+    lean, hold = (steady[:, 1:] @ lacks).tolist()
+    bend, turn = steady[:, 0].tolist()
     nlp = Nlp(
         vehicle.table.rows[0],
         speeds,
@@ -125,9 +126,9 @@ def problem(
         turn * road[:-1] + hold,
         lacks,
         known.grips,
-        np.diag(weights[:5]),
+        _diagonal(weights),
         weights.change,
-        model.terminal,
+        terminal,
         np.ascontiguousarray(ahead.motion[:N_STATES]),
         last - turn * kappa - hold,
         delay_kernel.wheel_angle(vehicle.table, 1.0, v),
@@ -135,6 +136,12 @@ def problem(
     )
     steer = float(ahead.motion[delay_kernel.STEER])
     return nlp, Limits(last, largest_step(vehicle, dt, steer, v))
+
+
+@lru_cache(maxsize=64)
+def _diagonal(weights: Weights) -> FloatArray:
+    """The weights of a step's terms as a matrix, which is only read."""
+    return np.diag(weights[:5])
 
 
 def linearised(nlp: Nlp, plan: FloatArray) -> Step:
