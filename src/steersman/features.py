@@ -334,8 +334,8 @@ class LateralErrorIntegral(Feature):
         return memory[0]
 
     def advance(self, seen: Observation, loop: Loop, memory: Sequence[float]) -> float:
-        """Euler's rule."""
-        total = memory[0] + seen.lateral_error * loop.dt
+        """Euler's rule; an error beyond half a metre counts as that, so that no outlier stays."""
+        total = memory[0] + min(max(seen.lateral_error, -0.5), 0.5) * loop.dt
         return min(max(total, -self.limit), self.limit)
 
 
