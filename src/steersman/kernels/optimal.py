@@ -127,7 +127,7 @@ def drive(
         new: the drive.
     """
     row, state, tracking = world.vehicles.rows[0], fleet.state[0], fleet.tracking[0]
-    steps = new.command.shape[0]
+    steps: int = new.command.shape[0]
     _copy(state, new.state[0])
     _copy(tracking, new.tracking[0])
     for k in range(steps):
