@@ -134,7 +134,7 @@ def attempt(config: RunConfig, progress: Callable[[float], None] | None = None) 
         ConfigError: the configuration's parts do not fit together.
         Interrupted: Ctrl-C; it carries the episode so far and is a ``KeyboardInterrupt``.
     """
-    drive = _Drive(config)
+    drive = RunningDrive(config)
     try:
         end, error = drive.run(progress)
     except KeyboardInterrupt:
@@ -151,17 +151,7 @@ def attempt(config: RunConfig, progress: Callable[[float], None] | None = None) 
     return Attempt(OUTCOMES.get(end, "finished"), episode)
 
 
-def started(config: RunConfig) -> Simulation:
-    """The simulation of a run with its vehicle at the start; to be closed by the caller.
-
-    Raises:
-        PlantError: the plant cannot be reached.
-        ConfigError: the configuration's parts do not fit together.
-    """
-    return _Drive(config).simulation
-
-
-class _Drive:
+class RunningDrive:
     """A fleet of one, its controller, and the record of what they do."""
 
     def __init__(self, config: RunConfig) -> None:

@@ -26,7 +26,7 @@ from steersman.kernels import optimal as kernel
 from steersman.kernels import vehicle as car
 from steersman.plants.simulator import SimulatorConfig
 from steersman.plants.wind import Gusts
-from steersman.rollout import RunConfig, attempt, started
+from steersman.rollout import RunConfig, RunningDrive, attempt
 from steersman.sensing import WaypointSensor
 from steersman.stored import SourcedResult
 from steersman.types import FloatArray
@@ -102,7 +102,7 @@ def oracle(scenario: Scenario, start: ControllerComponent) -> OracleCost | None:
     return searched(scenario, start).result()
 
 
-def searched(scenario: Scenario, start: ControllerComponent) -> Search:
+def searched(scenario: Scenario, start: ControllerComponent) -> DriveSearch:
     """The optimisation of a scenario's drive, to be begun.
 
     Args:
@@ -122,10 +122,10 @@ def searched(scenario: Scenario, start: ControllerComponent) -> Search:
         "plant": plant.model_copy(update={"steering_delay": late * plant.h}),
         "vehicle": run.vehicle.replace(steer_delay=0.0),
     }
-    return Search(run.model_copy(update=exact), held, late)
+    return DriveSearch(run.model_copy(update=exact), held, late)
 
 
-class Search:
+class DriveSearch:
     """The optimisation of one drive: exact sensors, and a delay below one control period."""
 
     def __init__(self, run: RunConfig, held: int, late: int) -> None:
@@ -140,7 +140,7 @@ class Search:
         self.first = attempt(run).of_controller()
         """The controller's drive, without whole periods of delay."""
         steering = self.first["steer_command"]
-        self._simulation = started(run)
+        self._simulation = RunningDrive(run).simulation
         self._start = {
             name: values.copy()
             for name, values in self._simulation.arrays().items()
@@ -148,7 +148,7 @@ class Search:
         }
         steps = len(steering) + _MORE
         self._air = _air(run, steps)
-        self._plan = kernel.Plan(np.zeros(steps), np.zeros((steps, kernel.N_SEEN)))
+        self._plan = kernel.SteerPlan(np.zeros(steps), np.zeros((steps, kernel.N_SEEN)))
         self._work = kernel.make_sweep()
         self._trails = kernel.empty_trail(steps), kernel.empty_trail(steps)
         old = self._trails[0].command[:, 0]

@@ -42,7 +42,7 @@ class Trail(NamedTuple):
     """(H, N_PARAMS) the car in the step."""
 
 
-class Plan(NamedTuple):
+class SteerPlan(NamedTuple):
     """How the next drive steers: old steering, plus a change, plus gains on what differs."""
 
     change: FloatArray
@@ -57,7 +57,7 @@ class Air(NamedTuple):
     wind: FloatArray
     """(H or 0,) to the left [m/s]."""
     force: float
-    """Side force for a flow angle of 1 rad at a pressure of 1 Pa [N/Pa]."""
+    """Side force over flow angle and squared speed [N s^2/m^2]."""
     arm: float
     """Yaw moment over side force [m]."""
     patches: FloatArray
@@ -75,17 +75,12 @@ def empty_trail(steps: int) -> Trail:
 
 
 @kernel
-def side_load(wind: float, v_x: float, force: float, arm: float) -> tuple[float, float]:
-    """Side force [N] and yaw moment [N m] of a wind [m/s] to the left; see :class:`Air`."""
-    load = (v_x * v_x + wind * wind) * force * math.atan2(wind, abs(v_x))
-    return load, load * arm
-
-
-@kernel
 def _surround(row: FloatArray, air: Air, k: int, s: float, v_x: float) -> None:
     """Put wind and the road's friction in step ``k`` at arc length ``s`` into a car's row."""
     if air.wind.shape[0] > 0:
-        row[car.SIDE_FORCE], row[car.YAW_MOMENT] = side_load(air.wind[k], v_x, air.force, air.arm)
+        wind = air.wind[k]
+        load = (v_x * v_x + wind * wind) * air.force * math.atan2(wind, abs(v_x))
+        row[car.SIDE_FORCE], row[car.YAW_MOMENT] = load, load * air.arm
     row[car.GRIP_LEFT] = row[car.GRIP_RIGHT] = 1.0
     for i in range(air.patches.shape[0]):
         patch = air.patches[i]
@@ -110,7 +105,7 @@ def drive(
     air: Air,
     held: int,
     old: Trail,
-    plan: Plan,
+    plan: SteerPlan,
     share: float,
     new: Trail,
 ) -> int:
@@ -270,7 +265,7 @@ def sweep(
     prices: tuple[float, float],
     firm: float,
     work: Sweep,
-    plan: Plan,
+    plan: SteerPlan,
 ) -> None:
     """Go back through a drive and fill the plan for the next one.
 
