@@ -107,7 +107,7 @@ def test_the_inverse_tyre_is_the_inverse() -> None:
 
 
 def on_circle(controller: Any, speed: float, **options: Any) -> tuple[FloatArray, Any]:
-    """Lateral errors on a circle of 50 m [m], and the controller's state at the end."""
+    """Lateral errors on a path, a circle of 50 m [m], and the controller's state at the end."""
     states: list[Any] = []
 
     class Watched(type(controller)):  # type: ignore[misc] # the class is the parameter
@@ -117,8 +117,9 @@ def on_circle(controller: Any, speed: float, **options: Any) -> tuple[FloatArray
             states.append(super().decide(state, observation))
             return states[-1]
 
+    path = options.pop("path", Circle())
     episode = drive(
-        Watched(**controller.model_dump()), Circle(), speed=ConstantSpeed(speed=speed), **options
+        Watched(**controller.model_dump()), path, speed=ConstantSpeed(speed=speed), **options
     )
     assert episode.completed, episode.end
     return episode["lateral_error"], states[-1][2]
@@ -141,6 +142,17 @@ def test_holds_a_slippery_circle_and_finds_its_friction(kind: Any, share: float)
 def test_a_soft_or_exact_car_keeps_its_nominal_friction(nominal: Any) -> None:
     _, state = on_circle(Nmpc(), 15.0, nominal=nominal, duration=8.0)
     assert state.motion.friction == nominal.friction
+
+
+@pytest.mark.parametrize("kind", [Nmpc, MpcDelay])
+@pytest.mark.parametrize("bias", [-0.02, 0.02])
+def test_a_wrong_steering_angle_is_not_taken_for_ice(kind: Any, bias: float) -> None:
+    """It moves the front axle's slip by a constant, where less grip shows at large slips only."""
+    biased = CAR.replace(steer_bias=bias)
+    eight = {"path": FigureEight(), "vehicle": biased, "nominal": CAR, "duration": 20.0}
+    errors, state = on_circle(kind(), 12.0, **eight)
+    assert state.motion.friction > 0.5 * CAR.friction
+    assert abs(errors).max() < 0.04
 
 
 @pytest.mark.parametrize("delay", [0.1, 0.2])

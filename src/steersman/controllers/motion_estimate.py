@@ -41,6 +41,8 @@ _JUMP_SIDE, _JUMP_YAW = 1.0, 0.6
 _FRICTIONS, _ICE = 32, 0.1
 # Time over which their errors fade, and the noise's [s].
 _GRIP_TIME, _NOISE_TIME = 0.1, 1.0
+# Time over which a force is learned that is missing without much slip [s].
+_OFFSET_TIME = 1.0
 # How much better than the nominal friction another one has to explain the motion, and then another
 # one than that [variances].
 _DOUBTED, _REFINED = 1.5, 0.1
@@ -82,6 +84,8 @@ class MotionEstimate(NamedTuple):
     """(2,) side forces of the front and of the rear axle measured less predicted [N]."""
     noise: FloatArray = NOTHING
     """(2,) variances of them that the measurement's noise explains [N^2]."""
+    offset: FloatArray = NOTHING
+    """(2,) side forces missing where there is little slip, which no want of grip explains [N]."""
 
     @property
     def grips(self) -> FloatArray:
@@ -206,10 +210,12 @@ def _judge_frictions(motion: MotionEstimate, seen: Seen, side: float, yaw: float
     angle = kernel.wheel_angle(motion.vehicle.table, 0.5 * (before.steer + seen.steer), v)
     slips = np.array([angle - (v_y + row[car.L_F] * rate) / v, (row[car.L_R] * rate - v_y) / v])
     forces = missed + grip.axle_forces(row, motion.grips, slips[0], slips[1])
+    offset = _without_slip(motion, slips, forces)
+    forces = forces - offset
     tried, scores = _tried(motion.vehicle.friction), motion.frictions.copy()
     a_x, keep = motion.acceleration - v_y * rate, max(1.0 - dt / _GRIP_TIME, 0.0)
     best = grip.score_frictions(row, tried, v, a_x, slips, forces, noise, keep, scores)
-    motion = motion._replace(frictions=scores, missed=missed, noise=noise)
+    motion = motion._replace(frictions=scores, missed=missed, noise=noise, offset=offset)
     present = int(np.searchsorted(tried, motion.friction))
     nominal = present == len(tried) - 1
     if scores[present] - scores[best] <= (_DOUBTED if nominal else _REFINED):
@@ -217,6 +223,21 @@ def _judge_frictions(motion: MotionEstimate, seen: Seen, side: float, yaw: float
     if nominal:  # what was taken for missing forces was the missing grip
         motion = motion._replace(disturbance=(0.0, 0.0))
     return motion._replace(friction=float(tried[best]))
+
+
+def _without_slip(motion: MotionEstimate, slips: FloatArray, forces: FloatArray) -> FloatArray:
+    """The forces (2,) that are missing while an axle hardly slips [N].
+
+    A wrong steering angle or side velocity moves a slip by a constant, and so the force of an axle
+    that is far from its grip; saturation only shows at larger slips.
+    """
+    row = motion.vehicle.table.rows[0]
+    linear = np.array([row[car.C_F], row[car.C_R]]) * slips
+    grips = np.array(grip.axle_grips(row, motion.vehicle.friction, motion.seen.v_x, 0.0))
+    little = np.abs(linear) < grip.LITTLE * grips
+    blend = min(motion.dt / _OFFSET_TIME, 1.0)
+    learned = motion.offset + blend * (forces - linear - motion.offset)
+    return np.where(little, learned, motion.offset)
 
 
 def _surprise(motion: MotionEstimate, o: Observation) -> tuple[float, float]:

@@ -39,6 +39,8 @@ _LEAST_SHARE = 0.1
 _LEFT = 1e-4
 # So much of an acceleration that was measured is sure.
 _SURE = 0.9
+# An axle with less than this share of its grip slips little: its force grows with the slip.
+LITTLE = 0.15
 # Scores [variances] that differ by less are the same, but for rounding.
 _SAME = 1e-6
 # Added to the squared error of a friction that is less than that.
