@@ -15,6 +15,7 @@ STYLES = {
     "paper's agent": ("#D55E00", "s", "paper's agent (CARLA)"),
     "MPC-PID": ("#777777", "^", "MPC-PID, tuned at 30 km/h"),
     "MPC-PID sched.": ("#0072B2", "D", "MPC-PID, a model for each speed"),
+    "LQR est.": ("#CC79A7", "v", "LQR behind estimator and predictor"),
     "agent": ("#009E73", "o", "Steersman's agent"),
 }
 
@@ -27,7 +28,7 @@ def main() -> None:
     figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.2), layout="constrained")
     for driver, (colour, marker, label) in STYLES.items():
         mine = [r for r in rows if r["driver"] == driver]
-        rolled = "" if all(r["completed"] for r in mine) else " (open marks: rolled over)"
+        rolled = "" if all(r["completed"] for r in mine) else " (open marks: left the road)"
         speeds = [float(r["test"].split(", ")[1].split()[0]) for r in mine]
         for axis, key in ((left, "ale_mm"), (right, "steer_std")):
             values = [r[key] for r in mine]

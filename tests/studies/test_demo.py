@@ -45,11 +45,11 @@ def test_the_paper_stands_beside_its_throttles_and_speeds() -> None:
 
 def test_rows_are_what_the_episodes_say(rows: list[dict[str, Any]], tmp_path: FilePath) -> None:
     assert [r["driver"] for r in rows] == [
-        *(demo.AGENT, demo.MPC_PID, demo.SCHEDULED, demo.PAPER),
-        *(demo.AGENT, demo.MPC_PID, demo.SCHEDULED),
+        *(demo.AGENT, demo.MPC_PID, demo.SCHEDULED, demo.BEST, demo.PAPER),
+        *(demo.AGENT, demo.MPC_PID, demo.SCHEDULED, demo.BEST),
     ]
     episodes = sorted((tmp_path / "out" / "episodes").rglob("*.npz"))
-    assert len(episodes) == 6
+    assert len(episodes) == 8
     by_driver = {(r["test"], r["driver"]): r for r in rows}
     episode = load_episode(tmp_path / "out" / "episodes" / "r50_throttle_0.4" / "mpc-pid.npz")
     row = by_driver["R50, throttle 0.4", demo.MPC_PID]
@@ -63,5 +63,5 @@ def test_files_can_be_read_back(rows: list[dict[str, Any]], tmp_path: FilePath) 
     lines = (out / "table.md").read_text().splitlines()
     assert len(lines) == len(rows) + 2
     assert {line.replace(r"\|", "").count("|") for line in lines} == {len(demo.COLUMNS) + 1}
-    assert sum(run.episode is not None for run in load_runs([out])) == 6
+    assert sum(run.episode is not None for run in load_runs([out])) == 8
     assert [len(cells) for cells in demo.cells(rows)] == [len(demo.COLUMNS)] * len(rows)

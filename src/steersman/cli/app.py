@@ -47,7 +47,7 @@ COMMANDS = {
         "imitate:imitate",
         "Fit a network to a controller's actions, by DAgger or behaviour cloning.",
     ),
-    "demo": Entry("demo:demo", "Train an agent with MPC-PID demonstration and compare both."),
+    "demo": Entry("demo:demo", "Train an agent and compare it with classical controllers."),
     "tune": Entry("tune:tune", "Tune a controller's gains with Optuna on a suite of runs."),
     "falsify": Entry(
         "falsify:falsify",

@@ -17,6 +17,7 @@ EXAMPLES = (
     "Examples:\n"
     "  steersman demo --out runs/demo\n"
     "  steersman demo seed=1 --out runs/demo1\n"
+    "  steersman demo --preset demo --out runs/ddpg\n"
     "  steersman demo --policy runs/agent/policy.onnx --out runs/demo2"
 )
 # What the terminal shows of the table; the report has all of it.
@@ -34,7 +35,7 @@ _LEGEND = """
 heading error [deg], nearly all of it the car's own side-slip. a_y: largest
 lateral acceleration [m/s^2]. The paper gives no speeds; 9.9 to 24.2 m/s are
 inferred from its heading errors. MPC-PID is tuned for 30 km/h; sched. has a
-model for each speed.
+model for each speed. LQR est. is estimated/predicted/tuned/lqr.
 """
 
 
@@ -44,16 +45,25 @@ def demo(
         str | None,
         typer.Option("--policy", metavar="FILE", help="Drive this policy instead of training."),
     ] = None,
+    preset: Annotated[
+        str,
+        typer.Option(
+            "--preset",
+            metavar="NAME",
+            help="What is trained: apg, by the simulator's derivatives; or demo, DDPG with MPC-PID"
+            " demonstrating.",
+        ),
+    ] = "apg",
     words: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[key=value ...]", help="Settings over the preset 'demo'."),
+        typer.Argument(metavar="[key=value ...]", help="Settings over the preset."),
     ] = None,
 ) -> None:
-    """Train an agent with MPC-PID demonstration and compare both where neither has been.
+    """Train an agent and compare it with classical controllers where none of them has been.
 
-    Trains a few minutes, drives the circle of radius 50 m and a lap of Monza with the agent and
-    with MPC-PID, prints the table beside the paper's figures, and writes policy, resolved
-    configuration, episodes and report.html.
+    Trains a few minutes, drives the circle of radius 50 m and a lap of Monza with the agent, with
+    MPC-PID and with the best classical controller, prints the table beside the paper's figures, and
+    writes policy, resolved configuration, episodes and report.html.
     """
     from steersman.commands import existing
 
@@ -61,7 +71,7 @@ def demo(
     folder = files.out_folder(out)
     tell_compiling()
     try:
-        file = given or _train(words or [], folder)
+        file = given or _train(preset, words or [], folder)
         rows = _drive(file, folder)
     except KeyboardInterrupt:
         note(f"interrupted; what was done until then is in {folder}")
@@ -73,10 +83,10 @@ def demo(
     _show(rows, folder, report)
 
 
-def _train(words: list[str], folder: FilePath) -> FilePath:
+def _train(preset: str, words: list[str], folder: FilePath) -> FilePath:
     import steersman as sm
 
-    config = sm.configure("train", "demo", *words, notify=note)
+    config = sm.configure("train", preset, *words, notify=note)
     return train.train_with_bar(config, folder / "training", overwrite=True).policy
 
 

@@ -1,4 +1,4 @@
-"""The main job from end to end: train with demonstration, drive what was never seen, compare."""
+"""The main job from end to end: train, drive what was never seen, compare."""
 
 from __future__ import annotations
 
@@ -64,8 +64,13 @@ COLUMNS = {
     "time_us": "control time p50 [us]",
     "end": "ended by",
 }
-TITLE = "Agent and MPC-PID on roads that neither was trained or tuned on, beside the paper's agent"
+TITLE = (
+    "Agent, MPC-PID and the best classical controller on roads that none was trained or tuned on, "
+    "beside the paper's agent"
+)
 AGENT, MPC_PID, SCHEDULED, PAPER = "agent", "MPC-PID", "MPC-PID sched.", "paper's agent"
+# The least pooled error of the classical controllers of results/bench.
+BEST = "LQR est."
 
 
 def tests() -> list[Test]:
@@ -102,7 +107,7 @@ def tests() -> list[Test]:
 def drive_tests(
     policy: FilePath, out: FilePath, progress: Callable[[str], None] | None = None
 ) -> list[dict[str, Any]]:
-    """Drive every test with the policy, with MPC-PID and with the speed-scheduled MPC-PID.
+    """Drive every test with the policy, both kinds of MPC-PID and the best classical controller.
 
     Returns the rows of the table.
 
@@ -112,6 +117,7 @@ def drive_tests(
         AGENT: {"kind": "policy", "file": str(policy)},
         MPC_PID: {"kind": "mpc_pid"},
         SCHEDULED: {"kind": "mpc_pid", "scheduled": True},
+        BEST: {"kind": "estimated/predicted/tuned/lqr"},
     }
     rows: list[dict[str, Any]] = []
     for test in tests():
