@@ -15,7 +15,7 @@ STYLES = {
     "paper's agent": ("#D55E00", "s", "paper's agent (CARLA)"),
     "MPC-PID": ("#777777", "^", "MPC-PID, tuned at 30 km/h"),
     "MPC-PID sched.": ("#0072B2", "D", "MPC-PID, a model for each speed"),
-    "LQR est.": ("#CC79A7", "v", "LQR behind estimator and predictor"),
+    "mpc_delay est.": ("#CC79A7", "v", "mpc_delay behind the estimator"),
     "agent": ("#009E73", "o", "Steersman's agent"),
 }
 
