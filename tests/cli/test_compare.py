@@ -187,7 +187,8 @@ def test_trainings_drive_with_their_policies(
     assert result.exit_code == 0, result.stderr
     outcome = json.loads((tmp_path / "c" / "compare.json").read_text())
     assert outcome["contestants"][0]["sort"] == "training"
-    assert outcome["contestants"][0]["training"]["steps"] == 640_000
+    card = json.loads((training / "policy.json").read_text())
+    assert outcome["contestants"][0]["training"]["steps"] == card["training"]["steps"]
     assert "Trainings" in (tmp_path / "c" / "report.html").read_text()
 
 

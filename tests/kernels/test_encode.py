@@ -132,7 +132,7 @@ def test_integral_is_bounded(d: float) -> None:
     assert memory[INTEGRAL] == 0.0
     for _ in range(200):
         features(HISTORY, row(d), memory)
-        total = min(max(total + 0.05 * d, -0.25), 0.25)
+        total = min(max(total + 0.05 * np.clip(d, -0.5, 0.5), -0.25), 0.25)
         assert memory[INTEGRAL] == pytest.approx(total)
     # It comes back at once when the error changes sign.
     before = abs(memory[INTEGRAL])

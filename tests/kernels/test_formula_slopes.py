@@ -58,5 +58,5 @@ def test_only_what_a_formula_reads_is_tried() -> None:
     layout = Layout((Waypoints(count=4), *FEATURES), SPACING, DT)
     slopes = layout.slopes
     per_number = np.diff(slopes.first)[: len(layout.scale)]
-    assert per_number.max() <= 6  # a curvature: two waypoints, heading error
+    assert per_number.max() <= 7  # an acceleration: two waypoints, heading error, v_x, spacing
     assert slopes.reads.max() < enc.memory_size(layout.table) + obs.O_PREVIEW + 2 * COUNT
