@@ -480,7 +480,7 @@ def sensed(seconds: float = 40.0, **more: Any) -> Log:
 
 
 def test_where_a_sensor_sits_and_how_it_is_turned_is_found() -> None:
-    log = sensed(30.0)
+    log = sensed(20.0)
     signals = {name: log.signals[name] for name in ("steer_command", "v_x", "yaw_rate")}
     signals["v_y"] = log.signals["v_y"] - 0.45 * log.signals["yaw_rate"] + 0.02 * log.signals["v_x"]
     found = {f.name: f for f in identify(log._replace(signals=signals), MODEL3, 0.0).figures}
@@ -581,7 +581,7 @@ def test_rows_that_no_command_explains_are_left_out() -> None:
 
 
 def test_gaps_unequal_steps_and_empty_cells_do_no_harm() -> None:
-    log = recording(MODEL3.replace(c_f=90e3, steer_delay=0.1), 30.0)
+    log = recording(MODEL3.replace(c_f=90e3, steer_delay=0.1), 24.0)
     rng = np.random.default_rng(0)
     keep = rng.uniform(size=len(log.time)) > 0.1
     keep[300:330] = False
