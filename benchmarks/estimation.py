@@ -149,7 +149,7 @@ def third_difference(spacing: float = 2.0) -> float:
     found = []
     for seed in ROADS:
         road = RandomRoad(seed=seed, distance=600.0)
-        kappa = [road.at(s).kappa for s in np.arange(0.0, 600.0, spacing)]
+        kappa = [road.at(s).curvature for s in np.arange(0.0, 600.0, spacing)]
         found.append(np.diff(kappa) * spacing**2)
     return rms(np.concatenate(found))
 

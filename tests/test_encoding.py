@@ -66,8 +66,8 @@ def test_features_are_of_about_unit_size(encoding: EncodingComponent) -> None:
         path = build(lookup("path", kind), {})
         for s in np.arange(0.0, path.length, 47.0):
             at = path.at(float(s))
-            speed = min(25.0, (5.0 / max(abs(at.kappa), 1e-3)) ** 0.5)
-            state = plant.reset(Pose(at.x - 0.5, at.y + 0.5, at.psi + 0.05), speed, at.kappa)
+            speed = min(25.0, (5.0 / max(abs(at.curvature), 1e-3)) ** 0.5)
+            state = plant.reset(Pose(at.x - 0.5, at.y + 0.5, at.psi + 0.05), speed, at.curvature)
             shown = sensor.observe(None, state, track(state, path, float(s)), path, rng)
             row = np.array([*shown[1:8], *shown.preview.ravel()])
             memory, out = np.zeros(kernel.memory_size(table)), np.zeros(len(names))
@@ -91,7 +91,7 @@ def test_mirror_gives_the_features_of_the_mirrored_scene(encoding: EncodingCompo
         plant = SimulatorConfig().make(CarlaModel3())
         at = path.at(230.0)
         start = Pose(at.x, at.y + 0.3 * side, at.psi + 0.04 * side)
-        state = plant.reset(start, 9.0, at.kappa)
+        state = plant.reset(start, 9.0, at.curvature)
         memory = np.zeros(kernel.memory_size(table))
         features = np.zeros(kernel.feature_count(table))
         for steer in (0.05, -0.1, 0.2):

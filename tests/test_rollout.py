@@ -61,9 +61,9 @@ class Unguarded(Scripted):
 def test_starts_in_the_steady_turn(speed: float, direction: str) -> None:
     path = Circle(direction=direction)
     plant = SimulatorConfig().make(CAR)
-    first = plant.reset(Pose(0.0, 0.0, 0.0), speed, path.at(0.0).kappa)
+    first = plant.reset(Pose(0.0, 0.0, 0.0), speed, path.at(0.0).curvature)
     assert math.hypot(first.v_x, first.v_y) == pytest.approx(speed)
-    assert first.yaw_rate == pytest.approx(speed * path.at(0.0).kappa)
+    assert first.yaw_rate == pytest.approx(speed * path.at(0.0).curvature)
     episode = drive(GOOD, path, speed=ConstantSpeed(speed=speed), duration=0.5)
     assert episode["course_error"][0] == pytest.approx(0.0, abs=1e-12)
     assert episode["lateral_error"][0] == pytest.approx(0.0, abs=1e-12)
@@ -152,7 +152,7 @@ def test_columns_fit_together() -> None:
         slip = math.atan2(row["v_y"], row["v_x"])
         assert row["course_error"] == pytest.approx(row["heading_error"] + slip, abs=1e-9)
         assert (row["path_x"], row["path_y"]) == pytest.approx((at.x, at.y), abs=1e-9)
-        assert row["curvature"] == pytest.approx(at.kappa)
+        assert row["curvature"] == pytest.approx(at.curvature)
     gone = np.hypot(np.diff(episode["x"]), np.diff(episode["y"])).sum()
     assert episode.distance == pytest.approx(gone, rel=0.01)
 
@@ -161,7 +161,7 @@ def test_a_plant_sees_the_commands_in_the_record() -> None:
     path = Circle()
     episode = drive(GOOD, path, duration=5.0)
     plant, at = SimulatorConfig().make(CAR), path.at(0.0)
-    first = plant.reset(Pose(at.x, at.y, at.psi), 8.0, at.kappa)
+    first = plant.reset(Pose(at.x, at.y, at.psi), 8.0, at.curvature)
     states = [first]
     for steer, throttle, brake in zip(
         episode["steer_command"], episode["throttle"], episode["brake"], strict=True

@@ -103,7 +103,7 @@ def test_cap_on_the_circle() -> None:
 
 def test_cap_slows_down_in_time() -> None:
     limit = curvature_cap(CIRCUIT, 4.0, 2.0)
-    kappa = np.array([abs(CIRCUIT.at(float(s)).kappa) for s in range(len(limit))])
+    kappa = np.array([abs(CIRCUIT.at(float(s)).curvature) for s in range(len(limit))])
     assert (limit**2 * kappa <= 4.0 + 1e-6)[:-1].all()
     # v^2 falls by at most 2 x deceleration in a metre, also over the joint of the lap.
     assert np.diff(limit**2).min() >= -2.0 * 2.0 - 1e-9

@@ -198,7 +198,7 @@ def test_grip_over_speed_is_read_from_a_file(tmp_path: FilePath) -> None:
     file = tmp_path / "ggv.csv"
     file.write_text("# v_mps,ax_max_mps2,ay_max_mps2\n0,5,6\n20,4,7\n60,3,9\n", encoding="utf-8")
     limit, step = road_limits(CIRCUIT, SpeedProfile(ggv=file, acceleration=2.5).profile())
-    kappa = np.array([CIRCUIT.at(step * i).kappa for i in range(len(limit))])
+    kappa = np.array([CIRCUIT.at(step * i).curvature for i in range(len(limit))])
     assert excess(limit, kappa, 2.0, step) < 1e-6
     file.write_text("v_mps,ax_max_mps2,ay_max_mps2\n0,5,6\n0,4,7\n", encoding="utf-8")
     with pytest.raises(DataError, match=r"line 3: v_mps must increase"):

@@ -27,7 +27,7 @@ def waypoints() -> dict[str, Any]:
     path, rng = Circle(), np.random.default_rng(4)
     plant = SimulatorConfig().make(CAR)
     at = path.at(10.0)
-    state = plant.reset(Pose(at.x, at.y, at.psi), 8.0, at.kappa)
+    state = plant.reset(Pose(at.x, at.y, at.psi), 8.0, at.curvature)
     place = track(state, path, 10.0)
     true = WaypointSensor().observe(None, state, place, path, rng)
     sensor = WaypointSensor(error_range=0.3)
@@ -60,7 +60,7 @@ def curvatures() -> dict[str, Any]:
     ):
         path: Any = resolve("path", fields)
         where = np.arange(0.0, min(path.length, 300.0), 0.5)
-        values = [path.at(s).kappa for s in where]
+        values = [path.at(s).curvature for s in where]
         lines.append({"name": name, "x": where, "y": values})
     title = "Curvature of roads, left positive"
     return {"title": title, "x": "arc length [m]", "y": "curvature [1/m]", "lines": lines}

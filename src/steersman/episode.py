@@ -7,19 +7,26 @@ Errors are those of the true state, whatever the sensors said.
 from __future__ import annotations
 
 import json
+import math
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from itertools import pairwise
 from pathlib import Path as FilePath
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from steersman.bounds import MOST_ARRAYS, from_json, read_arrays
 from steersman.errors import DataError
 from steersman.files import replacing
+from steersman.shown import Shown
+from steersman.table_file import Columns
 from steersman.types import Driver, FloatArray, Reason
+
+if TYPE_CHECKING:
+    from steersman.metrics.base import DriveMetrics
 
 # Every column of an episode and its unit, in the order of the file.
 COLUMNS: dict[str, str] = {
@@ -72,9 +79,11 @@ class Intervention(NamedTuple):
     """What steered: the kind of the fallback, or ``"hold"``."""
 
 
-@dataclass(frozen=True)
-class Episode:
+@dataclass(frozen=True, repr=False)
+class Episode(Shown):
     """A finished run.
+
+    What shows and saves it is in :class:`steersman.shown.Shown`.
 
     Attributes:
         columns: one float64 array for each name of ``COLUMNS``, all of the same length.
@@ -127,8 +136,47 @@ class Episode:
             if driver[first] != Driver.INNER
         ]
 
-    def save(self, file: FilePath) -> None:
-        """Write the episode as ``.npz`` (no pickles), replacing the file only when complete."""
+    @property
+    def metrics(self) -> DriveMetrics:
+        """The figures of the drive: ``episode.metrics.rms_lateral_error_m``."""
+        found: DriveMetrics = import_module("steersman.metrics.base").DriveMetrics(self)
+        return found
+
+    shown_by = "steersman.report.shown_runs:shown_episode"
+
+    def line(self) -> str:
+        """What drove where, how far, how it ended, and its lateral error."""
+        config = self.meta.get("config")
+        parts = config if isinstance(config, Mapping) else {}
+        kinds = [dict(parts.get(name) or {}).get("kind", "") for name in ("controller", "path")]
+        what = f"{kinds[0]} on {kinds[1]}, " if all(kinds) else ""
+        error = 1e3 * np.abs(self["lateral_error"])
+        rms = float(np.sqrt(np.mean(error**2))) if len(self) else math.nan
+        return (
+            f"Episode: {what}{len(self) * self.dt:.4g} s, {self.distance:.4g} m, ended by "
+            f"{self.end}; lateral error RMS {rms:.3g} mm, largest {error.max(initial=0.0):.3g} mm"
+        )
+
+    def table(self) -> Columns:
+        """The columns; :meth:`units` has their units."""
+        return self.columns
+
+    def units(self) -> Mapping[str, str]:
+        """The unit of each column."""
+        return {name: COLUMNS[name] for name in self.columns if name in COLUMNS}
+
+    def savers(self) -> Mapping[str, Callable[[FilePath], None]]:
+        """``.npz`` is what :func:`load_episode` reads, ``.mcap`` a recording with ROS 2 messages.
+
+        The second needs the extra ``logs``.
+        """
+        return {".npz": self._save_npz, ".mcap": self._save_mcap}
+
+    def _save_mcap(self, file: FilePath) -> None:
+        import_module("steersman.logs.driven").write_recording(file, self)
+
+    def _save_npz(self, file: FilePath) -> None:
+        """Without pickles."""
         head = {
             "end": self.end,
             "distance": self.distance,

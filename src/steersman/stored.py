@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Mapping
 from pathlib import Path as FilePath
 from typing import Any, Self
 
@@ -11,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from steersman.bounds import MOST_JSON
 from steersman.errors import DataError
 from steersman.files import read_bytes, write_text
+from steersman.shown import Shown
 
 
 class StoredResult(BaseModel):
@@ -52,6 +54,14 @@ class StoredResult(BaseModel):
 def optional() -> Any:
     """A field that is None by default; the JSON object then lacks it."""
     return Field(None, exclude_if=lambda value: value is None)
+
+
+class ShownResult(Shown, StoredResult):
+    """A result that shows itself, and is saved whole as JSON."""
+
+    def savers(self) -> Mapping[str, Callable[[FilePath], None]]:
+        """``.json`` is the whole of it."""
+        return {".json": self.write}
 
 
 class SourcedResult(StoredResult):

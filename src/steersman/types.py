@@ -161,4 +161,4 @@ class PathPoint(NamedTuple):
     x: float
     y: float
     psi: float
-    kappa: float
+    curvature: float

@@ -7,11 +7,11 @@ from pathlib import Path as FilePath
 
 import pytest
 
-from steersman.bench import results as module
+from steersman.bench import drive as module
 from steersman.bench import suites
-from steersman.bench.drive import key, measure
+from steersman.bench.drive import key, measure, row_version
 from steersman.bench.entrants import entrants
-from steersman.bench.results import BenchResult, BenchRow, row_version
+from steersman.bench.results import BenchResult, BenchRow
 from steersman.bench.summary import results
 from steersman.errors import DataError
 from steersman.metrics.base import Metric, metrics

@@ -191,7 +191,7 @@ def test_carlas_pid_drives_as_a_client_of_its_own(carla: CarlaConfig, lib: Any) 
     try:
         plant.enter(path)
         at = path.at(900.0)
-        plant.reset(Pose(at.x, at.y, at.psi), 8.0, at.kappa)
+        plant.reset(Pose(at.x, at.y, at.psi), 8.0, at.curvature)
         world, car = plant.session.world, plant._actor
         roads, agent, line = world.get_map(), AgentPid(), []
         agent.last = -plant.held_steer

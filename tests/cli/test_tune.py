@@ -20,7 +20,10 @@ def test_the_files_and_the_last_lines(
     result = steersman(*words)
     assert result.exit_code == 0
     names = {file.name for file in (tmp_path / "t").iterdir()}
-    outcome = {"tuned.yaml", "result.json", "pareto.json", "pareto.svg", "report.html"}
+    outcome = {"tuned.yaml", "result.json", "pareto.json", "pareto.svg"} | {
+        "history.svg",
+        "report.html",
+    }
     assert names == outcome | {"config.yaml", "study.jsonl"}
     assert "warning: the runs hold no steering delay, no waypoint noise, " in result.stderr
     chosen, spent = result.stderr.splitlines()[-2:]

@@ -117,7 +117,7 @@ def test_saturation_is_marked() -> None:
 def test_curvature_ahead_on_a_circle(direction: str, distance: float) -> None:
     path = Circle(radius=40.0, direction=direction)
     observation = observe(path, beside(path, 5.0, d=0.3, heading=0.1), 5.0)
-    expected = path.at(0.0).kappa
+    expected = path.at(0.0).curvature
     assert preview_curvature(observation, distance) == pytest.approx(expected, rel=1e-6)
 
 

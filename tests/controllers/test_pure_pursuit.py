@@ -21,7 +21,7 @@ R = 50.0
 def test_a_rear_axle_on_the_circle_stays_there(direction: str, look_ahead: float) -> None:
     """Coulter: the arc through the goal point, tangent to the car, is then the road itself."""
     path = Circle(radius=R, direction=direction)
-    side = path.at(0.0).kappa * R
+    side = path.at(0.0).curvature * R
     # The centre of mass is on the concentric circle through it, turned by atan(l_r / R).
     d, heading = -side * (math.hypot(R, CAR.l_r) - R), -side * math.atan(CAR.l_r / R)
     observation = observe(path, beside(path, 5.0, d=d, heading=heading), 5.0)

@@ -24,7 +24,7 @@ def tour(path: PathComponent, sensor: WaypointSensor, v: float = 10.0) -> list[O
     rng, out = np.random.default_rng(0), []
     for i in range(round(150.0 / (v * DT))):
         s = v * DT * i + 1.0
-        kappa = path.at(s).kappa
+        kappa = path.at(s).curvature
         on = v * (1.0 - 0.2 * kappa)
         car = beside(path, s, d=0.2, velocity=(on, 0.0), yaw_rate=v * kappa, time=i * DT)
         out.append(sensor.observe(None, car, track(car, path, s), path, rng))

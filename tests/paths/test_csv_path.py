@@ -58,7 +58,7 @@ def test_headers(tmp_path: FilePath, header: str, row: str) -> None:
 def test_spline_follows_the_curve(tmp_path: FilePath) -> None:
     path = CsvPath(file=write_csv(tmp_path / "circle.csv", _circle(90)))
     assert path.length == pytest.approx(100.0 * math.pi, rel=1e-6)
-    kappa = [path.at(s).kappa for s in np.linspace(0.0, path.length, 200)]
+    kappa = [path.at(s).curvature for s in np.linspace(0.0, path.length, 200)]
     assert kappa == pytest.approx([0.02] * 200, abs=5e-5)
 
 
@@ -79,7 +79,7 @@ def test_translation_and_rotation(tmp_path: FilePath) -> None:
         assert there.x == pytest.approx(1000.0 + c * x - n * y, abs=1e-6)
         assert there.y == pytest.approx(-500.0 + n * x + c * y, abs=1e-6)
         assert math.remainder(there.psi - psi - 0.7, math.tau) == pytest.approx(0.0, abs=1e-6)
-        assert there.kappa == pytest.approx(kappa, abs=1e-5)
+        assert there.curvature == pytest.approx(kappa, abs=1e-5)
 
 
 def test_a_real_track(tmp_path: FilePath) -> None:

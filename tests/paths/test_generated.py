@@ -23,7 +23,7 @@ KINDS = (ClothoidRoad, HarmonicRoad, SplineRoad, SurveyedRoad)
 
 def bends(road: GeneratedRoad) -> FloatArray:
     """Curvature every metre [1/m]."""
-    return np.array([road.at(s).kappa for s in range(round(road.length))])
+    return np.array([road.at(s).curvature for s in range(round(road.length))])
 
 
 @pytest.mark.parametrize("kind", KINDS)

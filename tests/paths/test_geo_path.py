@@ -50,7 +50,7 @@ def same_shape(path: PathComponent, other: PathComponent) -> None:
     assert path.length == pytest.approx(other.length, rel=0.004)
     for share in (0.1, 0.35, 0.8):
         at, there = path.at(share * path.length), other.at(share * other.length)
-        assert at.kappa == pytest.approx(there.kappa, rel=0.03)
+        assert at.curvature == pytest.approx(there.curvature, rel=0.03)
 
 
 @pytest.mark.parametrize("kind", ["LineString", "MultiLineString", "Polygon"])

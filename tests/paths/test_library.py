@@ -55,7 +55,7 @@ def test_monza() -> None:
         "Alboreto/Parabolica",
     ]
     lesmo = monza.corners()[3]
-    assert monza.at(0.5 * (lesmo.s_start + lesmo.s_end)).kappa < 0.0
+    assert monza.at(0.5 * (lesmo.s_start + lesmo.s_end)).curvature < 0.0
     # Clockwise: one whole turn to the right.
     assert monza.at(monza.length - 1e-6).psi == pytest.approx(-math.tau, abs=1e-6)
 
@@ -78,12 +78,12 @@ def test_reverse_and_mirror(track: Track) -> None:
         here = track.at(s)
         there = reverse.at(track.length - s)
         assert there[:2] == pytest.approx(here[:2], abs=1e-4)
-        assert there.kappa == pytest.approx(-here.kappa, abs=1e-7)
+        assert there.curvature == pytest.approx(-here.curvature, abs=1e-7)
         assert math.cos(there.psi - here.psi) == pytest.approx(-1.0, abs=1e-6)
         x, y, psi, kappa = mirror.at(s)
         assert (x, -y, -psi, -kappa) == pytest.approx(tuple(here), abs=1e-9)
         x, y, _, kappa = both.at(track.length - s)
-        assert (x, -y, kappa) == pytest.approx((here.x, here.y, here.kappa), abs=1e-4)
+        assert (x, -y, kappa) == pytest.approx((here.x, here.y, here.curvature), abs=1e-4)
 
 
 def test_names_follow_direction() -> None:
@@ -109,7 +109,7 @@ def test_lemniscate() -> None:
     assert np.max(np.abs(square**2 - 900.0 * (x**2 - y**2))) < 1e-3
     assert np.max(np.abs(np.abs(kappa) - 3.0 * np.sqrt(square) / 900.0)) < 1e-5
     assert path.at(0.25 * path.length)[:2] == pytest.approx((30.0, 0.0), abs=1e-6)
-    assert path.at(0.25 * path.length).kappa == pytest.approx(0.1, rel=1e-4)
+    assert path.at(0.25 * path.length).curvature == pytest.approx(0.1, rel=1e-4)
 
 
 def test_figure_eight() -> None:

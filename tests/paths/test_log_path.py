@@ -31,7 +31,7 @@ def test_a_lap_is_cut_and_keeps_its_speeds(tmp_path: FilePath) -> None:
     path = LogPath(file=circle(tmp_path / "log.csv"), columns=COLUMNS)
     assert path.closed
     assert path.length == pytest.approx(2.0 * np.pi * RADIUS, rel=1e-3)
-    assert path.at(30.0).kappa == pytest.approx(1.0 / RADIUS, rel=0.02)
+    assert path.at(30.0).curvature == pytest.approx(1.0 / RADIUS, rel=0.02)
     at, speed = path.speeds()
     assert (np.diff(at) > 0.0).all()
     np.testing.assert_allclose(speed, 10.0 + 2.0 * np.sin(at / RADIUS), atol=0.05)

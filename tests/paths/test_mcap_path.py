@@ -113,7 +113,7 @@ def test_a_lap_is_cut_where_it_passes_its_start(tmp_path: FilePath) -> None:
     assert path.length == pytest.approx(whole.length, rel=0.01)
     assert path.at(0.0)[:2] == pytest.approx((80.0, 0.0), abs=1e-6)
     # The gap at the end is spread over the lap, so nothing bends sharply.
-    bends = [path.at(s).kappa for s in np.linspace(0.0, path.length, 300).tolist()]
+    bends = [path.at(s).curvature for s in np.linspace(0.0, path.length, 300).tolist()]
     assert max(bends) < 1.1 * 80.0 / 50.0**2
     assert not McapPath(file=path.file, loop=False).closed
     assert McapPath(file=path.file, loop=False).length > 1.2 * whole.length
@@ -178,8 +178,8 @@ def test_a_part_of_a_recording(tmp_path: FilePath) -> None:
 def test_the_rear_axle_follows_the_centre_of_mass(tmp_path: FilePath) -> None:
     file = bags.write(tmp_path, bags.drive(300))
     rear, ahead = McapPath(file=file, loop=False), McapPath(file=file, loop=False, ahead=1.5)
-    assert rear.at(20.0).kappa == pytest.approx(1.0 / 40.0, abs=1e-4)
-    assert ahead.at(20.0).kappa == pytest.approx(1.0 / math.hypot(40.0, 1.5), abs=1e-4)
+    assert rear.at(20.0).curvature == pytest.approx(1.0 / 40.0, abs=1e-4)
+    assert ahead.at(20.0).curvature == pytest.approx(1.0 / math.hypot(40.0, 1.5), abs=1e-4)
     assert ahead.at(0.0)[:2] == pytest.approx((1.5, 0.0), abs=1e-9)
 
 

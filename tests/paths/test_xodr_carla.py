@@ -87,7 +87,7 @@ def test_random_ways(file: FilePath) -> None:
         for s in np.linspace(0.0, 150.0, 50):
             point = path.at(s)
             assert path.project(point.x, point.y, near=s)[1] == pytest.approx(0.0, abs=1e-6)
-            assert math.isfinite(point.kappa)
+            assert math.isfinite(point.curvature)
 
 
 @pytest.mark.parametrize("seed", [4, 7, 8])

@@ -50,7 +50,7 @@ def test_arc(tmp_path: FilePath, kappa: float, number: int) -> None:
     radius = 1.0 / kappa - number * WIDTH / 2.0
     assert path.length == pytest.approx(30.0 * kappa * radius, abs=1e-8)
     for s in np.linspace(0.0, path.length, 7):
-        assert path.at(s).kappa == pytest.approx(-number / radius, abs=1e-9)
+        assert path.at(s).curvature == pytest.approx(-number / radius, abs=1e-9)
     end = path.at(path.length if number < 0 else 0.0)
     turned = START.psi + 30.0 * kappa + (0.0 if number < 0 else math.pi)
     assert math.remainder(end.psi - turned, math.tau) == pytest.approx(0.0, abs=1e-9)
@@ -67,7 +67,7 @@ def test_spiral(tmp_path: FilePath) -> None:
         there = path.at(s)
         assert there.x == pytest.approx(START.x + c * x - n * y, abs=1e-7)
         assert there.y == pytest.approx(START.y + n * x + c * y, abs=1e-7)
-        assert there.kappa == pytest.approx(0.04 / 60.0 * s, abs=1e-6)
+        assert there.curvature == pytest.approx(0.04 / 60.0 * s, abs=1e-6)
 
 
 POLY = (0.0, 0.05, 0.004, -5e-5)  # a to d
@@ -204,7 +204,7 @@ def test_a_small_step_is_eased(tmp_path: FilePath) -> None:
     found = [path.at(s) for s in np.linspace(0.0, path.length, 400)]
     assert found[0].y == pytest.approx(-WIDTH / 2.0)
     assert found[-1].y == pytest.approx(-WIDTH / 2.0 + step)
-    assert max(abs(p.kappa) for p in found) < 0.007
+    assert max(abs(p.curvature) for p in found) < 0.007
     assert all(-1e-4 <= p.y + WIDTH / 2.0 <= step + 1e-4 for p in found)
 
 
@@ -216,7 +216,7 @@ def test_a_step_around_the_joint_of_a_lap(tmp_path: FilePath) -> None:
     text = maps.whole(maps.road("1", view, length, maps.ONE_WAY, link, offset))
     path = followed(tmp_path, text)
     assert path.closed
-    kappa = [path.at(s).kappa for s in np.linspace(0.0, path.length, 400)]
+    kappa = [path.at(s).curvature for s in np.linspace(0.0, path.length, 400)]
     assert np.max(np.abs(np.array(kappa) - 1.0 / (30.0 + WIDTH / 2.0))) < 0.007
 
 

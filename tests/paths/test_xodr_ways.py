@@ -51,7 +51,7 @@ def test_between_roads_through_the_junction(town: FilePath) -> None:
     assert path.at(0.0) == pytest.approx((0.0, -WIDTH / 2.0, 0.0, 0.0), abs=1e-9)
     end = path.at(path.length)
     assert end[:3] == pytest.approx((75.0 - WIDTH / 2.0, -55.0, -QUARTER), abs=1e-6)
-    assert path.at(75.0).kappa == pytest.approx(-1.0 / (RADIUS - WIDTH / 2.0), abs=1e-6)
+    assert path.at(75.0).curvature == pytest.approx(-1.0 / (RADIUS - WIDTH / 2.0), abs=1e-6)
 
 
 @pytest.mark.parametrize(("name", "turned"), [("left", 1.0), ("on", 0.0), ("right", -1.0)])
@@ -190,4 +190,6 @@ def test_what_was_written_is_read_back(path: PathComponent, tmp_path: FilePath) 
         assert math.dist(here[:2], there[:2]) < 1e-4
         assert math.remainder(here.psi - there.psi, math.tau) == pytest.approx(0.0, abs=1e-4)
         # Within a metre of a corner of its curve, the curvature is that of a fit.
-        assert here.kappa == pytest.approx(there.kappa, abs=0.01 + 0.05 * abs(there.kappa))
+        assert here.curvature == pytest.approx(
+            there.curvature, abs=0.01 + 0.05 * abs(there.curvature)
+        )

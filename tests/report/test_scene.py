@@ -78,7 +78,7 @@ def test_what_is_replayed_is_what_was_driven(drive):
     for key, wanted, step in (
         ("time", episode["time"], 1e-3),
         ("x", episode["x"] - group["origin"][0], 1e-3),
-        ("lateral", 1e3 * episode["lateral_error"], 0.01),
+        ("lateral_error", 1e3 * episode["lateral_error"], 0.01),
         ("speed", np.hypot(episode["v_x"], episode["v_y"]), 1e-3),
     ):
         assert read(blob, found["columns"][key]) == pytest.approx(wanted, abs=0.51 * step)
@@ -97,7 +97,7 @@ def test_thinned_drives_keep_their_marks_and_peaks(drive):
     blob = Blob()
     (group,) = scenes([RoadGroup("g", [ShownDrive("d", episode)], 1.5)], blob, budget=1000)
     (found,) = group["runs"]
-    time, lateral = (read(blob, found["columns"][k]) for k in ("time", "lateral"))
+    time, lateral = (read(blob, found["columns"][k]) for k in ("time", "lateral_error"))
     assert not found["kept"]
     assert 500 < len(time) < 1100
     worst = next(m for m in found["marks"] if m["kind"] == "worst")

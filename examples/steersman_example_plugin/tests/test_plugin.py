@@ -77,7 +77,7 @@ def test_the_stadium_closes_and_turns_once() -> None:
     assert path.length == pytest.approx(2.0 * 100.0 + bends)
     end = path.at(path.length - 1e-6)
     assert (end.x, end.y) == pytest.approx((0.0, 0.0), abs=1e-5)
-    assert path.at(100.0 + 0.25 * bends).kappa == pytest.approx(1.0 / 40.0)
+    assert path.at(100.0 + 0.25 * bends).curvature == pytest.approx(1.0 / 40.0)
 
 
 def test_a_bend_without_an_arc_is_refused() -> None:

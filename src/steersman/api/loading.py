@@ -74,6 +74,10 @@ def _result(name: str, data: Any) -> type[StoredResult] | None:
         from steersman.studies.trials import TuneResult
 
         return TuneResult
+    if name == "search.json":
+        from steersman.studies.search import SearchResult
+
+        return SearchResult
     if name == "compare.json":
         from steersman.studies.compare import results
 

@@ -38,7 +38,8 @@ def tune(
     Args:
         words: a controller or a YAML file, assignments, components, or a ``TuneConfig``.
         out: folder of the study: ``study.jsonl``, ``tuned.yaml``, ``result.json``,
-            ``pareto.json``, ``pareto.svg`` and, if its extra is installed, ``report.html``.
+            ``pareto.json``, ``pareto.svg`` and, with the extra ``report``, ``history.svg``,
+            ``report.html``.
         seeds: seeds of the search, a list or ``"0..2"``: each has its study in ``seed_N`` of
             ``out``, and ``tuned.yaml`` is that of the median cost. None: the one of the settings.
         progress: called after each trial with the trials done and the least cost so far [m].
@@ -56,7 +57,7 @@ def tune(
         DataError: a file is missing or malformed.
     """
     from steersman.report.tuning import chosen_words, spent_words, write_tuning
-    from steersman.studies.trials import TuningTrials
+    from steersman.studies.trials import TuneResult, TuningTrials
     from steersman.studies.tune import tune as run
     from steersman.studies.tune_seeds import seed_folder, tune_seeds
     from steersman.studies.unseen import warning
@@ -77,7 +78,7 @@ def tune(
         result = tune_seeds(chosen, numbers, folder, progress, engine=engine, jobs=jobs)
     for each in folders:
         trials = TuningTrials.read(each / "pareto.json")
-        if not write_tuning(trials, each):
+        if not write_tuning(TuneResult.read(each / "result.json"), trials, each):
             tell(f"no report.html: it needs {how_to_install('report')}")
         where = "" if each == folder else f"{each.name}: "
         tell(f"{where}{chosen_words(trials)}")

@@ -13,9 +13,10 @@ import time
 
 import numpy as np
 
+from steersman.bench.disturbance import Disturbance
 from steersman.bench.entrants import Entrant
 from steersman.bench.grip import demanded_grip
-from steersman.bench.results import BenchRow, row_version
+from steersman.bench.results import BenchRow
 from steersman.bench.suite import Scenario
 from steersman.config import dump
 from steersman.episode import Episode
@@ -181,3 +182,14 @@ def planned_seconds(config: RunConfig) -> float:
     if config.duration is not None:
         return config.duration
     return max((config.laps or 1.0) * config.path.length / _USUAL_SPEED, 1.0)
+
+
+def row_version() -> str:
+    """Digest of the names, types and units of a row's columns, those of plug-ins included.
+
+    A row of another version does not have the same columns: its scenario is driven again.
+    """
+    fields = {name: str(field.annotation) for name, field in BenchRow.model_fields.items()}
+    measured = {name: [m.unit, m.dtype.__name__] for name, m in metrics(benchmark=True).items()}
+    columns = [fields, list(Disturbance().figures()), measured]
+    return hashlib.sha256(json.dumps(columns).encode()).hexdigest()[:12]

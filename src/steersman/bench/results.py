@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
-from typing import Any
+from typing import Any, ClassVar
 
 from pydantic import Field, model_validator
 
-from steersman.bench.disturbance import Disturbance
 from steersman.bench.grip import BEYOND, grip_class
 from steersman.bench.statistics import Interval
-from steersman.metrics.base import Values, metrics
-from steersman.stored import SourcedResult, StoredResult, optional
+from steersman.metrics.base import Values
+from steersman.stored import ShownResult, SourcedResult, StoredResult, optional
+from steersman.table_file import Columns, columns_of
 
 FORMAT = 1
 RESULTS = "results.json"
@@ -106,17 +104,6 @@ class BenchRow(StoredResult):
     def number(self, metric: str) -> float:
         """A metric that is always defined, such as a count."""
         return float(self.metrics.get(metric) or 0.0)
-
-
-def row_version() -> str:
-    """Digest of the names, types and units of a row's columns, those of plug-ins included.
-
-    A row of another version does not have the same columns: its scenario is driven again.
-    """
-    fields = {name: str(field.annotation) for name, field in BenchRow.model_fields.items()}
-    measured = {name: [m.unit, m.dtype.__name__] for name, m in metrics(benchmark=True).items()}
-    columns = [fields, list(Disturbance().figures()), measured]
-    return hashlib.sha256(json.dumps(columns).encode()).hexdigest()[:12]
 
 
 class IntervalEstimate(StoredResult):
@@ -277,8 +264,10 @@ class MapRecord(StoredResult):
     why_not_more: str = ""
 
 
-class BenchResult(SourcedResult):
-    """The content of ``results.json``."""
+class BenchResult(ShownResult, SourcedResult):
+    """The content of ``results.json``; its table has a row for each controller."""
+
+    shown_by: ClassVar[str] = "steersman.report.benchmark:shown_bench"
 
     format: int = FORMAT
     suite: str
@@ -294,3 +283,17 @@ class BenchResult(SourcedResult):
     plant: str = "simulator"
     left_out: dict[str, int] = Field({})
     """Scenarios that the plant cannot do, by the name of their disturbance."""
+
+    def line(self) -> str:
+        """What was driven, and what had the smallest error."""
+        found, best = self.summary, next(iter(self.summary.controllers.items()), None)
+        drove = f"{len(found.controllers)} controllers over {found.scenarios} scenarios"
+        rms = None if best is None else best[1].all.rms_m.value
+        least = "" if rms is None or best is None else f"; {best[0]} first, RMS {1e3 * rms:.3g} mm"
+        return f"BenchResult: suite {self.suite}, {drove}{least}"
+
+    def table(self) -> Columns:
+        """The summary of each controller, the best first."""
+        return columns_of(
+            {"controller": name} | one.plain() for name, one in self.summary.controllers.items()
+        )

@@ -8,7 +8,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from steersman.cli.output import note, share_bar, tell_compiling
-from steersman.cli.recording import EPISODE, driven
+from steersman.cli.recording import EPISODE
 from steersman.errors import DataError
 
 if TYPE_CHECKING:
@@ -92,8 +92,9 @@ def _of_episode(file: FilePath, episode: Episode) -> Stored:
     from steersman.config import build
     from steersman.learning.datasets import replay, store
     from steersman.learning.problem import Problem
+    from steersman.logs.driven import driven
 
-    vehicle, path = driven(file, episode)
+    vehicle, path = driven(file, episode, note)
     if path is None:
         raise DataError(f"{file}: the path that was followed is gone, so that nothing can be seen")
     config = episode.meta["config"]

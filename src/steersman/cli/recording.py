@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from steersman import files
 from steersman.cli.output import note
@@ -12,9 +12,7 @@ from steersman.errors import ConfigError, DataError
 
 if TYPE_CHECKING:
     from steersman.episode import Episode
-    from steersman.paths.base import PathComponent
     from steersman.rollout import RunConfig
-    from steersman.vehicles import Vehicle
 
 EPISODE = "episode.npz"
 
@@ -57,14 +55,13 @@ def export_mcap(source: str, folder: FilePath) -> Sequence[FilePath]:
         DataError: there is no episode, or it does not say which vehicle was driven.
     """
     from steersman.episode import load_episode
-    from steersman.logs.write import write_episode
+    from steersman.logs.driven import write_recording
 
     file = episode_file(source)
     episode = load_episode(file)
-    vehicle, path = driven(file, episode)
     whole = file.resolve()
     out = folder / f"{whole.parent.name if whole.name == EPISODE else whole.stem}.mcap"
-    write_episode(out, episode, vehicle.table, path)
+    write_recording(out, episode, note)
     note(f"{len(episode)} steps, {episode.distance:.1f} m: {file}")
     return (out,)
 
@@ -84,31 +81,3 @@ def episode_file(source: str) -> FilePath:
             )
         return place / EPISODE
     return place
-
-
-def driven(file: FilePath, episode: Episode) -> tuple[Vehicle, PathComponent | None]:
-    """Vehicle and path of an episode, by the configuration in it.
-
-    A path that cannot be made again (its file is gone) is None, with a note.
-
-    Raises:
-        DataError: the episode does not name a vehicle.
-    """
-    from steersman.config import resolve
-    from steersman.paths.base import PathComponent
-    from steersman.vehicles import Vehicle
-
-    config: Any = episode.meta.get("config", {})
-    try:
-        vehicle = resolve("vehicle", config["vehicle"])
-    except (ConfigError, DataError, KeyError, TypeError) as error:
-        raise DataError(f"{file}: does not say which vehicle was driven ({error})") from None
-    assert isinstance(vehicle, Vehicle)  # the registry holds nothing else under "vehicle"
-    try:
-        path = resolve("path", config["path"])
-        assert isinstance(path, PathComponent)
-        _ = path.table
-    except (ConfigError, DataError, KeyError, TypeError) as error:
-        note(f"{error}; the path is written as far as it was driven")
-        return vehicle, None
-    return vehicle, path

@@ -94,7 +94,7 @@ def one_outlier_costs_one_step(controller: ControllerComponent) -> Iterator[str]
 def _driving_on(count: int) -> list[Observation]:
     """A car 0.1 m beside a circle at 10 m/s: a filter takes what does not move for lost samples."""
     path, v, d = Circle(radius=50.0), 10.0, 0.1
-    kappa = path.at(0.0).kappa
+    kappa = path.at(0.0).curvature
     seen = []
     for i in range(count):
         s, velocity = 10.0 + v * DT * i, (v * (1.0 - kappa * d), 0.0)

@@ -33,7 +33,7 @@ def aside(path: PathComponent, s: float, d: float) -> tuple[float, float]:
 
 def offset(path: PathComponent, s: float, rng: np.random.Generator) -> float:
     """An offset of up to 1.5 m, or as far as the curve of radius 1 / kappa allows [m]."""
-    return float(rng.uniform(-1.0, 1.0) * min(1.5, 0.8 / max(abs(path.at(s).kappa), 1e-9)))
+    return float(rng.uniform(-1.0, 1.0) * min(1.5, 0.8 / max(abs(path.at(s).curvature), 1e-9)))
 
 
 def a_copy_lies_where_it_lay(path: PathComponent) -> Iterator[str]:
@@ -117,7 +117,7 @@ def s_is_arc_length(path: PathComponent) -> Iterator[str]:
             yield f"{ds} of arc length at s = {s:.6g} are {chord:.8g} m"
         if abs(math.remainder(slope - m.psi, math.tau)) > _PLACE:
             yield f"psi is no tangent at s = {s:.6g}"
-        if abs((b.psi - a.psi) / (2.0 * fine) - m.kappa) > 2e-5 + 1e-6 * abs(m.kappa):
+        if abs((b.psi - a.psi) / (2.0 * fine) - m.curvature) > 2e-5 + 1e-6 * abs(m.curvature):
             yield f"kappa is not the change of psi at s = {s:.6g}"
 
 
@@ -129,7 +129,7 @@ def ends_fit(path: PathComponent) -> Iterator[str]:
             yield "is closed, and its end is not its start"
         return
     ahead = (end.x + 3.0 * math.cos(end.psi), end.y + 3.0 * math.sin(end.psi))
-    if math.dist(far[:2], ahead) > _TANGENT or far.psi != end.psi or far.kappa != 0.0:
+    if math.dist(far[:2], ahead) > _TANGENT or far.psi != end.psi or far.curvature != 0.0:
         yield "does not go on straight behind its end"
     before = path.at(-2.0)
     for point, s in ((far, path.length + 3.0), (before, -2.0)):

@@ -98,12 +98,12 @@ def _driven(p: Parts, rng: np.random.Generator) -> Iterator[Row]:
         state = VehicleState(
             i * p.card.dt, at.x - 0.2 * swing * math.sin(at.psi),
             at.y + 0.2 * swing * math.cos(at.psi), at.psi + 0.03 * math.cos(0.15 * i),
-            12.0 + swing, 0.1 * swing, 12.0 * at.kappa, 0.0, 0.0, 3.0 * at.kappa,
+            12.0 + swing, 0.1 * swing, 12.0 * at.curvature, 0.0, 0.0, 3.0 * at.curvature,
             0.0, 0.0, 0.0,
         )  # fmt: skip
         place = track(state, road, 5.0 + travel * i)
         seen = sensor.observe(None, state, place, road, rng)
-        base = single(2.0 * at.kappa - 0.05 * place.lateral_error)
+        base = single(2.0 * at.curvature - 0.05 * place.lateral_error)
         overruled = single(0.1 * swing) if i % 50 == 49 else None  # noqa: PLR2004
         yield Row(i == 0, rounded(seen, p.card.waypoints), base, overruled)
 

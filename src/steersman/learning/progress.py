@@ -6,15 +6,17 @@ import csv
 import io
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path as FilePath
-from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
+from typing import Any, ClassVar, Generic, NamedTuple, TypeAlias, TypeVar
 
 from steersman.config import build, read_yaml
 from steersman.errors import DataError, TrainingDiverged
 from steersman.files import write_text
 from steersman.learning.config import TrainConfig
 from steersman.policy_file import PolicyCard, read_policy
+from steersman.shown import Shown
+from steersman.table_file import Columns, columns_of
 
 # Training is stopped when this share of the actions was at a limit for this many validations.
 _STUCK_SHARE, _STUCK_ROWS = 0.95, 3
@@ -66,19 +68,21 @@ class ImitationRow(NamedTuple):
 R = TypeVar("R", TrainRow, ImitationRow)
 
 
-@dataclass(frozen=True)
-class LearningResult(Generic[C, R]):
-    """What a training or an imitation left in its folder."""
+@dataclass(frozen=True, repr=False)
+class LearningResult(Shown, Generic[C, R]):
+    """What a training or imitation left in its folder; its table has a row for each validation."""
+
+    shown_by: ClassVar[str] = "steersman.report.shown_runs:shown_training"
 
     folder: FilePath
-    config: C = field(repr=False)
-    rows: tuple[R, ...] = field(repr=False)
+    config: C
+    rows: tuple[R, ...]
     """The record, a row for each validation."""
     best: R
     """The row of the policy that is exported."""
     policy: FilePath
     """The exported policy, ``policy.onnx``; its card is beside it."""
-    card: PolicyCard = field(repr=False)
+    card: PolicyCard
     version: int = 1
 
     @property
@@ -95,6 +99,15 @@ class LearningResult(Generic[C, R]):
     def commit(self) -> str | None:
         """Commit of the package that exported the policy; None: not known."""
         return self.card.commit
+
+    def line(self) -> str:
+        """How far it got, the validation error of its policy, and where that is."""
+        steps, error = self.rows[-1].steps, self.best.validation_error_mm
+        return f"Training: {steps:.0f} steps, validation error {error:.3g} mm; {self.policy}"
+
+    def table(self) -> Columns:
+        """The columns of ``progress.csv``."""
+        return columns_of(row._asdict() for row in self.rows)
 
     def __fspath__(self) -> str:
         """The policy's file, so that a result stands wherever a policy may be named."""

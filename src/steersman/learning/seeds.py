@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path as FilePath
-from typing import NamedTuple
+from typing import ClassVar
 
 from steersman.errors import DataError
 from steersman.learning.config import TrainConfig
 from steersman.learning.parallel import TrainingEvent, TrainingJob, train_all
 from steersman.learning.progress import TrainResult, load_training
+from steersman.shown import Shown
+from steersman.table_file import Columns, columns_of
 
 
-class TrainedSeeds(NamedTuple):
-    """Trainings that differ in their seed."""
+@dataclass(frozen=True, repr=False)
+class TrainedSeeds(Shown):
+    """Trainings that differ in their seed; their table has a row for each validation of each."""
+
+    shown_by: ClassVar[str] = "steersman.report.shown_runs:shown_seeds"
 
     trainings: Mapping[int, TrainResult]
     """Those that ended, by seed."""
@@ -35,6 +41,17 @@ class TrainedSeeds(NamedTuple):
     def policy(self) -> FilePath:
         """The policy of the best training."""
         return self.best.policy
+
+    def line(self) -> str:
+        """The seeds and the best policy."""
+        failed = f", {len(self.failed)} failed" if self.failed else ""
+        best = f"; best: {self.best.line()}" if self.trainings else ""
+        return f"TrainedSeeds: seeds {', '.join(map(str, self.trainings))}{failed}{best}"
+
+    def table(self) -> Columns:
+        """The columns of ``progress.csv`` behind the seed."""
+        rows = [(s, row) for s, result in self.trainings.items() for row in result.rows]
+        return columns_of({"seed": seed, **row._asdict()} for seed, row in rows)
 
 
 def _score(result: TrainResult) -> float:

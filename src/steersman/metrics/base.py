@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 import types
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any, ClassVar, Literal, TypeAlias, TypeVar
 
@@ -18,6 +18,7 @@ import numpy as np
 
 from steersman.config import Component, components, register
 from steersman.episode import Episode
+from steersman.errors import suggestion
 
 Value: TypeAlias = float | int | bool | None
 Values: TypeAlias = dict[str, Value]
@@ -126,3 +127,40 @@ def summarise(episode: Episode) -> dict[str, Any]:
     steady = {name: cls for name, cls in table.items() if cls.steady}
     values = evaluate(episode, table)
     return {"end": episode.end, **values, "steady": evaluate(last_half(episode), steady)}
+
+
+class DriveMetrics(Mapping[str, Value]):
+    """The figures of a drive by name, also as attributes; None where one is undefined."""
+
+    def __init__(self, episode: Episode) -> None:
+        """Compute all metrics of the drive."""
+        values = summarise(episode)
+        self.end: str = values.pop("end")
+        """How the drive ended."""
+        self.steady: Values = values.pop("steady")
+        """Those of its last half, where the start has died away."""
+        self._values: Values = values
+
+    def __getitem__(self, name: str) -> Value:
+        return self._values[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def __getattr__(self, name: str) -> Value:
+        values: Values = self.__dict__.get("_values", {})
+        if name not in values:
+            raise AttributeError(f"no metric {name!r}{suggestion(name, values)}")
+        return values[name]
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self._values]
+
+    def __repr__(self) -> str:
+        shown = {name: f"{v:.4g}" if isinstance(v, float) else v for name, v in self.items()}
+        width = max(map(len, shown))
+        rows = (f"{name:{width}}  {v}  {metrics()[name].meaning}" for name, v in shown.items())
+        return "\n".join([f"ended by {self.end}", *rows])

@@ -60,11 +60,24 @@ def write_article(
         SteersmanError: the extra ``report`` is not installed.
         DataError: the files cannot be written.
     """
-    page = web.template("article.html.j2")
+    text = article_page(sections, title, source, replay)
     folder = make_folder(out.parent / plots)
-    drawn = {figure.file: figure.svg() for section in sections for figure in section.figures}
-    for name, svg in drawn.items():
-        write_text(folder / f"{name}.svg", svg)
+    for section in sections:
+        for figure in section.figures:
+            write_text(folder / f"{figure.file}.svg", figure.svg())
+    write_text(out, text)
+    return out
+
+
+def article_page(
+    sections: Sequence[Section], title: str, source: str = "", replay: Sequence[RoadGroup] = ()
+) -> str:
+    """The page as text, self-contained.
+
+    Raises:
+        SteersmanError: the extra ``report`` is not installed.
+    """
+    page = web.template("article.html.j2")
     content = {
         "title": title,
         "style": web.resource("page.css"),
@@ -73,13 +86,11 @@ def write_article(
             | {
                 "findings": [(_WORDS[found.agrees], found.text) for found in section.findings],
                 "tables": [tables.grid(table) for table in section.tables if table.rows],
-                "figures": [drawn[figure.file] for figure in section.figures],
+                "figures": [figure.svg() for figure in section.figures],
             }
             for section in sections
         ],
         "source": source,
         "has_drives": bool(replay),
     }
-    text = web.within(LIMIT, lambda rows: page.render(**content, **web.parts(replay, None, rows)))
-    write_text(out, text)
-    return out
+    return web.within(LIMIT, lambda rows: page.render(**content, **web.parts(replay, None, rows)))

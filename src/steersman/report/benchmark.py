@@ -20,6 +20,7 @@ from steersman.report.article import LinePlot, PlotLine, Section, Table, write_a
 from steersman.report.cases import places, replays, worst
 from steersman.report.charts import HeatMap, IntervalPlot, ShownEstimate
 from steersman.report.tables import interval_text, scaled, text
+from steersman.report.view import ResultView, article_view
 
 TITLE = "Steering controllers compared"
 _GROUPS = {"all": "all scenarios", "clean": "clean", "disturbed": "disturbed"}
@@ -53,6 +54,11 @@ def write_benchmark(results: BenchResult, cases: Sequence[ShownCase], out: FileP
         f"{source}{', '.join(results.made_by)}.",
         replay=replays(results.summary, cases),
     )
+
+
+def shown_bench(results: BenchResult) -> ResultView:
+    """What a benchmark shows of itself: the page without drives."""
+    return article_view(sections(results.summary, ()), TITLE)
 
 
 def sections(summary: Summary, cases: Sequence[ShownCase]) -> list[Section]:

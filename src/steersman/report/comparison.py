@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -14,9 +15,10 @@ from steersman.report import benchmark
 from steersman.report.article import LinePlot, PlotLine, Section, Table, write_article
 from steersman.report.cases import replays
 from steersman.report.charts import IntervalPlot, ShownEstimate
-from steersman.report.html import write_report
+from steersman.report.html import render, write_report
 from steersman.report.runs import ReportRun, read_progress
 from steersman.report.tables import interval_text, scaled, text
+from steersman.report.view import ResultView, article_view
 from steersman.studies.compare.replicates import ReplicatedComparison
 from steersman.studies.compare.results import (
     AnyComparison,
@@ -153,10 +155,24 @@ def write_comparison(
     """
     if isinstance(found, DriveCompareResult):
         return write_report(_runs(found, episodes or {}), out, TITLE)
+    page = _sections(found, cases)
+    return write_article(page, out, TITLE, _source(found), replay=replays(found.summary, cases))
+
+
+def shown_comparison(found: AnyComparison) -> ResultView:
+    """What a comparison shows of itself: the page without drives."""
+    if isinstance(found, DriveCompareResult):
+        return ResultView([], partial(render, _runs(found, {}), TITLE))
+    return article_view(_sections(found, ()), TITLE, _source(found))
+
+
+def _source(found: ScenarioCompareResult) -> str:
+    return f"{found.scenarios}, seeds {', '.join(map(str, found.seeds))}."
+
+
+def _sections(found: ScenarioCompareResult, cases: Sequence[ShownCase]) -> list[Section]:
     summary = benchmark.sections(found.summary, cases)
-    page = [*_against(found), *_over_seeds(found), *_trainings(found), *summary]
-    source = f"{found.scenarios}, seeds {', '.join(map(str, found.seeds))}."
-    return write_article(page, out, TITLE, source, replay=replays(found.summary, cases))
+    return [*_against(found), *_over_seeds(found), *_trainings(found), *summary]
 
 
 def _runs(found: DriveCompareResult, episodes: Mapping[str, Episode]) -> list[ReportRun]:

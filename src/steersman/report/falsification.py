@@ -7,6 +7,7 @@ from pathlib import Path as FilePath
 
 from steersman.report.article import LinePlot, PlotLine, Section, Table, write_article
 from steersman.report.tables import text
+from steersman.report.view import ResultView, article_view
 from steersman.studies.findings import FalsifyResult, MildestFailure, SingleFailure
 
 _MM = 1e3
@@ -47,7 +48,21 @@ def write_falsification(result: FalsifyResult, out: FilePath) -> bool:
     """
     if find_spec("jinja2") is None:
         return False
-    kind, mildest = result.config["controller"]["kind"], result.mildest
+    write_article(_sections(result), out, _title(result))
+    return True
+
+
+def shown_falsification(result: FalsifyResult) -> ResultView:
+    """What a falsification shows of itself: its page."""
+    return article_view(_sections(result), _title(result))
+
+
+def _title(result: FalsifyResult) -> str:
+    return f"Falsification of {result.config['controller']['kind']}"
+
+
+def _sections(result: FalsifyResult) -> list[Section]:
+    mildest = result.mildest
     singles = Table("By bisection", single_rows(result), _SINGLE)
     sections = [
         Section(
@@ -60,8 +75,7 @@ def write_falsification(result: FalsifyResult, out: FilePath) -> bool:
     ]
     if not result.singles:
         del sections[1]
-    write_article(sections, out, f"Falsification of {kind}")
-    return True
+    return sections
 
 
 def sentences(result: FalsifyResult) -> list[str]:

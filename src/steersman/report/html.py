@@ -20,7 +20,8 @@ from steersman.report.runs import ReportRun
 from steersman.report.scene import RoadGroup
 from steersman.report.seen import recorded
 from steersman.report.signals import ShownDrive, group_by_path, look
-from steersman.report.tables import flat, text
+from steersman.report.tables import text
+from steersman.table_file import flat
 
 # Half the width of the corridor that is drawn where a run does not say how wide it was [m].
 CORRIDOR = 1.5

@@ -21,7 +21,7 @@ GREY_DOTS = 3 * len(PALETTE) - 1
 
 
 class PlotSignal(NamedTuple):
-    """A panel of the plots over time: its title and values, kept in multiples of ``step``."""
+    """A panel over time: the column of the episode (or a name of its own), kept in steps."""
 
     key: str
     title: str
@@ -33,20 +33,26 @@ class PlotSignal(NamedTuple):
 
 
 SIGNALS = (
-    PlotSignal("lateral", "lateral error", "mm", lambda e: 1e3 * e["lateral_error"], 0.01),
-    PlotSignal("heading", "heading error", "°", lambda e: np.degrees(e["heading_error"]), 1e-4),
-    PlotSignal("steer", "steering command", "-", lambda e: e["steer_command"], 1e-5),
+    PlotSignal("lateral_error", "lateral error", "mm", lambda e: 1e3 * e["lateral_error"], 0.01),
+    PlotSignal(
+        "heading_error", "heading error", "°", lambda e: np.degrees(e["heading_error"]), 1e-4
+    ),
+    PlotSignal("steer_command", "steering command", "-", lambda e: e["steer_command"], 1e-5),
     PlotSignal("speed", "speed", "m/s", lambda e: np.hypot(e["v_x"], e["v_y"]), 1e-3),
     PlotSignal("a_y", "lateral acceleration", "m/s²", lambda e: e["a_y"], 1e-3),
-    PlotSignal("course", "course error", "°", lambda e: np.degrees(e["course_error"]), 1e-4, False),
-    PlotSignal("steered", "steering, actual", "-", lambda e: e["steer"], 1e-5, False),
+    PlotSignal(
+        "course_error", "course error", "°", lambda e: np.degrees(e["course_error"]), 1e-4, False
+    ),
+    PlotSignal("steer", "steering, actual", "-", lambda e: e["steer"], 1e-5, False),
     PlotSignal("yaw_rate", "yaw rate", "°/s", lambda e: np.degrees(e["yaw_rate"]), 0.01, False),
     PlotSignal("a_x", "longitudinal acceleration", "m/s²", lambda e: e["a_x"], 1e-3, False),
     PlotSignal(
         "pedals", "throttle less brake", "-", lambda e: e["throttle"] - e["brake"], 1e-3, False
     ),
-    PlotSignal("kappa", "path curvature", "1/m", lambda e: e["curvature"], 1e-5, False),
-    PlotSignal("took", "computing time", "µs", lambda e: 1e6 * e["control_time"], 0.1, False),
+    PlotSignal("curvature", "path curvature", "1/m", lambda e: e["curvature"], 1e-5, False),
+    PlotSignal(
+        "control_time", "computing time", "µs", lambda e: 1e6 * e["control_time"], 0.1, False
+    ),
 )
 
 

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from steersman.bench.results import IntervalEstimate
 from steersman.metrics.base import metrics
 from steersman.report.runs import ReportRun, Table
+from steersman.table_file import flat
 
 NOTHING = "\u2013"
 """What stands for an undefined value: a dash."""
@@ -89,17 +90,6 @@ def cell(value: Any) -> Cell:
     """A cell of a table made elsewhere."""
     number = isinstance(value, (int, float)) and not isinstance(value, bool)
     return Cell(text(value), number=number or value is None)
-
-
-def flat(metrics: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested metrics as ``outer.inner``."""
-    out: dict[str, Any] = {}
-    for name, value in metrics.items():
-        if isinstance(value, Mapping):
-            out |= flat(value, f"{prefix}{name}.")
-        else:
-            out[f"{prefix}{name}"] = value
-    return out
 
 
 def summary_columns(runs: Sequence[ReportRun]) -> list[Column]:

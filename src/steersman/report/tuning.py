@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path as FilePath
 
+import numpy as np
+
+from steersman.config import dump
 from steersman.files import write_text
 from steersman.report.article import LinePlot, PlotLine, Section, Table, write_article
 from steersman.report.tables import scaled, text
-from steersman.studies.trials import TRADED, TuningTrial, TuningTrials
+from steersman.report.view import ResultView, article_view
+from steersman.studies.trials import TRADED, TuneResult, TuningTrial, TuningTrials
+from steersman.table_file import flat
 
 _MM, _PER_MILLE, _MINUTE = 1e3, 1e3, 60.0
 # Trials worse than the chosen one by more than this factor are left out of the drawing.
 _FAR = 10.0
 
 
-def write_tuning(trade: TuningTrials, folder: FilePath) -> bool:
+def write_tuning(result: TuneResult, trade: TuningTrials, folder: FilePath) -> bool:
     """Write ``pareto.svg`` and, if the extra ``report`` is there, ``report.html``.
 
     Args:
+        result: what was chosen.
         trade: the trials.
         folder: where to write.
 
@@ -29,17 +36,68 @@ def write_tuning(trade: TuningTrials, folder: FilePath) -> bool:
     Raises:
         DataError: the files cannot be written.
     """
-    figure = pareto_figure(trade)
     if find_spec("jinja2") is None:
-        write_text(folder / "pareto.svg", figure.svg())
+        write_text(folder / "pareto.svg", pareto_figure(trade).svg())
         return False
-    text = [chosen_words(trade), _explained(trade)]
-    section = Section(
-        "Error against steering activity", text, tables=[_table(trade)], figures=[figure]
-    )
-    title = f"Tuning of {trade.controller}"
-    write_article([section], folder / "report.html", title, plots=".")
+    page = folder / "report.html"
+    write_article(_sections(result, trade), page, f"Tuning of {trade.controller}", plots=".")
     return True
+
+
+def shown_tuning(result: TuneResult) -> ResultView:
+    """What a tuning shows of itself: its page; without its trials, the line alone."""
+    trade = result.history
+    sections = [Section(result.line())] if trade is None else _sections(result, trade)
+    return article_view(sections, f"Tuning of {result.controller.kind}")
+
+
+def _sections(result: TuneResult, trade: TuningTrials) -> list[Section]:
+    return [
+        Section("What was chosen", [chosen_words(trade)], tables=[_gains(result, trade)]),
+        Section(
+            "Error against steering activity",
+            [_explained(trade)],
+            tables=[_table(trade)],
+            figures=[pareto_figure(trade)],
+        ),
+        Section("The search", figures=[_history(trade)]),
+    ]
+
+
+def _gains(result: TuneResult, trade: TuningTrials) -> Table:
+    """Each gain before and after, and how its values and the costs rank together."""
+    before, after = flat(result.start), flat(dump(result.controller) or {})
+    costs = [row.cost_m for row in trade.trials]
+    rows = [
+        {
+            "gain": name,
+            "before": before.get(name),
+            "tuned": after.get(name),
+            "rank correlation with the cost": _rank_correlation(
+                [row.parameters.get(name, math.nan) for row in trade.trials], costs
+            ),
+        }
+        for name in trade.chosen().parameters
+    ]
+    return Table("Gains", rows)
+
+
+def _rank_correlation(values: Sequence[float], costs: Sequence[float]) -> float | None:
+    """Spearman's coefficient, -1 to 1; None where nothing differs."""
+    if min(len(set(values)), len(set(costs))) <= 1:
+        return None
+    from scipy.stats import spearmanr
+
+    return float(spearmanr(values, costs).statistic)
+
+
+def _history(trade: TuningTrials) -> LinePlot:
+    numbers, costs = zip(*((row.number, _MM * row.cost_m) for row in trade.trials), strict=True)
+    lines = [
+        PlotLine("trials", numbers, costs, dots=2.5),
+        PlotLine("least so far", numbers, np.minimum.accumulate(costs)),
+    ]
+    return LinePlot("history", "Cost of each trial", "trial", "cost [mm]", lines, log=True)
 
 
 def pareto_figure(trade: TuningTrials) -> LinePlot:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from steersman.config import dump
 from steersman.provenance import provenance
-from steersman.stored import SourcedResult, StoredResult
+from steersman.stored import ShownResult, SourcedResult, StoredResult
 from steersman.studies.hunt import Bracket
 from steersman.studies.perturbation import AXES, shown
 from steersman.studies.tried import Tried
+from steersman.table_file import Columns, columns_of
 
 if TYPE_CHECKING:
     from steersman.studies.falsify import FalsifyConfig
@@ -37,8 +38,10 @@ class SingleFailure(StoredResult):
     """Of the two values."""
 
 
-class FalsifyResult(SourcedResult):
-    """The content of ``falsify.json``."""
+class FalsifyResult(ShownResult, SourcedResult):
+    """The content of ``falsify.json``; its table has a row for each drive."""
+
+    shown_by: ClassVar[str] = "steersman.report.falsification:shown_falsification"
 
     falsified: bool
     """Whether anything failed."""
@@ -58,6 +61,18 @@ class FalsifyResult(SourcedResult):
     """The nominal drive first."""
     config: dict[str, Any]
     plant: str
+
+    def line(self) -> str:
+        """The mildest failure, or that there was none."""
+        found = "does not fail up to"
+        if self.mildest is not None:
+            found = f"fails ({self.mildest.end}) at"
+        kind, norm = self.config["controller"]["kind"], self.safe_radius
+        return f"FalsifyResult: {kind} {found} norm {norm:.3g}, {len(self.drives)} drives"
+
+    def table(self) -> Columns:
+        """All drives, the nominal one first."""
+        return columns_of(row.plain() for row in self.drives)
 
 
 def findings(

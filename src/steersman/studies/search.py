@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path as FilePath
-from typing import Any, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 from steersman.config import build, dump, to_yaml
 from steersman.engine.jobs import Workers
@@ -24,9 +24,10 @@ from steersman.files import alone, make_folder, write_text
 from steersman.learning import checkpoint
 from steersman.learning.config import TrainConfig
 from steersman.provenance import provenance
-from steersman.stored import SourcedResult, StoredResult
+from steersman.stored import ShownResult, SourcedResult, StoredResult
 from steersman.studies.folder import open_study, same_study, sampler
 from steersman.studies.search_space import SearchConfig, SettingRange, applied
+from steersman.table_file import Columns, columns_of
 
 # Called with the trial, what it trains now in words, and the best score so far [m].
 Progress = Callable[[int, str, float], None]
@@ -47,8 +48,10 @@ class SearchTrial(StoredResult):
     """Of each seed."""
 
 
-class SearchResult(SourcedResult):
-    """The content of ``search.json``."""
+class SearchResult(ShownResult, SourcedResult):
+    """The content of ``search.json``; its table has a row for each trial."""
+
+    shown_by: ClassVar[str] = "steersman.report.shown_runs:shown_search"
 
     best: SearchTrial
     trials: list[SearchTrial]
@@ -57,6 +60,16 @@ class SearchResult(SourcedResult):
     ranges: dict[str, str]
     pressed: list[str]
     """Settings whose best value lies within 2 % of an end of its range."""
+
+    def line(self) -> str:
+        """The best trial."""
+        best = ", ".join(f"{name}={value}" for name, value in self.best.settings.items())
+        score = "" if self.best.score_m is None else f", score {1e3 * self.best.score_m:.3g} mm"
+        return f"SearchResult: {len(self.trials)} trials, best {best}{score}"
+
+    def table(self) -> Columns:
+        """All trials in the order in which they began."""
+        return columns_of(trial.plain() for trial in self.trials)
 
 
 class _TrialTraining(NamedTuple):

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any
+from pathlib import Path as FilePath
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field
 
 from steersman.config import Of
 from steersman.controllers.base import ControllerComponent
-from steersman.stored import SourcedResult, StoredResult
+from steersman.stored import ShownResult, SourcedResult, StoredResult
 from steersman.studies.objective import TrialCost
+from steersman.table_file import Columns, columns_of
 
 # The two figures of which a trial on the front cannot have less of both.
 TRADED = ("rms_error_m", "steer_change_rms")
@@ -57,8 +59,10 @@ class TuningTrials(StoredResult):
         return next(row for row in self.trials if row.chosen)
 
 
-class TuneResult(SourcedResult):
-    """The content of ``result.json``."""
+class TuneResult(ShownResult, SourcedResult):
+    """The content of ``result.json``; its table has a row for each trial."""
+
+    shown_by: ClassVar[str] = "steersman.report.tuning:shown_tuning"
 
     controller: Annotated[ControllerComponent, Of("controller")]
     """As tuned."""
@@ -76,6 +80,30 @@ class TuneResult(SourcedResult):
     widened: list[str] = Field([])
     """Ranges that were widened, as sentences."""
     seed: int
+    history: TuningTrials | None = Field(None, exclude=True)
+    """The trials, which ``pareto.json`` beside it holds."""
+
+    @classmethod
+    def read(cls, file: FilePath) -> Self:
+        """The result that a file holds, with the trials of ``pareto.json`` beside it.
+
+        Raises:
+            DataError: a file is missing, not JSON, or of another form.
+        """
+        found, beside = super().read(file), file.with_name("pareto.json")
+        if not beside.is_file():
+            return found
+        return found.model_copy(update={"history": TuningTrials.read(beside)})
+
+    def line(self) -> str:
+        """The controller, and its cost before and after."""
+        first, last = (f"{1e3 * v:.3g} mm" for v in (self.cost_of_first_trial_m, self.cost_m))
+        what = f"{self.controller.kind} after {self.trials} trials"
+        return f"TuneResult: {what}, cost {last}; of the first trial {first}"
+
+    def table(self) -> Columns:
+        """All trials in the order in which they were made."""
+        return columns_of(trial.plain() for trial in (self.history.trials if self.history else []))
 
 
 def front(rows: Sequence[TrialFigures]) -> list[int]:

@@ -260,6 +260,7 @@ def _write(config: TuneConfig, out: FilePath, best: ControllerComponent, study: 
         smoothness=config.smoothness,
         widened=widened(config.controller, ranges(config.controller, _tried(_finished(study)))),
         seed=config.seed,
+        history=traded,
         **provenance(),
     )
     result.write(out / "result.json")

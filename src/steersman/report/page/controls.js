@@ -48,7 +48,7 @@ function doing(drive, row) {
 function valuesAt(drive, state) {
   const row = drive.row(state.axis, state.cursor);
   if (!drive.length) return "nothing recorded";
-  const d = drive.value("lateral", row);
+  const d = drive.value("lateral_error", row);
   const side = Math.abs(d) < 0.05 ? "" : d > 0 ? " left" : " right";
   const words = [
     `${drive.value("speed", row).toFixed(1)} m/s`,

@@ -57,7 +57,7 @@ class Drive {
 
   // Where the car is; its distance from the path drawn so many times as large.
   pose(row, magnify = 1) {
-    const extra = ((magnify - 1) * this.value("lateral", row)) / 1000;
+    const extra = ((magnify - 1) * this.value("lateral_error", row)) / 1000;
     const tangent = this.value("tangent", row);
     return {
       x: this.value("x", row) - extra * Math.sin(tangent),

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
-from typing import Any, Literal, TypeAlias
+from typing import Any, ClassVar, Literal, TypeAlias
 
 from pydantic import Field
 
 from steersman.bench.along import AlongComparison
-from steersman.bench.pairs import PairedComparison
+from steersman.bench.pairs import Contrast, PairedComparison
 from steersman.bench.results import Summary
 from steersman.policy_file import locate, read_policy
-from steersman.stored import SourcedResult, StoredResult, optional
+from steersman.stored import ShownResult, SourcedResult, StoredResult, optional
 from steersman.studies.compare.contestants import Contestant
 from steersman.studies.compare.replicates import ReplicatedComparison
+from steersman.table_file import Columns, columns_of
 
 FORMAT = 1
 _LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
@@ -44,13 +45,40 @@ class ContestantRecord(StoredResult):
     training: TrainingRecord | None = optional()
 
 
-class CompareResult(SourcedResult):
-    """What every comparison has; the first contestant is what the others are compared with."""
+class CompareResult(ShownResult, SourcedResult):
+    """What every comparison has; the first contestant is what the others are compared with.
+
+    Its table has a row for each figure of each comparison.
+    """
+
+    shown_by: ClassVar[str] = "steersman.report.comparison:shown_comparison"
 
     format: int = FORMAT
     sort: str
     contestants: list[ContestantRecord]
     warnings: list[str] = Field([])
+
+    def contrasts(self) -> list[tuple[str, Mapping[str, Contrast]]]:
+        """Each contestant but the first, with the figures that set it against the first."""
+        raise NotImplementedError
+
+    def line(self) -> str:
+        """The contestants, and their RMS errors over that of the first."""
+        found = []
+        for name, figures in self.contrasts():
+            ratio = figures["rms_m"].ratio.value if "rms_m" in figures else None
+            found.append(f"{name} {'unknown' if ratio is None else f'{ratio:.3g}'}")
+        base = self.contestants[0].name
+        return f"{type(self).__name__}: RMS error over that of {base}: {', '.join(found)}"
+
+    def table(self) -> Columns:
+        """In SI units; ``base`` is the first contestant, ``own`` the other."""
+        base = self.contestants[0].name
+        return columns_of(
+            {"base_name": base, "own_name": name, "figure": figure, **one.plain()}
+            for name, figures in self.contrasts()
+            for figure, one in figures.items()
+        )
 
 
 class ScenarioCompareResult(CompareResult):
@@ -65,6 +93,10 @@ class ScenarioCompareResult(CompareResult):
     replicates: ReplicatedComparison | None = optional()
     """Over all seeds, if a contestant has several; ``comparisons`` and ``summary`` show the seed
     of median error."""
+
+    def contrasts(self) -> list[tuple[str, Mapping[str, Contrast]]]:
+        """By name of :data:`steersman.bench.pairs.FIGURES`."""
+        return [(one.name, one.figures) for one in self.comparisons]
 
 
 class FieldDifference(StoredResult):
@@ -92,6 +124,10 @@ class DriveCompareResult(CompareResult):
     metrics: dict[str, dict[str, Any]]
     """Of each drive by name, of :func:`steersman.metrics.base.summarise`."""
     comparisons: list[DriveComparison]
+
+    def contrasts(self) -> list[tuple[str, Mapping[str, Contrast]]]:
+        """By name of :data:`steersman.bench.along.ALONG`."""
+        return [(one.name, one.along.figures if one.along else {}) for one in self.comparisons]
 
 
 AnyComparison: TypeAlias = ScenarioCompareResult | DriveCompareResult
