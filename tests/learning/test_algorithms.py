@@ -26,7 +26,7 @@ from steersman.learning.algorithms.sac import Sac
 from steersman.learning.algorithms.td3 import Td3
 from steersman.learning.arithmetic import arithmetic
 from steersman.learning.config import TrainConfig, train_config
-from steersman.learning.ddpg_update import CompiledDDPG, draw_batches
+from steersman.learning.ddpg_update import CompiledDDPG
 from steersman.learning.export import network
 from steersman.learning.progress import TrainRow, check_progress
 from steersman.learning.train import train
@@ -164,7 +164,7 @@ def mirrored(agent: Any) -> Any:
     buffer = agent.replay_buffer
     buffer.actions[:] = 0.5
     if isinstance(agent, CompiledDDPG):
-        return draw_batches(buffer, 20, 100, agent.mirror).sides < 0.0
+        return buffer.draw(20, 100).sides < 0.0
     batches = [buffer.sample(100) for _ in range(20)]
     for batch in batches:
         factors = 1.0 if agent.mirror is None else np.where(batch.actions < 0, agent.mirror, 1.0)

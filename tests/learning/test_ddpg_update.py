@@ -13,6 +13,7 @@ from stable_baselines3.common.logger import Logger
 
 from steersman.learning import ddpg_update, networks
 from steersman.learning.ddpg_update import CompiledDDPG
+from steersman.learning.replay_buffer import DemonstrationBuffer
 
 NETS = ("actor", "critic", "actor_target", "critic_target")
 FEATURES = 7
@@ -33,6 +34,7 @@ def agent(cls: type[DDPG], hidden: tuple[int, int] = (24, 16), rate: float = 1e-
     made = cls(
         "MlpPolicy", Nothing(), buffer_size=300, batch_size=32, learning_rate=rate, seed=3,
         policy_kwargs={"net_arch": list(hidden)}, gamma=0.95, device="cpu",
+        replay_buffer_class=DemonstrationBuffer,
     )  # fmt: skip
     made.set_logger(Logger(None, []))
     return made
@@ -173,10 +175,10 @@ def test_learning_from_mirror_images_is_learning_from_a_mirrored_buffer() -> Non
     for made, side in ((plain, 1.0), (mirrored, -1.0)):
         nets = made._flat()
         draw = networks.Draw(rows, envs, np.full((3, 32), side, np.float32), factors)
-        rates = np.full(3, 1e-3)
-        ddpg_update.update(
-            made._arrays, draw, rates, nets, made.moments, made.gamma, made.tau, made._scratch
+        numbers = ddpg_update.UpdateNumbers(
+            np.full(3, 1e-3), np.zeros(3), False, made.gamma, made.tau
         )
+        ddpg_update.update(made._arrays, draw, numbers, nets, made.moments, made._scratch)
     assert all(np.array_equal(weights(plain)[name], weights(mirrored)[name]) for name in NETS)
 
 
@@ -184,6 +186,7 @@ COMPILED = (
     *(networks._bias_relu, networks.forward, networks.back_hidden, networks.weight_gradients),
     *(networks.adam, networks.descend, networks.gather, networks.follow),
     *(ddpg_update._targets, ddpg_update._improve_critic, ddpg_update._improve_actor),
+    ddpg_update._imitate,
 )
 
 

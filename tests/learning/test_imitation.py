@@ -16,9 +16,10 @@ from steersman.controllers.policy import Policy
 from steersman.errors import ConfigError, DataError, TrainingDiverged
 from steersman.learning.fleet import FleetDriver
 from steersman.learning.imitation.config import FitConfig, ImitationConfig
-from steersman.learning.imitation.driving import Dataset, Drives, Driving, collect
-from steersman.learning.imitation.fit import Regression, update
+from steersman.learning.imitation.driving import Drives, Driving, collect
+from steersman.learning.imitation.fit import Regression
 from steersman.learning.imitation.imitate import imitate
+from steersman.learning.least_squares import Dataset, update
 from steersman.learning.networks import Draw
 from steersman.learning.progress import ImitationRow, learned
 from steersman.learning.validate import Validator
@@ -233,7 +234,13 @@ def test_updates_are_those_of_torch(huber: float | None) -> None:
     draw = Draw(rows_, np.zeros_like(rows_), sides, factors)
     bound = np.inf if huber is None else huber
     loss = update(
-        data, draw, np.full(40, 1e-3), regression.net, regression.moments, bound, regression._work
+        data,
+        draw,
+        np.full(40, 1e-3),
+        regression.net,
+        regression.moments,
+        bound,
+        regression._fit.work,
     )
     assert loss == pytest.approx(expected, rel=1e-5)
     for ours, theirs in zip(regression.net[:6], parts, strict=True):

@@ -12,7 +12,8 @@ from stable_baselines3 import SAC, TD3
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
-from steersman.learning.off_policy import MirroredReplayBuffer, OffPolicySteering, steering
+from steersman.learning.off_policy import OffPolicySteering, steering
+from steersman.learning.replay_buffer import DemonstrationBuffer
 
 from .test_ddpg_update import FEATURES, Nothing, fill
 
@@ -23,7 +24,7 @@ FACTORS = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0, -1.0], np.float32)
 def agent(cls: type[OffPolicyAlgorithm], **own: Any) -> Any:
     made = cls(
         "MlpPolicy", Nothing(), buffer_size=300, batch_size=32, learning_rate=1e-3, seed=3,
-        replay_buffer_class=MirroredReplayBuffer, policy_kwargs={"net_arch": [24, 16]},
+        replay_buffer_class=DemonstrationBuffer, policy_kwargs={"net_arch": [24, 16]},
         gamma=0.95, device="cpu", **own,
     )  # fmt: skip
     made.set_logger(Logger(None, []))
@@ -101,7 +102,7 @@ def test_mirror_images_learn_as_if_they_had_been_driven(
     draws = np.random.randint
 
     def tails(low: int, high: Any = None, size: Any = None) -> Any:
-        return np.zeros(size, np.int64) if size == (32, 1) else draws(low, high, size=size)
+        return np.zeros(size, np.int64) if size == (1, 32) else draws(low, high, size=size)
 
     monkeypatch.setattr(np.random, "randint", tails)
     for made in (plain, mirrored):

@@ -17,7 +17,7 @@ from steersman.learning.imitation.config import LearningConfig
 from steersman.learning.snapshot import Tree
 
 FOLDER = "resume"
-_FORMAT = 2
+_FORMAT = 3
 _KEPT = 2
 _WRITTEN = ("checkpoints", "data", FOLDER, "tensorboard")
 _FILES = ("config.yaml", "progress.csv", "policy.onnx", "policy.json")

@@ -30,7 +30,8 @@ from steersman.learning.networks import (
     make_moments,
     make_work,
 )
-from steersman.learning.off_policy import BUFFER_ARRAYS, OffPolicySteering
+from steersman.learning.off_policy import OffPolicySteering
+from steersman.learning.replay_buffer import BUFFER_ARRAYS
 from steersman.learning.sb3 import lay_flat
 
 _ONE = np.float32(1.0)
@@ -46,6 +47,20 @@ class Batch(NamedTuple):
     rewards: Any
     dones: Any
     timeouts: Any
+    demonstrated: Any
+
+
+class UpdateNumbers(NamedTuple):
+    """The numbers of several updates."""
+
+    rates: Any
+    """(updates,) learning rates."""
+    imitation: Any
+    """(updates,) weights of the imitation loss."""
+    q_filter: bool
+    """Whether only demonstrated actions count that the critic rates above the actor's."""
+    gamma: float
+    tau: float
 
 
 class Scratch(NamedTuple):
@@ -55,26 +70,6 @@ class Scratch(NamedTuple):
     critic: Work
     target: Any
     """(B, 1) bootstrapped values."""
-
-
-def draw_batches(buffer: Any, count: int, batch: int, mirror: Any) -> Draw:
-    """Transitions for ``count`` updates, drawn as SB3's buffer draws them.
-
-    So the same seed trains on the same batches. ``mirror`` holds the factor on each feature, or is
-    None for no mirror images; otherwise half of each batch is mirrored.
-    """
-    size = buffer.buffer_size if buffer.full else buffer.pos
-    rows = np.empty((count, batch), np.int64)
-    envs = np.empty((count, batch), np.int64)
-    for k in range(count):
-        rows[k] = np.random.randint(0, size, size=batch)  # noqa: NPY002 - SB3's generator
-        envs[k] = np.random.randint(0, high=buffer.n_envs, size=(batch,))  # noqa: NPY002
-    sides = np.ones(rows.shape, np.float32)
-    if mirror is None:
-        return Draw(rows, envs, sides, np.ones(buffer.obs_shape, np.float32))
-    coins = np.random.randint(0, 2, size=rows.shape)  # noqa: NPY002 - SB3's generator
-    sides[coins == 0] = -1.0
-    return Draw(rows, envs, sides, mirror)
 
 
 @fast
@@ -122,7 +117,40 @@ def _improve_critic(
 
 
 @fast
-def _improve_actor(actor: Net, critic: Net, moments: Moments, rate: float, work: Scratch) -> float:
+def _imitate(
+    batch: Batch, draw: Draw, k: int, critic: Net, numbers: UpdateNumbers, work: Scratch
+) -> None:
+    """Add the gradient of weight * mean (mu(s) - demonstrated action)^2 to ``work.actor.dy``.
+
+    ``work`` holds mu(s) and Q(s, mu(s)). As ``imitation_loss.imitate`` does for other algorithms.
+    """
+    of_actor, of_critic, own = work.actor, work.critic, work.target
+    n, count, weight = of_actor.x.shape[1], of_actor.x.shape[0], numbers.imitation[k]
+    if numbers.q_filter:
+        own[:] = of_critic.y
+        for i in range(count):
+            wanted = batch.demonstrated[draw.rows[k, i], draw.envs[k, i]] * draw.sides[k, i]
+            of_critic.x[i, n] = np.float32(0.0) if np.isnan(wanted) else wanted
+        forward(critic, of_critic)
+    for i in range(count):
+        wanted = batch.demonstrated[draw.rows[k, i], draw.envs[k, i]] * draw.sides[k, i]
+        if not np.isnan(wanted) and (not numbers.q_filter or of_critic.y[i, 0] > own[i, 0]):
+            y = of_actor.y[i, 0]
+            slope = np.float32(2.0 * weight / count) * (y - wanted)
+            of_actor.dy[i, 0] += slope * (_ONE - y * y)
+
+
+@fast
+def _improve_actor(
+    batch: Batch,
+    draw: Draw,
+    k: int,
+    actor: Net,
+    critic: Net,
+    moments: Moments,
+    numbers: UpdateNumbers,
+    work: Scratch,
+) -> float:
     """Ascend Q(s, mu(s)) for the observations in ``work.actor.x``; returns the loss, -mean Q."""
     of_actor, of_critic = work.actor, work.critic
     n, count = of_actor.x.shape[1], of_actor.x.shape[0]
@@ -140,7 +168,9 @@ def _improve_actor(actor: Net, critic: Net, moments: Moments, rate: float, work:
             slope += of_critic.d1[i, j] * critic.w1[j, n]
         loss -= of_critic.y[i, 0] / count
         of_actor.dy[i, 0] = slope * (_ONE - of_actor.y[i, 0] * of_actor.y[i, 0])
-    descend(actor, moments, rate, of_actor)
+    if numbers.imitation[k] > 0.0:
+        _imitate(batch, draw, k, critic, numbers, work)
+    descend(actor, moments, numbers.rates[k], of_actor)
     return loss
 
 
@@ -148,25 +178,24 @@ def _improve_actor(actor: Net, critic: Net, moments: Moments, rate: float, work:
 def update(
     batch: Batch,
     draw: Draw,
-    rates: Any,
+    numbers: UpdateNumbers,
     nets: tuple[Net, Net, Net, Net],
     moments: tuple[Moments, Moments],
-    gamma: float,
-    tau: float,
     work: Scratch,
 ) -> tuple[float, float, float]:
-    """Several updates from the transitions of ``draw``, with learning ``rates`` (updates,).
+    """Several updates from the transitions of ``draw``.
 
     ``nets`` are actor, critic and their targets; ``moments`` the actor's and the critic's.
-    Returns the mean actor loss, critic loss and value.
+    Returns the mean actor loss (without imitation), critic loss and value.
     """
     actor, critic, actor_target, critic_target = nets
     actor_loss, critic_loss, value = 0.0, 0.0, 0.0
-    steps = rates.shape[0]
+    steps, tau = numbers.rates.shape[0], numbers.tau
     for k in range(steps):
-        _targets(batch, draw, k, actor_target, critic_target, gamma, work)
-        loss, mean = _improve_critic(batch, draw, k, critic, moments[1], rates[k], work)
-        actor_loss += _improve_actor(actor, critic, moments[0], rates[k], work) / steps
+        _targets(batch, draw, k, actor_target, critic_target, numbers.gamma, work)
+        loss, mean = _improve_critic(batch, draw, k, critic, moments[1], numbers.rates[k], work)
+        lost = _improve_actor(batch, draw, k, actor, critic, moments[0], numbers, work)
+        actor_loss += lost / steps
         critic_loss += loss / steps
         value += mean / steps
         follow(critic_target.flat, critic.flat, tau)
@@ -189,22 +218,22 @@ class CompiledDDPG(OffPolicySteering, DDPG):
             size = self.batch_size
             works = make_work(actor, size), make_work(critic, size)
             self._scratch = Scratch(*works, np.zeros((size, 1), np.float32))
-            self._arrays = Batch(*(getattr(self.replay_buffer, name) for name in BUFFER_ARRAYS))
+            self._arrays = Batch(*(getattr(self.buffer, name) for name in BUFFER_ARRAYS))
         return self._nets
 
     def train(self, gradient_steps: int, batch_size: int = 100) -> None:
         """Update ``gradient_steps`` times, as SB3's TD3.train with DDPG's settings."""
-        nets = self._flat()
-        self.last_losses = update(
-            self._arrays,
-            draw_batches(self.replay_buffer, gradient_steps, batch_size, self.mirror),
-            np.array([self.rate_at(k, gradient_steps) for k in range(gradient_steps)]),
-            nets,
-            self.moments,
+        nets, turns = self._flat(), [(k, gradient_steps) for k in range(gradient_steps)]
+        loss = self.demonstration.loss
+        numbers = UpdateNumbers(
+            np.array([self.rate_at(*turn) for turn in turns]),
+            np.array([self.loss_weight_at(*turn) for turn in turns]),
+            loss is not None and loss.q_filter,
             self.gamma,
             self.tau,
-            self._scratch,
         )
+        draw = self.buffer.draw(gradient_steps, batch_size)
+        self.last_losses = update(self._arrays, draw, numbers, nets, self.moments, self._scratch)
         self._n_updates += gradient_steps
 
     def actor_net(self) -> Net:

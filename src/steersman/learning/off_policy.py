@@ -12,90 +12,109 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-import torch
-from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
-from stable_baselines3.common.type_aliases import ReplayBufferSamples
 from stable_baselines3.common.utils import update_learning_rate
 
 from steersman.errors import DataError
+from steersman.kernels import observe
+from steersman.kernels import vehicle as car
+from steersman.kernels import world as kernel
+from steersman.learning.demonstration import Demonstration
+from steersman.learning.imitation_loss import imitate
 from steersman.learning.noise import OrnsteinUhlenbeck
+from steersman.learning.replay_buffer import BUFFER_ARRAYS, DemonstrationBuffer
 from steersman.learning.sb3 import AT_LIMIT, SteeringAgent, start_at_zero
 from steersman.learning.snapshot import Tree, fill
+from steersman.learning.warm_start import Opening
 
 if TYPE_CHECKING:
     from steersman.learning.algorithms.base import OffPolicyComponent
     from steersman.learning.config import TrainConfig
     from steersman.learning.vec_env import PathFollowingVecEnv
 
-BUFFER_ARRAYS = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
-
-
-class MirroredReplayBuffer(ReplayBuffer):
-    """A replay buffer that mirrors half of each batch, left for right.
-
-    Attributes:
-        mirror: (features,) factor on each feature that mirrors it; None: no mirror images.
-    """
-
-    mirror: Any = None
-
-    def sample(self, batch_size: int, env: Any = None) -> ReplayBufferSamples:
-        """A batch; which half is mirrored is drawn after it, from the same generator."""
-        data = super().sample(batch_size, env)
-        if self.mirror is None:
-            return data
-        coins = np.random.randint(0, 2, size=(batch_size, 1))  # noqa: NPY002 - SB3's generator
-        mirrored = torch.from_numpy(coins == 0)
-        factors = torch.where(mirrored, torch.from_numpy(self.mirror), 1.0)
-        return data._replace(
-            observations=data.observations * factors,
-            next_observations=data.next_observations * factors,
-            actions=torch.where(mirrored, -data.actions, data.actions),
-        )
+_BUFFER_NUMBERS = ("pos", "full", "kept", "share")
 
 
 class OffPolicySteering(SteeringAgent, OffPolicyAlgorithm):
-    """An off-policy algorithm in which the demonstrator sometimes acts.
+    """An off-policy algorithm that learns beside a demonstrator.
 
     Attributes:
         p_action: gives the present probability of the demonstrator's action.
         mirror: (features,) factor on each feature that mirrors it, float32; None: no mirror images.
-        store_agent: keep the agent's own action in the buffer instead of the executed one.
+        demonstration: what is done with the demonstrator's actions.
+        total: environment steps of the training.
+        opening: the warm start; None: none.
+        opened: stages of the warm start that are done.
+        taken: (vehicles,) where the demonstrator steers since the car was unsafe.
     """
 
     p_action: Callable[[], float] = staticmethod(lambda: 0.0)
-    store_agent = False
+    demonstration = Demonstration(enabled=False)
+    total = 1
     mirror: Any = None
     demonstrable = True
-    counters = (*SteeringAgent.counters, "_episode_num", "demonstrated_steps")
+    opening: Opening | None = None
+    opened = 0
+    counters = (*SteeringAgent.counters, "_episode_num", "demonstrated_steps", "opened")
     _turn = (0, 1)
     critic: Any
     _values: Any = None
 
     def prepare_demonstration(
-        self, p_action: Callable[[], float], *, store_agent: bool, seed: int
+        self, demonstration: Demonstration, opening: Opening | None, total: int, seed: int
     ) -> None:
-        """Set when the demonstrator acts; to be called before learning."""
-        self.p_action, self.store_agent = p_action, store_agent
+        """Set what the demonstrator does; to be called before learning."""
+        self.demonstration, self.opening, self.total = demonstration, opening, total
+        if demonstration.enabled:
+            self.p_action = lambda: demonstration.p_action.value(self.num_timesteps, total)
         self.demo_rng = np.random.default_rng(seed)
+        self.taken = np.zeros(self.n_envs, dtype=bool)
+
+    @property
+    def buffer(self) -> DemonstrationBuffer:
+        """The replay buffer."""
+        return cast(DemonstrationBuffer, self.replay_buffer)
 
     def _sample_action(
         self, learning_starts: int, action_noise: ActionNoise | None = None, n_envs: int = 1
     ) -> tuple[Any, Any]:
-        """Executed and stored action, each (n_envs, 1); the demonstrator acts with p_action."""
+        """Executed and stored action, each (n_envs, 1), the agent's or the demonstrator's."""
+        shows = False
+        if self.opening is not None:
+            self.opening.advance(self)
+            shows, learning_starts = self.opening.demonstrates(self.num_timesteps), 0
         own = self._own_action(learning_starts, action_noise, n_envs)
         self.sampled_steps += n_envs
-        takes = self.demo_rng.random(n_envs) < self.p_action()
-        env = cast("PathFollowingVecEnv", self.env)
+        env, given = cast("PathFollowingVecEnv", self.env), self.demonstration
+        shown = env.demonstrated_actions() if given.enabled else np.full(n_envs, np.nan)
+        takes = self._takes(env, np.abs(shown - own[:, 0])) | shows
         env.choice = own[:, 0], takes
+        everywhere = given.loss is None or given.loss.states == "all"
+        opens = self.opening is not None and self.num_timesteps < self.opening.steps
+        self.buffer.label = np.where(takes | (everywhere or opens), shown, np.nan)
         if not takes.any():
             return own, own
         executed = own.copy()
-        executed[takes, 0] = env.demonstrated_actions()[takes]
+        executed[takes, 0] = shown[takes]
+        if shows:
+            assert given.warm_start is not None
+            noise = given.warm_start.noise * self.demo_rng.standard_normal((n_envs, 1))
+            executed = np.clip(executed + noise, -1.0, 1.0).astype(np.float32)
         self.demonstrated_steps += int(takes.sum())
-        return executed, own if self.store_agent else executed
+        return executed, own if given.store == "agent" else executed
+
+    def _takes(self, env: PathFollowingVecEnv, gap: Any) -> Any:
+        """Where the demonstrator acts, (n,): by chance, or since the car is unsafe."""
+        takes = self.demo_rng.random(len(gap)) < self.p_action()
+        if self.demonstration.takeover is not None:
+            fleet = env.driver.fleet
+            slip = np.arctan2(fleet.state[:, car.VY], fleet.state[:, car.VX])
+            self.taken &= fleet.clock[:, kernel.CLOCK_STEPS] > 0.0
+            lateral = fleet.tracking[:, observe.D]
+            self.taken = self.demonstration.takeover.judged(self.taken, lateral, slip, gap)
+            takes |= self.taken
+        return takes
 
     def _own_action(
         self, learning_starts: int, action_noise: ActionNoise | None, n_envs: int
@@ -112,9 +131,21 @@ class OffPolicySteering(SteeringAgent, OffPolicyAlgorithm):
                 return np.clip(mean + action_noise(), -1.0, 1.0).astype(np.float32)
         return super()._sample_action(learning_starts, action_noise, n_envs)[1]
 
+    def step_at(self, k: int, gradient_steps: int) -> float:
+        """Environment steps at update ``k``; updates are spread evenly over those collected."""
+        since = self.n_envs * (1.0 - (k + 1) / gradient_steps)
+        return max(self.num_timesteps - since, 0.0)
+
     def rate_at(self, k: int, gradient_steps: int) -> float:
-        """Learning rate of update ``k``; updates are spread evenly over the steps collected."""
-        return self._rate(self.num_timesteps - self.n_envs * (1.0 - (k + 1) / gradient_steps))
+        """Learning rate of update ``k``."""
+        return self._rate(self.step_at(k, gradient_steps))
+
+    def loss_weight_at(self, k: int, gradient_steps: int) -> float:
+        """Weight of the imitation loss in update ``k``."""
+        loss = self.demonstration.loss
+        return (
+            0.0 if loss is None else loss.weight.value(self.step_at(k, gradient_steps), self.total)
+        )
 
     def _update_learning_rate(self, optimizers: Any) -> None:
         """SB3 calls this once before each update."""
@@ -126,6 +157,8 @@ class OffPolicySteering(SteeringAgent, OffPolicyAlgorithm):
         """SB3's updates, one by one."""
         if self._values is None:
             self.critic.register_forward_hook(self._watch)
+            if self.demonstration.loss is not None:
+                cast(Any, self.policy.actor).optimizer.register_step_pre_hook(self._imitate)
         for k in range(gradient_steps):
             self._turn = k, gradient_steps
             super().train(1, batch_size)
@@ -141,9 +174,16 @@ class OffPolicySteering(SteeringAgent, OffPolicyAlgorithm):
         """Keep the first critic's values of the last batch."""
         self._values = values[0].detach()
 
+    def _imitate(self, *_: Any) -> None:
+        """Add the imitation loss to the gradient of the actor's own loss, before its step."""
+        loss = self.demonstration.loss
+        assert loss is not None
+        weight = self.loss_weight_at(*self._turn)
+        imitate(self.policy, self.critic, self.buffer.last, weight, q_filter=loss.q_filter)
+
     def _stored(self, size: int) -> dict[str, Any]:
         """The filled part of the replay buffer."""
-        return {name: getattr(self.replay_buffer, name)[:size] for name in BUFFER_ARRAYS}
+        return {name: getattr(self.buffer, name)[:size] for name in BUFFER_ARRAYS}
 
     def _generators(self) -> dict[str, Any]:
         """Generators of noise, of the demonstrator's turns and of random actions."""
@@ -157,13 +197,13 @@ class OffPolicySteering(SteeringAgent, OffPolicyAlgorithm):
 
     def snapshot(self) -> dict[str, Any]:
         """All that changes from step to step, the environment apart; taken between two steps."""
-        buffer, noise = self.replay_buffer, cast(OrnsteinUhlenbeck | None, self.action_noise)
-        assert buffer is not None
-        size = buffer.buffer_size if buffer.full else buffer.pos
+        buffer, noise = self.buffer, cast(OrnsteinUhlenbeck | None, self.action_noise)
+        size = buffer.size()
         return {
             **super().snapshot(),
-            "buffer": {"position": buffer.pos, "full": buffer.full, "size": size}
-            | self._stored(size),
+            "buffer": {name: getattr(buffer, name) for name in _BUFFER_NUMBERS}
+            | {"size": size, **self._stored(size)},
+            "taken": self.taken,
             "noise": None if noise is None else noise.state,
             "generators": {name: bits.state for name, bits in self._generators().items()},
         }
@@ -174,13 +214,14 @@ class OffPolicySteering(SteeringAgent, OffPolicyAlgorithm):
         Raises:
             DataError: it is of another network or of a larger buffer.
         """
-        buffer, kept = self.replay_buffer, saved["buffer"]
-        assert buffer is not None
+        buffer, kept = self.buffer, saved["buffer"]
         if not 0 <= kept["size"] <= buffer.buffer_size:
             raise DataError(f"the replay buffer holds {buffer.buffer_size} rows")
         super().restore(saved)
         fill(self._stored(kept["size"]), kept)
-        buffer.pos, buffer.full = kept["position"], kept["full"]
+        for name in _BUFFER_NUMBERS:
+            setattr(buffer, name, kept[name])
+        self.taken = saved["taken"]
         if self.action_noise is not None:
             cast(OrnsteinUhlenbeck, self.action_noise).state = saved["noise"]
         for name, bits in self._generators().items():
@@ -206,11 +247,11 @@ def make_off_policy(
         env: the vehicles that it drives.
     """
     demo, total, own = config.problem.demonstration, config.steps, settings.options()
+    opening = None
+    if demo.warm_start is not None:
+        opening = Opening(demo.warm_start, config.problem, env.num_envs)
     seeds = np.random.SeedSequence(config.seed).generate_state(3)
     agent: OffPolicySteering
-
-    def p_action() -> float:
-        return demo.p_action.value(agent.num_timesteps, total) if demo.enabled else 0.0
 
     if settings.exploration is not None:
         sigma, theta, dt = settings.exploration
@@ -226,13 +267,13 @@ def make_off_policy(
         env,
         learning_rate=settings.learning_rate.value(0, total),
         buffer_size=settings.buffer,
-        replay_buffer_class=MirroredReplayBuffer,
+        replay_buffer_class=DemonstrationBuffer,
         batch_size=settings.batch,
         gamma=settings.gamma,
         tau=settings.tau,
         train_freq=1,
         gradient_steps=settings.updates,
-        learning_starts=settings.learning_starts,
+        learning_starts=settings.learning_starts if opening is None else opening.steps,
         policy_kwargs={"net_arch": list(settings.hidden)},
         seed=int(seeds[1] % 2**31),
         device="cpu",
@@ -242,7 +283,7 @@ def make_off_policy(
         start_at_zero(agent.policy)
     if settings.mirror:
         agent.mirror = env.mirror.astype(np.float32)
-        cast(MirroredReplayBuffer, agent.replay_buffer).mirror = agent.mirror
+        agent.buffer.mirror = agent.mirror
     agent.rate = lambda step: settings.learning_rate.value(step, total)
-    agent.prepare_demonstration(p_action, store_agent=demo.store == "agent", seed=int(seeds[2]))
+    agent.prepare_demonstration(demo, opening, total, int(seeds[2]))
     return agent

@@ -91,20 +91,30 @@ class OnPolicyComponent(AgentComponent):
     max_grad_norm: float = param(0.5, "-", "Longest gradient; longer ones are shortened.", gt=0)
 
     def check(self, demonstration: Demonstration, steps: int) -> None:
-        """No extra action.
+        """Nothing but the demonstration's reward.
 
         Raises:
-            ConfigError: the demonstrator would act.
+            ConfigError: the demonstrator would act, or be learned from.
         """
-        p = demonstration.p_action
+        where, p = ("problem", "demonstration"), demonstration.p_action
         acts = any(p.value(steps * k / _LOOKS, steps) > 0.0 for k in range(_LOOKS + 1))
         if demonstration.enabled and acts:
             raise ConfigError(
                 f"{self.kind} learns only from actions that its own policy chose, so the "
                 "demonstrator cannot act (its reward works); switch the extra action off: "
                 "problem.demonstration.p_action={kind: constant, at: 0}",
-                ("problem", "demonstration", "p_action"),
+                (*where, "p_action"),
             )
+        for name in ("takeover", "warm_start", "loss"):
+            if getattr(demonstration, name) is not None:
+                can = [
+                    k for k, a in components("agent").items() if issubclass(a, OffPolicyComponent)
+                ]
+                raise ConfigError(
+                    f"{self.kind} learns only from actions that its own policy chose; "
+                    f"{', '.join(can)} take this option",
+                    (*where, name),
+                )
 
 
 class OffPolicyComponent(AgentComponent):
@@ -130,6 +140,21 @@ class OffPolicyComponent(AgentComponent):
     def options(self) -> dict[str, Any]:
         """Arguments of the class that only this algorithm has."""
         return {}
+
+    def check(self, demonstration: Demonstration, steps: int) -> None:
+        """Room for the demonstrations.
+
+        Raises:
+            ConfigError: they do not fit into the training or into the replay buffer.
+        """
+        start, where = demonstration.warm_start, ("problem", "demonstration", "warm_start", "steps")
+        most = min(steps, self.buffer - self.vehicles)
+        if start is not None and start.steps > most:
+            raise ConfigError(
+                f"{start.steps} is not allowed; steps is {steps}, and agent.buffer {self.buffer} "
+                f"with room for the training's own: at most {most} [steps]",
+                where,
+            )
 
     def make(self, config: TrainConfig, env: PathFollowingVecEnv) -> SteeringAgent:
         """The agent of a training configuration, which holds this component."""

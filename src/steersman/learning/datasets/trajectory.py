@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from steersman.kernels import encode as enc
 from steersman.kernels import observe
+from steersman.kernels import vehicle as car
 from steersman.learning.demonstration import (
     Demonstrator,
     demonstrated_action,
@@ -121,6 +122,47 @@ def actions_for(
         return demonstrated_correction(wanted, base, problem.authority)
     last = np.concatenate((rows[:1, observe.O_STEER], steer[:-1]))
     return demonstrated_action(wanted, last, problem.rate_limit if problem.indirect else 0.0, dt)
+
+
+def shown(one: Trajectory) -> FloatArray:
+    """The demonstrated steering (T,) of a drive; where there is none the executed."""
+    return np.where(np.isfinite(one.demonstrated_steer), one.demonstrated_steer, one.steer)
+
+
+def transitions(problem: Problem, one: Trajectory) -> dict[str, Any]:
+    """A drive as the problem's own steps, by the names of a replay buffer's arrays, T rows each.
+
+    The reward is that of the problem's task, for the measured velocities. Steps without an
+    observation before or after them are left out.
+    """
+    seen = features(problem, one.rows, one.steer)
+    executed, wanted = (
+        np.clip(actions_for(problem, one.rows, one.steer, steer), -1.0, 1.0)
+        for steer in (one.steer, shown(one))
+    )
+    columns: dict[str, Any] = {
+        "observations": seen[:-1],
+        "next_observations": seen[1:],
+        "actions": executed,
+        "rewards": problem.task.rewards(*_states(one), one.steer, shown(one), problem.plant.dt),
+        "dones": np.append(np.zeros(one.steps - 1), one.terminated),
+        "demonstrated": wanted,
+    }
+    known = np.isfinite(seen[:-1]).all(axis=1) & np.isfinite(seen[1:]).all(axis=1)
+    return {name: values[known].astype(np.float32) for name, values in columns.items()}
+
+
+def _states(one: Trajectory) -> tuple[FloatArray, FloatArray]:
+    """State and tracking rows (T + 1) of a drive, as far as a reward reads them."""
+    states = np.zeros((len(one.rows), car.N_STATE))
+    tracking = np.zeros((len(one.rows), observe.N_TRACKING))
+    measured = [observe.O_VX, observe.O_VY, observe.O_RATE, observe.O_STEER]
+    states[:, [car.VX, car.VY, car.YAW_RATE, car.STEER]] = one.rows[:, measured]
+    tracking[:, [observe.D, observe.HEADING, observe.S]] = one.places[:, :3]
+    slip = np.arctan2(states[:, car.VY], states[:, car.VX])
+    tracking[:, observe.COURSE] = one.places[:, 1] + slip
+    tracking[:, observe.KAPPA] = one.rows[:, observe.O_KAPPA]
+    return states, tracking
 
 
 def steps(trajectories: Iterable[Trajectory]) -> int:

@@ -14,30 +14,13 @@ from steersman.kernels import world as kernel
 from steersman.learning.datasets.recorder import Recorder
 from steersman.learning.datasets.trajectory import Trajectory
 from steersman.learning.fleet import FleetDriver
+from steersman.learning.least_squares import Dataset
 from steersman.learning.noise import OrnsteinUhlenbeck
 from steersman.learning.problem import Problem
 
 SIGMA = 0.1
 """Noise on the actions of demonstrations."""
 _THETA = 0.15
-
-
-class Dataset(NamedTuple):
-    """What a network is fitted to, wherever it comes from."""
-
-    features: Any
-    """(n, k) float32, the network's input: scaled and clipped."""
-    actions: Any
-    """(n,) float32 in [-1, 1], the output that it is fitted to."""
-
-    @classmethod
-    def empty(cls, features: int) -> Dataset:
-        """No samples yet."""
-        return cls(np.zeros((0, features), np.float32), np.zeros(0, np.float32))
-
-    def joined(self, other: Dataset) -> Dataset:
-        """These samples, then the other's."""
-        return Dataset(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
 
 
 class Drives(NamedTuple):

@@ -22,9 +22,10 @@ from steersman.learning import checkpoint
 from steersman.learning.arithmetic import arithmetic
 from steersman.learning.export import export_policy
 from steersman.learning.imitation.config import ImitationConfig
-from steersman.learning.imitation.driving import Dataset, Drives
+from steersman.learning.imitation.driving import Drives
 from steersman.learning.imitation.fit import Regression
 from steersman.learning.imitation.sources import Driven, Given, SampleSource
+from steersman.learning.least_squares import Dataset
 from steersman.learning.progress import ImitationRow, LearningResult, Record, learned
 from steersman.learning.snapshot import Tree
 from steersman.learning.validate import Score, Validator

@@ -9,14 +9,21 @@ import numpy as np
 
 from steersman.config import dump
 from steersman.learning.datasets.source import load
-from steersman.learning.datasets.trajectory import Trajectory, Who, actions_for, features, steps
+from steersman.learning.datasets.trajectory import (
+    Trajectory,
+    Who,
+    actions_for,
+    features,
+    shown,
+    steps,
+)
 from steersman.learning.fleet import FleetDriver
 from steersman.learning.imitation.config import ImitationConfig
-from steersman.learning.imitation.driving import Dataset, Drives, Driving, collect
+from steersman.learning.imitation.driving import Drives, Driving, collect
+from steersman.learning.least_squares import Dataset
 from steersman.learning.problem import Problem
 from steersman.learning.validate import Score, Validator
 from steersman.plants.mover import Shared
-from steersman.types import FloatArray
 
 Act = Callable[[Any], Any]
 
@@ -148,9 +155,7 @@ def samples(problem: Problem, one: Trajectory, label: str) -> Dataset:
 
     The label ``demonstrated`` is the demonstrator's action, or where there is none the executed.
     """
-    wanted: FloatArray = one.steer
-    if label == "demonstrated":
-        wanted = np.where(np.isfinite(one.demonstrated_steer), one.demonstrated_steer, one.steer)
+    wanted = shown(one) if label == "demonstrated" else one.steer
     actions = actions_for(problem, one.rows, one.steer, wanted)
     seen = features(problem, one.rows, one.steer)[:-1]
     return Dataset(seen, np.clip(actions, -1.0, 1.0).astype(np.float32))
