@@ -13,6 +13,7 @@ from stable_baselines3 import DDPG, SAC, TD3
 
 from steersman.errors import ConfigError, DataError
 from steersman.kernels import observe
+from steersman.kernels import vehicle as car
 from steersman.learning.datasets.recorder import Recorder
 from steersman.learning.datasets.store import Stored, write
 from steersman.learning.datasets.trajectory import transitions
@@ -327,3 +328,64 @@ def test_observations_stay_those_of_the_road() -> None:
     n = buffer.pos - 1
     joined = (buffer.next_observations[:n] == buffer.observations[1 : n + 1]).all(axis=2)
     assert joined[buffer.dones[:n] == 0.0].all()
+
+
+# -------------------------------------------------------------------------------- privileged
+
+# Cars, delays and sensors that differ, so that there is something to know.
+UNKNOWN: dict[str, Any] = {
+    "nominal": {"kind": "carla_model3", "mass": 1200.0},
+    "sensor": {"error_range": 0.2, "speed_noise": 0.2, "latency": 0.1},
+    "spread": {"mass": 0.3, "stiffness": 0.3, "delay": 0.2, "steer_bias": 0.02, "slippery": 0.5,
+               "offset": 0.0, "heading": 0.0},
+    "roads": [{"kind": "random_road", "seed": 1}],
+}  # fmt: skip
+
+
+def test_a_privileged_demonstrator_knows_the_car_and_sees_the_truth() -> None:
+    shown = {**TEACHER, "controller": {"kind": "mpc_delay", "horizon": 5}, "privileged": True}
+    env = PathFollowingVecEnv(problem(**UNKNOWN, demonstration=shown), 3)
+    env.reset()
+    driver = env.driver
+    truth: Any = driver._demonstrator._truth  # type: ignore[union-attr]
+    controllers = [driver._demonstrator._begun[n][0] for n in range(3)]  # type: ignore[union-attr]
+    for n in range(3):
+        row, true = truth.car(n).row(), driver.world.vehicles.rows[n]
+        for column in (car.MASS, car.C_F, car.C_R, car.MU, car.STEER_UP, car.STEER_BIAS):
+            assert row[column] == pytest.approx(true[column], rel=1e-9)
+        assert controllers[n].delay == pytest.approx(driver.fleet.delay[n] * driver.world.h)
+        seen, measured = truth.observation(n), driver.simulation.observation(n)
+        state, place = driver.fleet.state[n], driver.fleet.tracking[n]
+        assert seen.v_x == state[car.VX]
+        assert seen.lateral_error == place[observe.D]
+        assert seen.lateral_error != measured.lateral_error
+    assert len({truth.car(n).mass for n in range(3)}) == 3
+
+
+def test_privilege_pays() -> None:
+    """Driven through the problem's own action on cars that differ, it errs less."""
+    errors = []
+    for privileged in (False, True):
+        shown = {**TEACHER, "controller": "predicted/tuned/lqr", "privileged": privileged}
+        env = PathFollowingVecEnv(problem(**UNKNOWN, demonstration=shown, action="direct"), 6)
+        env.reset()
+        for _ in range(60):
+            env.step(env.demonstrated_actions()[:, None])
+        errors.append(env.sum_error / env.steps)
+    assert errors[1] < 0.7 * errors[0]
+
+
+def test_a_privileged_demonstrator_resumes_to_the_bit() -> None:
+    shown = {**TEACHER, "controller": {"kind": "mpc_delay", "horizon": 5}, "privileged": True}
+    made = [PathFollowingVecEnv(problem(**UNKNOWN, demonstration=shown), 2) for _ in range(2)]
+    first, second = made
+    first.reset()
+    for k in range(45):
+        first.step(np.full((2, 1), 0.3 * (-1) ** (k // 5)))
+    second.reset()
+    second.restore(first.snapshot())
+    for _ in range(45):
+        a, b = (env.demonstrated_actions() for env in made)
+        assert np.array_equal(a, b)
+        for env in made:
+            env.step(a[:, None])

@@ -11,6 +11,7 @@ from steersman.config import Of, Settings, param
 from steersman.controllers.base import ControllerComponent, designed
 from steersman.controllers.mpc_pid import MpcPid
 from steersman.errors import ConfigError
+from steersman.learning.privilege import Truth, informed
 from steersman.learning.schedules import Constant, Schedule
 from steersman.learning.snapshot import Tree, changed, rebuilt
 from steersman.types import FloatArray, Observation
@@ -127,6 +128,12 @@ class Demonstration(Settings):
         MpcPid(), "-", "The demonstrating controller."
     )
     enabled: bool = param(True, "-", "Off: no demonstrator drives, acts or is compared with.")
+    privileged: bool = param(
+        False,
+        "-",
+        "The demonstrator, not the agent, gets the episode's true car and steering delay, and "
+        "observations without errors, latency and losses.",
+    )
     p_action: Annotated[Schedule, Of("schedule")] = param(
         Constant(at=0.2), "-", "Probability that the demonstrated action is executed."
     )
@@ -156,32 +163,54 @@ class Demonstration(Settings):
 class Demonstrator:
     """One controller proposing for many vehicles, each with its own explicit state."""
 
-    def __init__(self, controller: ControllerComponent, vehicle: Vehicle, dt: float) -> None:
-        """The state before the first step is made once: it is immutable."""
-        self._controller = controller
-        self._fresh = designed(controller, vehicle, dt)
+    def __init__(
+        self,
+        controller: ControllerComponent,
+        vehicle: Vehicle,
+        dt: float,
+        truth: Truth | None = None,
+    ) -> None:
+        """The state before the first step is made once: it is immutable.
+
+        With a ``truth`` it is made anew for each episode, for the car that this one has.
+        """
+        self._plain = controller, designed(controller, vehicle, dt)
+        self._dt, self._truth = dt, truth
+        self._begun: dict[int, tuple[ControllerComponent, Any]] = {}
         self._states: dict[int, Any] = {}
+
+    def _begin(self, n: int) -> tuple[ControllerComponent, Any]:
+        """The controller of vehicle ``n`` in this episode, and its state before the first step."""
+        if self._truth is None:
+            return self._plain
+        knowing = informed(self._plain[0], self._truth.delay(n))
+        return knowing, designed(knowing, self._truth.car(n), self._dt)
 
     def restart(self, n: int) -> None:
         """Vehicle ``n`` begins a new episode."""
-        self._states[n] = self._fresh
+        self._begun[n] = self._begin(n)
+        self._states[n] = self._begun[n][1]
 
     def executed(self, n: int, steer: float) -> None:
         """Tell what steering vehicle ``n`` executed since the last proposal."""
-        self._states[n] = self._controller.executed(self._states[n], steer)
+        self._states[n] = self._begun[n][0].executed(self._states[n], steer)
 
     def propose(self, n: int, observation: Observation) -> float:
         """Normalised steering for vehicle ``n`` from its observation."""
-        decision, self._states[n] = self._controller.step(self._states[n], observation)
+        seen = observation if self._truth is None else self._truth.observation(n)
+        decision, self._states[n] = self._begun[n][0].step(self._states[n], seen)
         return decision.steer
 
     def snapshot(self) -> dict[str, Any]:
         """The state kept for each vehicle, without what ``init`` makes again."""
-        return {str(n): changed(state, self._fresh) for n, state in self._states.items()}
+        return {str(n): changed(state, self._begun[n][1]) for n, state in self._states.items()}
 
     def restore(self, saved: Tree) -> None:
-        """Go on from a snapshot."""
-        self._states = {int(n): rebuilt(state, self._fresh) for n, state in saved.items()}
+        """Go on from a snapshot; of a ``truth``, after the vehicles."""
+        self._begun = {int(n): self._begin(int(n)) for n in saved}
+        self._states = {
+            int(n): rebuilt(state, self._begun[int(n)][1]) for n, state in saved.items()
+        }
 
 
 def demonstrated_action(

@@ -22,6 +22,7 @@ from steersman.learning.demonstration import (
     demonstrated_action,
     demonstrated_correction,
 )
+from steersman.learning.privilege import Truth
 from steersman.learning.problem import Problem
 from steersman.learning.snapshot import Tree, fill
 from steersman.plants.mover import Seat, Shared
@@ -93,9 +94,11 @@ class FleetDriver:
         """Whether a demonstrator proposes a steering at every step."""
         self._corrected = self._proposer(problem.base)
         # A base that is the demonstrator too computes once.
-        itself = demonstration.enabled and demonstration.controller == problem.base
+        truth = Truth(self.simulation, self.mover.vehicle) if demonstration.privileged else None
+        same = demonstration.controller == problem.base and truth is None
+        itself = demonstration.enabled and same
         other = demonstration.controller if demonstration.enabled and not itself else None
-        self._demonstrator = self._corrected if itself else self._proposer(other)
+        self._demonstrator = self._corrected if itself else self._proposer(other, truth)
         self._proposes = self._corrected is not None or self._demonstrator is not None
 
     @property
@@ -104,10 +107,12 @@ class FleetDriver:
         shared = self.mover.shared
         return self.problem.plant.source() if shared is None else shared.plant.source
 
-    def _proposer(self, controller: ControllerComponent | None) -> Demonstrator | None:
+    def _proposer(
+        self, controller: ControllerComponent | None, truth: Truth | None = None
+    ) -> Demonstrator | None:
         if controller is None:
             return None
-        return Demonstrator(controller, self.problem.nominal or self.mover.vehicle, self.dt)
+        return Demonstrator(controller, self.problem.nominal or self.mover.vehicle, self.dt, truth)
 
     def _capped(self) -> list[Profile]:
         rng = np.random.default_rng(0)
