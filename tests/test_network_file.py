@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from steersman.controllers.policy import load_network
+from steersman.controllers.policy import PolicyNetwork
 from steersman.errors import DataError
 from steersman.network_file import MOST_NODES, check_network
 from steersman.policy_file import locate
@@ -102,7 +102,7 @@ REFUSED = {
 def test_more_than_layers_is_refused(name: str) -> None:
     make, said = REFUSED[name]
     with pytest.raises(DataError, match=said) as caught:
-        load_network(make().SerializeToString(), "n.onnx", 3)
+        PolicyNetwork(make().SerializeToString(), "n.onnx", 3)
     assert "\n" not in str(caught.value)
 
 
@@ -114,7 +114,7 @@ def test_ordinary_networks_run() -> None:
         _node("MatMul", "r", "v", "y"),
     ]
     model = _model(nodes, _tensor("w", 4, 3), _tensor("b", 4), _tensor("v", 4, 1))
-    run = load_network(model.SerializeToString(), "n.onnx", 3)
+    run = PolicyNetwork(model.SerializeToString(), "n.onnx", 3)
     assert np.isfinite(run(np.ones((1, 3), np.float32)))
 
 

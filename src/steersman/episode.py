@@ -166,11 +166,15 @@ class Episode(Shown):
         return {name: COLUMNS[name] for name in self.columns if name in COLUMNS}
 
     def savers(self) -> Mapping[str, Callable[[FilePath], None]]:
-        """``.npz`` is what :func:`load_episode` reads, ``.mcap`` a recording with ROS 2 messages.
+        """``.npz`` for :func:`load_episode`, recordings ``.mcap``, videos ``.mp4`` and ``.gif``.
 
-        The second needs the extra ``logs``.
+        Recordings need the extra ``logs``, videos the extra ``video``.
         """
-        return {".npz": self._save_npz, ".mcap": self._save_mcap}
+        videos = {".mp4": self._save_video, ".gif": self._save_video}
+        return {".npz": self._save_npz, ".mcap": self._save_mcap, **videos}
+
+    def _save_video(self, file: FilePath) -> None:
+        import_module("steersman.report.video").write_video(self, file)
 
     def _save_mcap(self, file: FilePath) -> None:
         import_module("steersman.logs.driven").write_recording(file, self)

@@ -418,12 +418,12 @@ def test_a_second_call_does_nothing_again(
 def test_the_compiled_network_is_the_exported_one(
     smoke: tuple[FilePath, StudyResult],
 ) -> None:
-    from steersman.controllers.policy import load_network
+    from steersman.controllers.policy import PolicyNetwork
 
     file = smoke[0] / "runs" / "adaptive" / "seed_0" / "policy.onnx"
     data = file.read_bytes()
     count = len(json.loads(file.with_suffix(".json").read_text())["scale"])
-    one, other = load_network(data, "policy", count), timing.compiled(timing.read_weights(data))
+    one, other = PolicyNetwork(data, "policy", count), timing.compiled(timing.read_weights(data))
     for x in np.random.default_rng(0).normal(size=(20, 1, count)).astype(np.float32):
         assert other(x) == pytest.approx(one(x), abs=1e-5)
 

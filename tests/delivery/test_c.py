@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from steersman.controllers.policy import Policy, load_network
+from steersman.controllers.policy import Policy, PolicyNetwork
 from steersman.delivery.graph import TOLERANCE, exact, normalised, random_features, rounding
 from steersman.delivery.vector import Row, answers, drawn, rows, single, with_value
 from steersman.kernels.encode import FEATURE_LIMIT
@@ -134,7 +134,7 @@ def test_100_000_observations_agree_with_onnx() -> None:
     assert np.std(expected) > 0.3
     # ONNX Runtime is itself further away where hidden values are large.
     some = seen[:5000]
-    session = load_network(p.source.data, "precision", some.shape[1])
+    session = PolicyNetwork(p.source.data, "precision", some.shape[1])
     onnx = np.array([session(row[None, :]) for row in some])
     assert (abs(given[: len(some)] - onnx) <= TOLERANCE + rounding(p.network, some)).all()
 
@@ -143,7 +143,7 @@ def test_observations_of_a_drive_agree_with_onnx_runtime(monkeypatch: pytest.Mon
     compiled, seen = library("precision"), []
 
     def listening(*words: Any) -> Any:
-        run = load_network(*words)
+        run = PolicyNetwork(*words)
 
         def heard(x: Any) -> float:
             seen.append((x[0].copy(), run(x)))
@@ -151,7 +151,7 @@ def test_observations_of_a_drive_agree_with_onnx_runtime(monkeypatch: pytest.Mon
 
         return heard
 
-    monkeypatch.setattr("steersman.controllers.policy.load_network", listening)
+    monkeypatch.setattr("steersman.controllers.policy.PolicyNetwork", listening)
     drive(Policy(file="precision"), Posed(), duration=15.0)
     features, actions = (np.array(each) for each in zip(*seen, strict=True))
     assert len(features) > 250

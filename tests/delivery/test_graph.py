@@ -12,7 +12,7 @@ import torch
 from onnx import helper, numpy_helper
 from torch.nn import functional
 
-from steersman.controllers.policy import load_network
+from steersman.controllers.policy import PolicyNetwork
 from steersman.delivery.graph import (
     TOLERANCE,
     exact,
@@ -34,7 +34,7 @@ def test_it_answers_as_onnx_runtime_but_for_rounding(operators: tuple[str, str])
     data = network(random_net(4, hidden=40), SCALE, operators)
     read = read_network(data, "n.onnx")
     seen = random_features(read.scale, 3000)
-    run = load_network(data, "n.onnx", 4)
+    run = PolicyNetwork(data, "n.onnx", 4)
     answers = np.array([run(row[None, :]) for row in seen])
     away = abs(answers - exact(read, seen)[:, 0])
     assert (away <= TOLERANCE + rounding(read, seen)).all()

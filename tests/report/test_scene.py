@@ -14,12 +14,13 @@ from hypothesis.extra.numpy import arrays
 from steersman.config import build, resolve
 from steersman.controllers.pid import Pid
 from steersman.faults import Fault
+from steersman.rendering import road_line
 from steersman.report import ReportRun
 from steersman.report import scene as module
 from steersman.report.marks import MOST, marks
 from steersman.report.pack import Blob, stretches
 from steersman.report.scene import RoadGroup, scenes, shares
-from steersman.report.seen import path_of, road_line, vehicle_of, waypoints
+from steersman.report.seen import path_of, vehicle_of, waypoints
 from steersman.report.signals import ShownDrive, group_by_path
 from steersman.report.web import within
 from steersman.rollout import RunConfig, run

@@ -25,6 +25,7 @@ EXAMPLES = (
     "      speed=constant_throttle speed.throttle=0.4 duration=60 --json\n"
     "  steersman drive path=monza laps=1 --out runs/monza --mcap monza.mcap\n"
     "  steersman drive path=monza laps=1 --report runs/monza.html\n"
+    "  steersman drive tuned/lqr path=circle duration=20 --video drive.mp4\n"
     "  steersman drive runs/monza/config.yaml controller.horizon=30\n"
     "  steersman drive controller=policy\n"
     "  steersman drive plant=carla plant.port=2000 controller=policy path=monza laps=1\n"
@@ -44,6 +45,10 @@ def drive(
         str | None,
         typer.Option("--mcap", metavar="FILE", help="Write a recording with ROS 2 messages."),
     ] = None,
+    video: Annotated[
+        str | None,
+        typer.Option("--video", metavar="FILE", help="Write a video of it: NAME.mp4 or NAME.gif."),
+    ] = None,
 ) -> None:
     """Drive one closed loop and print what was measured.
 
@@ -60,7 +65,7 @@ def drive(
     if folder is not None:
         driving.drive_folder(folder, overwrite=overwrite)
     page = None if report is None else _page(report)
-    file = recording.recording_file(mcap)
+    file, film = recording.recording_file(mcap), recording.video_file(video)
     error, interrupted = None, False
     try:
         with share_bar("driving") as progress:
@@ -73,6 +78,9 @@ def drive(
         driving.write_drive(folder, config, episode)
     _replay(page, config, episode)
     recording.record(file, config, episode)
+    if film is not None:
+        episode.save(film)
+        note(f"video: {film}")
     if error is not None:
         kept = "" if folder is None else f"; what was driven until then is in {folder}"
         raise SteersmanError(f"{error}{kept}") from error

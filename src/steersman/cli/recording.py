@@ -36,6 +36,26 @@ def recording_file(name: str | None) -> FilePath | None:
     return files.out_file(name, "--mcap")
 
 
+def video_file(name: str | None) -> FilePath | None:
+    """The file that a drive is to be filmed in, proved to be writable before anything runs.
+
+    None: it is not to be filmed.
+
+    Raises:
+        ConfigError: its name ends in neither ``.mp4`` nor ``.gif``.
+        DataError: it is a folder, or its folder cannot be written.
+        SteersmanError: the extra ``video`` is not installed.
+    """
+    from steersman.rendering import require
+
+    if name is None:
+        return None
+    require()
+    if not name.endswith((".mp4", ".gif")):
+        raise ConfigError(f"{name!r} is not allowed; must end in .mp4 or .gif", ("--video",))
+    return files.out_file(name, "--video")
+
+
 def record(file: FilePath | None, config: RunConfig, episode: Episode) -> None:
     """Write a run as a recording, if there is a file for it.
 

@@ -34,6 +34,22 @@ def predict(a: FloatArray, b: FloatArray, horizon: int) -> tuple[FloatArray, Flo
     return free, forced
 
 
+class QpSolver:
+    """DAQP with a QP set up; a copy is set up anew, since its workspace cannot be copied."""
+
+    def __init__(self, *terms: Any) -> None:
+        """Set up ``terms``, as ``daqp.Model.setup`` takes them."""
+        import daqp
+
+        self._terms = tuple(np.copy(term) for term in terms)
+        model = daqp.Model()
+        model.setup(*terms)
+        self.update, self.solve = model.update, model.solve
+
+    def __reduce__(self) -> tuple[type[QpSolver], tuple[Any, ...]]:
+        return type(self), self._terms
+
+
 @dataclass(frozen=True, eq=False)
 class MpcProblem:
     """The constant part of the QP, and the solver's workspace.
@@ -51,7 +67,7 @@ class MpcProblem:
     max_angle: float
     max_step: float | None
     corridor: float | None
-    _model: Any
+    _model: QpSolver
     _upper: FloatArray
     _lower: FloatArray
     _sense: Any
@@ -129,8 +145,6 @@ def build_problem(  # noqa: PLR0913 - one argument for each term of the optimisa
         rate_limit: keep the vehicle's steering rate.
         corridor: half width that the prediction should keep, as a soft constraint [m].
     """
-    import daqp
-
     free, forced = predict(*zero_order_hold(*single_track(vehicle, v0), dt), horizon)
     weights = np.full(horizon, q)
     weights[-1] += p
@@ -147,9 +161,8 @@ def build_problem(  # noqa: PLR0913 - one argument for each term of the optimisa
     sense = np.zeros(count, dtype=np.int32)
     if corridor is not None:
         sense[-horizon:] = 8
-    model = daqp.Model()
     # Soft constraints need their own memory in the workspace, so DAQP has to know them now.
-    model.setup(hessian, np.zeros(horizon), matrix, upper, -upper, sense)
+    model = QpSolver(hessian, np.zeros(horizon), matrix, upper, -upper, sense)
     return MpcProblem(
         horizon,
         dt,

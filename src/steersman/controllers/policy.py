@@ -87,7 +87,7 @@ class Policy(ControllerComponent):
         memory = np.zeros(kernel.memory_size(table))
         step = 0.0 if card.rate_limit is None else card.rate_limit * dt
         return PolicyState(
-            load_network(data, self.file, len(card.scale)),
+            PolicyNetwork(data, self.file, len(card.scale)),
             table,
             len(card.scale),
             memory,
@@ -231,34 +231,41 @@ def _holds_policy(data: Any) -> bool:
     return data.get("kind") == Policy.kind or any(map(_holds_policy, data.values()))
 
 
-def load_network(data: bytes, name: str, features: int) -> Any:
-    """The network in an ONNX file as a function.
+class PolicyNetwork:
+    """The network in an ONNX file, a function of features (1, n), float32; a copy reads it anew."""
 
-    Raises:
-        DataError: it holds more than layers, ONNX Runtime cannot read it, or it does not map that
-            many features to an action.
-    """
-    import onnxruntime
+    def __init__(self, data: bytes, name: str, features: int) -> None:
+        """Read the content of the file ``name``.
 
-    check_network(data, name)
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = options.inter_op_num_threads = 1
-    options.log_severity_level = 3
-    try:
-        session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # noqa: BLE001 - its exceptions share no base class
-        line = one_line(str(error))
-        raise DataError(f"{name}: not a network that ONNX Runtime reads: {line[:160]}") from None
-    entry = session.get_inputs()[0].name
+        Raises:
+            DataError: it holds more than layers, ONNX Runtime cannot read it, or it does not map
+                that many features to an action.
+        """
+        import onnxruntime
 
-    def run(x: Any) -> float:
-        return float(session.run(None, {entry: x})[0][0, 0])
+        check_network(data, name)
+        self._made_of = (data, name, features)
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.log_severity_level = 3
+        given = {"providers": ["CPUExecutionProvider"]}
+        try:
+            self._session = onnxruntime.InferenceSession(data, options, **given)
+        except Exception as error:  # noqa: BLE001 - its exceptions share no base class
+            line = one_line(str(error))
+            raise DataError(f"{name}: not a network that ONNX reads: {line[:160]}") from None
+        self._entry = self._session.get_inputs()[0].name
+        try:
+            self(np.zeros((1, features), dtype=np.float32))
+        except Exception as error:  # noqa: BLE001 - its exceptions share no base class
+            line = one_line(str(error))
+            raise DataError(
+                f"{name}: does not map {features} features to an action: {line[:160]}"
+            ) from None
 
-    try:
-        run(np.zeros((1, features), dtype=np.float32))
-    except Exception as error:  # noqa: BLE001 - its exceptions share no base class
-        line = one_line(str(error))
-        raise DataError(
-            f"{name}: does not map {features} features to an action: {line[:160]}"
-        ) from None
-    return run
+    def __call__(self, x: Any) -> float:
+        """The action for features (1, n), float32."""
+        return float(self._session.run(None, {self._entry: x})[0][0, 0])
+
+    def __reduce__(self) -> tuple[type[PolicyNetwork], tuple[bytes, str, int]]:
+        return type(self), self._made_of

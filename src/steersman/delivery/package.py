@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from steersman.controllers.policy import load_network
+from steersman.controllers.policy import PolicyNetwork
 from steersman.delivery.c_source import Parts, header, parts, source_text
 from steersman.delivery.c_text import identifier
 from steersman.delivery.graph import TOLERANCE, exact, random_features, read_network, rounding
@@ -109,7 +109,7 @@ def compare(source: Source, file: FilePath) -> str:
 
 
 def _outputs(data: bytes, name: str, features: Any) -> Any:
-    run = load_network(data, name, features.shape[1])
+    run = PolicyNetwork(data, name, features.shape[1])
     return np.array([run(row[None, :]) for row in features])
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -127,11 +127,12 @@ class FleetDriver:
         """Give every vehicle the generator of its own seed."""
         self.simulation.rngs = [np.random.default_rng(child) for child in children]
 
-    def reset(self, i: int) -> None:
-        """Begin a new episode of vehicle ``i``."""
+    def reset(self, i: int, change: Callable[[FleetStart], FleetStart] | None = None) -> None:
+        """Begin a new episode of vehicle ``i``; ``change`` makes its start from the drawn one."""
         problem, rng = self.problem, self.simulation.rngs[i]
         self._vary(i, rng)
         start = self._draw_start(rng)
+        start = start if change is None else change(start)
         slippery, limit = problem.spread.slippery, problem.spread.a_lat_max
         if slippery > 0.0 and rng.uniform() < slippery:
             start = start._replace(profile=self._make_slippery(i, start.profile, rng))

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from steersman.bench.along import distance
 from steersman.episode import Episode
+from steersman.rendering import RoadLine, road_line
 from steersman.report.marks import marks
 from steersman.report.pack import Blob
-from steersman.report.seen import RoadLine, path_of, road_line, vehicle_of, waypoints
+from steersman.report.seen import path_of, vehicle_of, waypoints
 from steersman.report.signals import SIGNALS, ShownDrive, decimate, look
 from steersman.types import FloatArray
 from steersman.vehicles import Vehicle

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -26,20 +26,11 @@ from steersman.types import FloatArray, Pose, VehicleState
 from steersman.vehicles import LONGEST_STEP, CarlaModel3, Vehicle
 from steersman.world import Simulation
 
-# Distance between points of a road, and how many there are at most [m].
-_STEP, _MOST = 0.5, 20_000
 # A road is the one that was driven if its points are those of the record within this [m].
 _SAME = 0.01
 _TRACKING = (
     "s", "lateral_error", "heading_error", "course_error", "curvature", "path_x", "path_y",
 )  # fmt: skip
-
-
-class RoadLine(NamedTuple):
-    """The line to follow."""
-
-    x: FloatArray
-    y: FloatArray
 
 
 def recorded(episode: Episode) -> Mapping[str, Any]:
@@ -80,13 +71,6 @@ def vehicle_of(episode: Episode) -> tuple[Vehicle, bool]:
     """The car that was driven, and whether it is known: else it is drawn as the default one."""
     vehicle = _part(episode, "vehicle")
     return (vehicle, True) if isinstance(vehicle, Vehicle) else (CarlaModel3(), False)
-
-
-def road_line(path: PathComponent) -> RoadLine:
-    """Points of the whole path [m]."""
-    count = int(np.clip(np.ceil(path.length / _STEP), 2, _MOST))
-    points = [path.at(s) for s in np.linspace(0.0, path.length, count + 1)]
-    return RoadLine(np.array([p.x for p in points]), np.array([p.y for p in points]))
 
 
 def waypoints(episode: Episode, path: PathComponent | None) -> FloatArray | None:
