@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import sys
 from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path as FilePath
 from typing import Any
 
 import pytest
@@ -26,6 +28,7 @@ from steersman.types import Observation
 
 from .loops import Posed, random_policy, scenes
 
+OUTSIDE = [sys.executable, "-I", "-S", str(FilePath(__file__).with_name("outside.py"))]
 # Further settings of kinds whose defaults leave code aside.
 VARIANTS: dict[str, dict[str, Any]] = {
     "estimated-predicted": {"kind": "estimated", "predictor": "single_track"},
@@ -70,6 +73,8 @@ def make(name: str, policies: Mapping[str, str]) -> ControllerComponent:
     fields = dict(ALL[name])
     if name in policies:
         fields["file"] = policies[name]
+    if name == "process":
+        fields["command"] = OUTSIDE
     controller = resolve("controller", fields)
     assert isinstance(controller, ControllerComponent)
     return controller

@@ -46,6 +46,7 @@ def make(folder: FilePath) -> None:
     (runs / "monza" / "config.yaml").write_text(to_yaml(config))
     for number, name in enumerate(("my_road.csv", "messung.csv")):
         (folder / name).write_text(shown("your_road.md", "text", number))
+    (folder / "my_driver.py").write_text(shown("demonstration.md", "python"))
     for name in ("my_car.yaml", "car.yaml"):
         (folder / name).write_text(shown("your_car.md", "yaml"))
     for number, name in enumerate(("my_suite.yaml", "my_test.yaml"), start=1):

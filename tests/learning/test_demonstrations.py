@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import sys
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 import torch
 from stable_baselines3 import DDPG, SAC, TD3
 
+from steersman.config import build
 from steersman.errors import ConfigError, DataError
 from steersman.kernels import observe
 from steersman.kernels import vehicle as car
@@ -25,6 +27,8 @@ from steersman.learning.off_policy import OffPolicySteering, steering
 from steersman.learning.schedules import Constant
 from steersman.learning.train import train
 from steersman.learning.vec_env import PathFollowingVecEnv
+from steersman.logs.write import write_episode
+from steersman.rollout import RunConfig, run
 
 from .problems import problem, tiny
 from .test_off_policy import FACTORS, parameters
@@ -270,6 +274,30 @@ def test_a_recorded_driver_demonstrates(tmp_path: FilePath) -> None:
     made.buffer.buffer_size, made.opened = 20, 0
     with pytest.raises(DataError, match=r"holds \d+ steps; .* as agent.buffer has room for 80"):
         made.opening.advance(made)
+
+
+def test_a_recording_of_a_drive_demonstrates(tmp_path: FilePath) -> None:
+    """Nothing but an MCAP file is left of the driver."""
+    settings = {"path": {"kind": "circle", "radius": 40.0}, "controller": "lqr", "duration": 6.0,
+                "speed": {"kind": "constant_speed", "speed": 8.0}}  # fmt: skip
+    ran = build(RunConfig, settings)
+    file = tmp_path / "drive.mcap"
+    write_episode(file, run(ran), ran.vehicle.table, ran.path)
+    warm = {"data": str(file), "share": 0.5}
+    made, _ = driven(8, demonstration={"enabled": False, "warm_start": warm, "loss": {}})
+    kept = made.buffer.demonstrated[: made.buffer.kept]
+    assert kept.size >= 100
+    assert np.array_equal(kept, made.buffer.actions[: made.buffer.kept, :, 0])
+    assert made.buffer.rewards[: made.buffer.kept].mean() > 0.5  # it drove well
+
+
+def test_a_program_outside_demonstrates() -> None:
+    command = [sys.executable, "-I", "-S", str(FilePath(__file__).parents[1] / "outside.py")]
+    program = {"controller": {"kind": "process", "command": command}}
+    made, env = driven(200, demonstration={**program, "warm_start": {"steps": 200, "noise": 0.0}})
+    assert made.demonstrated_steps == 200
+    assert env.off_track == 0
+    assert np.ptp(made.buffer.demonstrated[: made.buffer.pos]) > 0.1
 
 
 # ---------------------------------------------------------------------------------- together

@@ -139,7 +139,7 @@ def timed_step(
     begun = time.perf_counter()
     try:
         decision, controller_state = controller.step(controller_state, observation)
-    except ConfigError:
+    except (ConfigError, ControllerError):
         raise
     except Exception as error:  # a user's controller may raise anything
         frame = traceback.extract_tb(error.__traceback__)[-1]

@@ -10,6 +10,7 @@ import numpy as np
 from steersman.config import dump, param, register, resolve
 from steersman.controllers.base import ControllerComponent, within_limits
 from steersman.controllers.plausible import ACROSS, moving_time
+from steersman.controllers.process import Process
 from steersman.encoding import EncodingComponent, Layout
 from steersman.errors import ConfigError, DataError, one_line
 from steersman.kernels import encode as kernel
@@ -219,16 +220,19 @@ def check_base(base: ControllerComponent) -> None:
     """Refuse a base that no card can describe.
 
     Raises:
-        ValueError: the base holds a policy, whose file would have to travel with the card.
+        ValueError: the base holds a policy, whose file would have to travel with the card, or a
+            program, which would run wherever the card is read.
     """
-    if _holds_policy(dump(base)):
+    if _holds(dump(base), Policy.kind):
         raise ValueError("a policy cannot be the base, as its file is no part of the card")
+    if _holds(dump(base), Process.kind):
+        raise ValueError("a program cannot be the base: no card may start one")
 
 
-def _holds_policy(data: Any) -> bool:
+def _holds(data: Any, kind: str) -> bool:
     if not isinstance(data, Mapping):
         return False
-    return data.get("kind") == Policy.kind or any(map(_holds_policy, data.values()))
+    return data.get("kind") == kind or any(_holds(each, kind) for each in data.values())
 
 
 class PolicyNetwork:

@@ -1,0 +1,81 @@
+"""A controller outside: a program that reads observations and writes steering, line by line."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+from weakref import WeakValueDictionary
+
+from steersman.config import param, register, required
+from steersman.controllers.base import ControllerComponent
+from steersman.controllers.outside import OutsideProgram
+from steersman.errors import shortened
+from steersman.types import Observation, Status
+from steersman.vehicles import Vehicle
+
+# Programs that run, by what started them: all drives of a process ask the same one.
+_RUNNING: WeakValueDictionary[tuple[tuple[str, ...], float], OutsideProgram] = WeakValueDictionary()
+
+
+class ProcessState(NamedTuple):
+    """The program, and which drive it is asked about."""
+
+    program: OutsideProgram
+    dt: float
+    drive: int | None = None
+    executed: float | None = None
+    """The steering executed last; None: nothing yet, or the program's own."""
+
+
+@register("controller", "process")
+class Process(ControllerComponent):
+    """A program outside, in any language: a person at a game pad, a language model, other code.
+
+    It reads a line of JSON from its standard input for each step and writes one to its standard
+    output, ``{"steer": 0.1}`` in [-1, 1], left positive, without keeping it in a buffer. The line
+    has all that a controller gets, with the number of the ``drive`` (several may be under way),
+    the control period ``dt`` [s] and the steering that was ``executed`` in the step before. At
+    the end of its input it has to end. A configuration that names it runs the program.
+    """
+
+    command: tuple[str, ...] = required("-", "Program and its arguments.", min_length=1)
+    timeout: float = param(10.0, "s", "Longest time for an answer, the first included.", gt=0)
+
+    def init(self, vehicle: Vehicle, dt: float) -> ProcessState:
+        """Start the program, unless it runs already.
+
+        Raises:
+            ConfigError: it cannot be started.
+        """
+        key = self.command, self.timeout
+        program = _RUNNING.get(key)
+        if program is None or not program.end.alive:
+            program = _RUNNING[key] = OutsideProgram(*key)
+        return ProcessState(program, dt)
+
+    def decide(
+        self, state: ProcessState, observation: Observation
+    ) -> tuple[float, Status, ProcessState]:
+        """Ask the program.
+
+        Raises:
+            ControllerError: it gives no steering.
+        """
+        program, drive = state.program, state.drive
+        if drive is None:
+            drive = program.drives
+        program.drives = max(program.drives, drive + 1)
+        seen: dict[str, Any] = observation._asdict() | {"preview": observation.preview.tolist()}
+        context = {"drive": drive, "dt": state.dt, "executed": state.executed}
+        answer = program.ask(context | seen)
+        steer: Any = answer.get("steer") if isinstance(answer, dict) else None
+        if type(steer) not in {int, float} or not math.isfinite(steer):
+            program.fail(
+                f'answered {shortened(str(answer))!r}; a line like {{"steer": 0.1}} is expected, '
+                "in [-1, 1], left positive"
+            )
+        return float(steer), Status.SOLVED, state._replace(drive=drive, executed=None)
+
+    def executed(self, state: ProcessState, steer: float) -> ProcessState:
+        """The executed command is a part of the next question."""
+        return state._replace(executed=steer)
