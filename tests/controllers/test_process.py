@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import gc
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -66,6 +68,8 @@ def test_several_drives_ask_one_program_and_it_ends_with_them() -> None:
     again.restore(saved)
     assert again._states[0].program is driver._states[0].program
     assert again.propose(0, seen(1)) == left
+    assert copy.deepcopy(driver._states[0]) == driver._states[0]
+    assert pickle.loads(pickle.dumps(driver._states[0])) == driver._states[0]
     del driver, again
     gc.collect()
     assert inner.poll() == 0

@@ -21,6 +21,18 @@ _LONGEST, _PATIENCE = 10_000, 1.0
 _SHOWN = 200
 
 
+def running(command: tuple[str, ...], timeout: float) -> OutsideProgram:
+    """The program of a command, one for this whole process; started if it does not run.
+
+    Raises:
+        ConfigError: it cannot be started.
+    """
+    found = _RUNNING.get((command, timeout))
+    if found is None or not found.end.alive:
+        found = _RUNNING[command, timeout] = OutsideProgram(command, timeout)
+    return found
+
+
 class OutsideProgram:
     """A running program; it gets a line of JSON for each question and answers with one.
 
@@ -57,6 +69,10 @@ class OutsideProgram:
         self._fault = ""
         self.drives = 0
         """Drives that it has been asked about."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A copy is the same program; elsewhere it is started there."""
+        return running, (self._command, self._timeout)
 
     def ask(self, question: Mapping[str, Any]) -> Any:
         """The program's answer to a line, plain data.
@@ -103,6 +119,11 @@ class OutsideProgram:
         self._errors.seek(0)
         said = self._errors.read().decode("utf-8", "replace").strip().rpartition("\n")[2]
         return f" with exit code {self._process.returncode}" + (f": {one_line(said)}" * bool(said))
+
+
+_RUNNING: weakref.WeakValueDictionary[tuple[tuple[str, ...], float], OutsideProgram] = (
+    weakref.WeakValueDictionary()
+)
 
 
 def _listen(stdout: IO[str], answers: queue.SimpleQueue[str]) -> None:

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import math
 from typing import Any, NamedTuple
-from weakref import WeakValueDictionary
 
 from steersman.config import param, register, required
 from steersman.controllers.base import ControllerComponent
-from steersman.controllers.outside import OutsideProgram
+from steersman.controllers.outside import OutsideProgram, running
 from steersman.errors import shortened
 from steersman.types import Observation, Status
 from steersman.vehicles import Vehicle
-
-# Programs that run, by what started them: all drives of a process ask the same one.
-_RUNNING: WeakValueDictionary[tuple[tuple[str, ...], float], OutsideProgram] = WeakValueDictionary()
 
 
 class ProcessState(NamedTuple):
@@ -47,11 +43,7 @@ class Process(ControllerComponent):
         Raises:
             ConfigError: it cannot be started.
         """
-        key = self.command, self.timeout
-        program = _RUNNING.get(key)
-        if program is None or not program.end.alive:
-            program = _RUNNING[key] = OutsideProgram(*key)
-        return ProcessState(program, dt)
+        return ProcessState(running(self.command, self.timeout), dt)
 
     def decide(
         self, state: ProcessState, observation: Observation
