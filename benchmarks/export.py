@@ -29,9 +29,10 @@ from ddpg_mpc_pid.timing import read_weights, sb3_predict
 from steersman.controllers.policy import load_network
 from steersman.delivery.c_source import Parts, parts
 from steersman.delivery.graph import TOLERANCE, exact, random_features, read_network
+from steersman.delivery.observations import Row, drawn
 from steersman.delivery.package import write_c
 from steersman.delivery.source import read_source
-from steersman.delivery.vector import Row, answers, drawn, rows
+from steersman.delivery.vector import answers, rows
 from steersman.files import write_text
 from steersman.provenance import provenance
 from steersman.types import Observation
@@ -175,7 +176,7 @@ def steps_parity(p: Parts, code: Compiled) -> dict[str, float]:
     rng = np.random.default_rng(1)
     sizes = 10.0 ** rng.uniform(-42.0, 15.0, COMPARED)
     sizes[::2] = rng.uniform(0.0, 2.0, COMPARED // 2)
-    given = [Row(i % DRIVE == 0, drawn(p, rng, x), 0.0, None) for i, x in enumerate(sizes)]
+    given = [Row(i % DRIVE == 0, drawn(p.card, rng, x), 0.0, None) for i, x in enumerate(sizes)]
     seen = packed([row.seen for row in given])
     steers = np.empty(COMPARED, np.float32)
     for i in range(0, COMPARED, DRIVE):

@@ -11,6 +11,7 @@ from typer.testing import Result
 
 from steersman.cli.export import TARGETS
 from steersman.delivery import package as trial
+from steersman.delivery.controller_package import read_table
 from steersman.errors import DataError
 from steersman.policy_file import locate, read_policy
 
@@ -77,3 +78,48 @@ def test_wrong_words(steersman: Steersman, tmp_path: FilePath, words: str, messa
     assert message in result.stderr
     assert {file.name for file in tmp_path.iterdir()} == before
     assert len(result.stderr.splitlines()) == 1
+
+
+@pytest.mark.skipif(not any(map(shutil.which, trial.COMPILERS)), reason="there is no C compiler")
+def test_parameters_leave_and_come_back(steersman: Steersman, tmp_path: FilePath) -> None:
+    steersman("export", "tuned/lqr", "--to", "c", "--out", "a")
+    table = tmp_path / "a" / "lqr.csv"
+    values = read_table(table)
+    assert values["preview_time"] > 0.0
+    assert len(values) == 1 + 4 * 79
+    line = next(row for row in table.read_text().splitlines() if "design.gains[40]" in row)
+    assert line.split(",")[1:3] == ["design.gains[40]", "-"]
+    table.write_text(
+        table.read_text().replace(repr(values["design.gains[40]"]), "0.5"), encoding="utf-8"
+    )
+    result = steersman("export", "tuned/lqr", "--to", "c", "--out", "b", "--parameters", str(table))
+    assert "as expected" in result.stderr
+    assert read_table(tmp_path / "b" / "lqr.csv") == {**values, "design.gains[40]": 0.5}
+    again = steersman("export", "tuned/lqr", "--to", "c", "--out", "a", "--precision", "single")
+    assert "as expected" in again.stderr
+    assert "float preview[15][2]" in (tmp_path / "a" / "steersman_lqr.h").read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("tuned/lqr --precision half", "--precision: 'half' is not allowed"),
+        ("tuned/lqr --parameters none.csv", "none.csv: cannot be read"),
+        ("tuned/lqr --parameters bad.csv", "bad.csv: line 2: value 'x', expected a number"),
+        ("tuned/lqr --parameters other.csv", "parameter 'design.gain[0]': unknown; did you mean"),
+        ("tuned/lqr --parameters low.csv", "controller.preview_time: -1"),
+        ("tuned/lqr sensor.count=3", "sensor.count: 3"),
+        ("precision --precision single", "settings and parameters are for controllers in C"),
+    ],
+)
+def test_wrong_words_for_a_controller(
+    steersman: Steersman, tmp_path: FilePath, words: str, message: str
+) -> None:
+    for name, row in (
+        ("bad", "preview_time,x"), ("other", "design.gain[0],1.0"), ("low", "preview_time,-1")
+    ):  # fmt: skip
+        (tmp_path / f"{name}.csv").write_text(f"name,value\n{row}\n")
+    result = steersman("export", *words.split(), "--to", "c", "--out", "o")
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert not (tmp_path / "o").exists()

@@ -14,7 +14,8 @@ import pytest
 
 from steersman.controllers.policy import Policy, PolicyNetwork
 from steersman.delivery.graph import TOLERANCE, exact, normalised, random_features, rounding
-from steersman.delivery.vector import Row, answers, drawn, rows, single, with_value
+from steersman.delivery.observations import Row, drawn, single, with_value
+from steersman.delivery.vector import answers, rows
 from steersman.kernels.encode import FEATURE_LIMIT
 from steersman.policy_file import shipped
 from steersman.types import Status
@@ -188,7 +189,7 @@ def test_whole_steps_agree(name: str) -> None:
     sizes[::2] = rng.uniform(0.0, 2.0, 750)
     bases = rng.uniform(-1.5, 1.5, 1500)
     given = [
-        Row(i % 30 == 0, drawn(compiled.p, rng, size), single(base), None)
+        Row(i % 30 == 0, drawn(compiled.p.card, rng, size), single(base), None)
         for i, (size, base) in enumerate(zip(sizes, bases, strict=True))
     ]
     given = rows(compiled.p) + given
@@ -213,17 +214,17 @@ def test_a_step_that_is_not_finite_holds_and_forgets_nothing(name: str, value: f
     compiled, rng = library(name), np.random.default_rng(2)
     state = compiled.init()
     for _ in range(5):
-        compiled.step(state, drawn(compiled.p, rng))
+        compiled.step(state, drawn(compiled.p.card, rng))
     before = state.copy()
     for index in range(7 + 2 * compiled.p.card.waypoints):
-        seen = with_value(drawn(compiled.p, rng), index, value)
+        seen = with_value(drawn(compiled.p.card, rng), index, value)
         steer, status = compiled.step(state, seen)
         assert status is Status.FALLBACK
         held = min(max(seen.steer, -1.0), 1.0) if math.isfinite(seen.steer) else 0.0
         assert steer == pytest.approx(held, abs=1e-7)
         assert np.array_equal(state, before)
     if name == "residual":
-        assert compiled.step(state, drawn(compiled.p, rng), value)[1] is Status.FALLBACK
+        assert compiled.step(state, drawn(compiled.p.card, rng), value)[1] is Status.FALLBACK
         assert np.array_equal(state, before)
     compiled.executed(state, value)
     assert np.array_equal(state, before)
@@ -231,7 +232,7 @@ def test_a_step_that_is_not_finite_holds_and_forgets_nothing(name: str, value: f
 
 def test_numbers_that_overflow_on_their_way_hold_too() -> None:
     compiled, rng = library("history and trim"), np.random.default_rng(2)
-    seen = drawn(compiled.p, rng)._replace(heading_error=1e30)
+    seen = drawn(compiled.p.card, rng)._replace(heading_error=1e30)
     seen.preview[:, 0] = 3e38 * (-1.0) ** np.arange(len(seen.preview))
     seen.preview[:, 1] = -3e38 * (-1.0) ** np.arange(len(seen.preview))
     steer, _ = compiled.step(compiled.init(), seen)
@@ -243,7 +244,7 @@ def test_states_that_memory_lost_are_answered_with_finite_steering() -> None:
     for _ in range(300):
         state = compiled.init()
         state.view(np.uint32)[:] = rng.integers(0, 2**32, state.size)
-        steer, _ = compiled.step(state, drawn(compiled.p, rng))
+        steer, _ = compiled.step(state, drawn(compiled.p.card, rng))
         assert abs(steer) <= 1.0
 
 

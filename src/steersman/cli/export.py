@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path as FilePath
-from typing import Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -20,19 +20,39 @@ from steersman.cli.dataset import home as dataset_home
 from steersman.cli.output import note, write
 from steersman.errors import ConfigError, DataError, SteersmanError, suggestion
 
+if TYPE_CHECKING:
+    from steersman.delivery.controller import Setting
+
 EXAMPLES = (
     "\b\n"
     "Examples:\n"
     "  steersman export precision --to c --out build/precision\n"
+    "  steersman export tuned/lqr --to c --precision single\n"
+    "  steersman export tuned/lqr --to c --parameters lqr.csv sensor.count=20\n"
     "  steersman export runs/agent/policy.onnx --to onnx --out delivery\n"
     "  steersman export runs/monza --to mcap\n"
     "  steersman export demo --to minari --out datasets\n"
     "\n"
     "\b\n"
 )
+STEERS = "a controller, or a policy"
+_PRECISIONS = ("single", "double")
 POLICY = "a training's folder, a policy of the package, or an .onnx or .json file"
 DRIVE = "a folder of steersman drive --out, or an episode's .npz file"
 DATA = "a training's folder or preset (its demonstrator drives), a drive, or a ROS 2 recording"
+
+
+class ToExport(NamedTuple):
+    """What is to be exported."""
+
+    run: str
+    """RUN, as the user wrote it."""
+    words: Sequence[str] = ()
+    """Settings of the drive that a controller is exported for."""
+    single: bool = False
+    """Numbers in C are float; else double."""
+    parameters: FilePath | None = None
+    """A table with other values of a controller's parameters."""
 
 
 class Target(NamedTuple):
@@ -44,40 +64,86 @@ class Target(NamedTuple):
     """What RUN may be, as the help says it."""
     makes: str
     """What is written, as the help says it."""
-    write: Callable[[str, FilePath], Sequence[FilePath]]
-    """From RUN and a folder to the files written into it, the one to name first."""
+    write: Callable[[ToExport, FilePath], Sequence[FilePath]]
+    """From what is wanted and a folder to the files written into it, the one to name first."""
     home: Callable[[], str | None] = lambda: None
     """The folder without --out, if it is not ./NAME_TARGET."""
 
 
-def _c(source: str, folder: FilePath) -> Sequence[FilePath]:
+def _c(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
     from steersman.delivery.package import try_out, write_c
 
-    files = write_c(source, folder)
+    setting = _setting(wanted)
+    if setting is not None:
+        from steersman.delivery.controller_package import write_controller
+
+        files = write_controller(setting, folder)
+    else:
+        files = write_c(_policy(wanted), folder)
     note(try_out(files[0]))
     return files
 
 
-def _onnx(source: str, folder: FilePath) -> Sequence[FilePath]:
+def _setting(wanted: ToExport) -> Setting | None:
+    """What a controller is exported for: the loop of a drive; None for a policy."""
+    from steersman import words
+
+    family = "controller"
+    if not words.means(family, wanted.run):
+        return None
+    if words.fields_of(family, wanted.run)["kind"] == "policy":
+        return None
+    from steersman.commands import configuration
+    from steersman.delivery.controller import DESIGN, Setting
+    from steersman.delivery.controller_package import read_table
+
+    table = {} if wanted.parameters is None else read_table(wanted.parameters)
+    made = {name: value for name, value in table.items() if name.startswith(DESIGN)}
+    changed = [f"{family}.{name}={value!r}" for name, value in table.items() if name not in made]
+    config = configuration("drive", [f"{family}={wanted.run}", *wanted.words, *changed])
+    return Setting(
+        words.short(wanted.run),
+        config.controller,
+        config.nominal or config.vehicle,
+        config.plant.dt,
+        config.sensor.count,
+        config.sensor.spacing,
+        wanted.single,
+        made,
+    )
+
+
+def _policy(wanted: ToExport) -> str:
+    """RUN, for a target that takes nothing beside.
+
+    Raises:
+        ConfigError: there is more.
+    """
+    if wanted.words or wanted.single or wanted.parameters:
+        raise ConfigError(f"{wanted.run}: settings and parameters are for controllers in C alone")
+    return wanted.run
+
+
+def _onnx(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
     from steersman.delivery.package import write_onnx
 
-    return write_onnx(source, folder, note)
+    return write_onnx(_policy(wanted), folder, note)
 
 
-def _mcap(source: str, folder: FilePath) -> Sequence[FilePath]:
+def _mcap(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
     from steersman.cli.recording import export_mcap
 
-    return export_mcap(source, folder)
+    return export_mcap(_policy(wanted), folder)
 
 
-def _minari(source: str, folder: FilePath) -> Sequence[FilePath]:
+def _minari(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
     from steersman.cli.dataset import export_minari
 
-    return export_minari(source, folder)
+    return export_minari(_policy(wanted), folder)
 
 
 TARGETS = (
-    Target("c", POLICY, "C99 source without dependencies, test vector, Makefile, card", _c),
+    Target("c", STEERS, "C99 source without dependencies, test vector, Makefile, card", _c),
     Target("onnx", POLICY, "the network as a checked ONNX file with its card", _onnx),
     Target("mcap", DRIVE, "a recording with ROS 2 messages", _mcap),
     Target("minari", DATA, "a dataset of what was seen and done", _minari, dataset_home),
@@ -102,6 +168,21 @@ def export(
     to: Annotated[
         str, typer.Option("--to", metavar="|".join(t.name for t in TARGETS), help="The format.")
     ],
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[KEY=VALUE]...",
+            help="Of a controller in C: settings of a drive (nominal, sensor, plant.dt ...).",
+        ),
+    ] = None,
+    precision: Annotated[
+        str,
+        typer.Option("--precision", metavar="single|double", help="Numbers of a controller in C."),
+    ] = "double",
+    parameters: Annotated[
+        str | None,
+        typer.Option("--parameters", metavar="FILE", help="Its parameters: a table, changed."),
+    ] = None,
     out: Annotated[
         str | None,
         typer.Option("--out", metavar="DIR", help="Folder to write into; else ./NAME_TARGET."),
@@ -113,14 +194,18 @@ def export(
     on stdout.
     """
     chosen = target(to)
+    if precision not in _PRECISIONS:
+        raise ConfigError(f"--precision: {precision!r} is not allowed; expected single or double")
     if not run.strip():
         raise DataError("RUN: expected the name of what to export, given nothing")
     if out is None:
         out = chosen.home() or f"{FilePath(run).resolve().stem}_{to}"
+    table = None if parameters is None else FilePath(parameters)
+    wanted = ToExport(run, words or [], precision == "single", table)
     was_there = FilePath(out).exists()
     folder = files.out_folder(out)
     try:
-        written = chosen.write(run, folder)
+        written = chosen.write(wanted, folder)
     except SteersmanError:
         if not was_there:
             with suppress(OSError):  # something may have been written before the fault

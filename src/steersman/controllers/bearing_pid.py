@@ -19,10 +19,13 @@ from steersman.vehicles import Vehicle
 
 
 class BearingPidState(NamedTuple):
-    """Control period [s], the last bearings [rad], newest last, and the last command."""
+    """Control period [s], the last bearings [rad], newest last, and the last command.
+
+    Bearings of before the first step are zero; there is no command then.
+    """
 
     dt: float
-    bearings: tuple[float, ...] = ()
+    bearings: tuple[float, ...]
     steer: float | None = None
 
 
@@ -61,7 +64,7 @@ class BearingPid(ControllerComponent):
 
     def init(self, vehicle: Vehicle, dt: float) -> BearingPidState:
         """State before the first step."""
-        return BearingPidState(dt)
+        return BearingPidState(dt, (0.0,) * self.window)
 
     def decide(
         self, state: BearingPidState, observation: Observation
@@ -70,9 +73,9 @@ class BearingPid(ControllerComponent):
         o, dt = observation, state.dt
         distance = max(o.v_x, 0.0) * self.look_ahead_time + self.look_ahead_offset
         x, y = at_distance(o.preview, o.spacing, self.origin, 0.0, distance)
-        bearings = (*state.bearings, math.atan2(y, x - self.origin))[-self.window :]
+        bearings = (*state.bearings[1:], math.atan2(y, x - self.origin))
         wanted = self.k_p * bearings[-1]
-        if len(bearings) > 1:
+        if state.steer is not None:
             wanted += self.k_d * (bearings[-1] - bearings[-2]) / dt + self.k_i * sum(bearings) * dt
         last = o.steer if state.steer is None else state.steer
         steer = min(max(wanted, -1.0), 1.0)

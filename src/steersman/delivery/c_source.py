@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from importlib.metadata import version
-from importlib.resources import files
-from string import Template
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +12,7 @@ from steersman.controllers.policy import Policy, card_layout
 from steersman.delivery import c_text
 from steersman.delivery.c_formula import Writer
 from steersman.delivery.c_network import activations, arrays, layers
-from steersman.delivery.c_text import decimal
+from steersman.delivery.c_text import decimal, fill
 from steersman.delivery.graph import CLIP, TANH, Network
 from steersman.delivery.source import Source
 from steersman.encoding import Layout
@@ -74,12 +72,6 @@ def parts(source: Source, network: Network) -> Parts:
         if layer.activation in {TANH, CLIP}:
             size = np.minimum(size, 1.0)
     return Parts(source, network, layout, card.trim, Policy(file=str(source.file)))
-
-
-def fill(template: str, words: dict[str, Any]) -> str:
-    """A template of this package with its words filled in."""
-    text = files("steersman.delivery.templates").joinpath(template).read_text(encoding="utf-8")
-    return Template(text).substitute(words)
 
 
 def common(p: Parts) -> dict[str, Any]:

@@ -6,6 +6,8 @@ import hashlib
 import math
 import re
 from collections.abc import Iterable, Sequence
+from importlib.resources import files
+from string import Template
 from typing import Any
 
 import numpy as np
@@ -94,3 +96,9 @@ def array(name: str, values: Iterable[Any]) -> str:
 def braces(values: Sequence[str]) -> str:
     """An initialiser."""
     return "{" + ", ".join(values) + "}"
+
+
+def fill(template: str, words: dict[str, Any]) -> str:
+    """A template of this package with its words filled in."""
+    text = files("steersman.delivery.templates").joinpath(template).read_text(encoding="utf-8")
+    return Template(text).substitute(words)

@@ -1,0 +1,241 @@
+"""Controllers in C: proof that they are the Python ones, their size, and their time.
+
+    python benchmarks/controllers_in_c.py [tuned/lqr ...] [--count 100000] [--out results/export]
+
+Each is compiled by every compiler there is (gcc, clang) with -O2 and -O3, in float and in double,
+and answers drawn observations, extremes and NaN among them, thirty to a drive; the largest distance
+of its steering from Python's and the number of other statuses are recorded. A drive in which the
+C code steers is compared with Python's drive. For a Cortex-M4F, if arm-none-eabi-gcc and
+qemu-system-arm are there: ROM, RAM, stack, and instructions a step, counted by qemu.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import json
+import shutil
+import statistics
+import subprocess
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from steersman.commands import configuration
+from steersman.controllers.base import ControllerComponent
+from steersman.delivery.controller import Setting
+from steersman.delivery.controller_package import write_controller
+from steersman.delivery.controller_text import answers
+from steersman.delivery.observations import Row, drawn, observations, single
+from steersman.files import write_text
+from steersman.provenance import provenance
+from steersman.rollout import run
+from steersman.types import Decision, Observation, Status
+from steersman.vehicles import Vehicle
+from steersman.words import short
+
+CONTROLLERS = (
+    "tuned/pid", "tuned/pid_feedforward", "tuned/bearing_pid", "tuned/pure_pursuit",
+    "tuned/pure_pursuit_cm", "tuned/stanley", "tuned/stanley_cm", "tuned/lqr", "tuned/sliding_mode",
+)  # fmt: skip
+DRIVE = 30
+ROUNDS = 9
+STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-pedantic", "-Wshadow")
+PORTABLE = "-ffp-contract=off"
+
+
+class InC(ControllerComponent):
+    """A compiled controller, called from Python; the bytes of its C state are its state."""
+
+    code: Any = Field(exclude=True)
+    prefix: str
+    single: bool
+
+    def function(self, name: str) -> Any:
+        """One of its functions."""
+        found = getattr(self.code, f"{self.prefix}_{name}")
+        found.restype = ctypes.c_int if name in {"step", "size"} else None
+        return found
+
+    def packed(self, seen: Observation) -> Any:
+        """An observation as C has it."""
+        given = [*seen[:8], *seen.preview.ravel()]
+        return np.array(given, np.float32 if self.single else np.float64)
+
+    def real(self, value: float = 0.0) -> Any:
+        """A number as C has it."""
+        return ctypes.c_float(value) if self.single else ctypes.c_double(value)
+
+    def init(self, vehicle: Vehicle, dt: float) -> bytes:
+        """The state before the first step."""
+        state = ctypes.create_string_buffer(self.function("size")())
+        self.function("init")(state, None)
+        return state.raw
+
+    def decide(self, state: bytes, observation: Observation) -> Any:
+        """Not called: a step of C is whole."""
+        raise NotImplementedError
+
+    def step(self, state: bytes, observation: Observation) -> tuple[Decision, bytes]:
+        """The decision of the C code."""
+        given, steer = self.packed(observation), self.real()
+        after = ctypes.create_string_buffer(state, len(state))
+        at = ctypes.c_void_p(given.ctypes.data)
+        status = self.function("step")(after, at, ctypes.byref(steer))
+        return Decision(float(steer.value), Status(status)), after.raw
+
+    def executed(self, state: bytes, steer: float) -> bytes:
+        """Another command was executed."""
+        after = ctypes.create_string_buffer(state, len(state))
+        self.function("executed")(after, self.real(steer))
+        return after.raw
+
+
+def compiled(setting: Setting, folder: Path, words: Sequence[str]) -> InC:
+    """Compile the C code in ``folder``; ``words`` are compiler and flags."""
+    file, prefix = folder / f"{'_'.join(words)}.so", setting.prefix
+    size = f"int {prefix}_size(void);\nint {prefix}_size(void)\n{{\n"
+    text = f'#include "{prefix}.h"\n{size}    return (int)sizeof({prefix}_state);\n}}\n'
+    write_text(folder / "size.c", text)
+    made = [*words, *STRICT, PORTABLE, "-shared", "-fPIC", "-o", str(file), f"{prefix}.c", "size.c"]
+    subprocess.run([*made, "-lm"], check=True, cwd=folder)
+    return InC(code=ctypes.CDLL(str(file)), prefix=prefix, single=setting.single)
+
+
+def setting_of(word: str, single_: bool = False) -> Setting:
+    """A controller for the default drive's car, sensor and period."""
+    c = configuration("drive", [f"controller={word}"])
+    nominal = c.nominal or c.vehicle
+    sensor = c.sensor
+    return Setting(
+        short(word), c.controller, nominal, c.plant.dt, sensor.count, sensor.spacing, single_
+    )
+
+
+def drawn_rows(setting: Setting, count: int) -> list[Row]:
+    """Drawn observations: usual ones, those of every size, and strange ones."""
+    rng = np.random.default_rng(1)
+    rows = observations(setting, rng)
+    while len(rows) < count:
+        size = rng.uniform(0.0, 2.0) if len(rows) % 2 else 10.0 ** rng.uniform(-42.0, 15.0)
+        overruled = single(rng.uniform(-1.0, 1.0)) if len(rows) % 10 == 0 else None
+        rows.append(Row(len(rows) % DRIVE == 0, drawn(setting, rng, size), 0.0, overruled))
+    return rows[:count]
+
+
+class Parity(NamedTuple):
+    """How far C is from Python."""
+
+    observations: int
+    usable: int
+    """Of which no fallback answers."""
+    steering: float
+    """Largest distance of the steering, over its size where that is above one."""
+    other_statuses: int
+
+
+def parity(setting: Setting, code: InC, rows: Sequence[Row], known: Sequence[Decision]) -> Parity:
+    """Compare the C code with what Python answered."""
+    worst, other = 0.0, 0
+    start = state = code.init(setting.vehicle, setting.dt)
+    for row, expected in zip(rows, known, strict=True):
+        decision, state = code.step(start if row.restart else state, row.seen)
+        other += decision.status != expected.status
+        worst = max(worst, abs(decision.steer - expected.steer))
+        if row.executed is not None:
+            state = code.executed(state, row.executed)
+    usable = sum(each.status is not Status.FALLBACK for each in known)
+    return Parity(len(rows), usable, worst, other)
+
+
+def drive_difference(word: str, code: InC, duration: float = 60.0) -> float:
+    """Largest difference of path, heading and steering between a drive by Python and one by C."""
+    words = [
+        f"controller={word}",
+        "path=monza",
+        f"duration={duration}",
+        "sensor.position_noise=0.02",
+    ]
+    config = configuration("drive", words)
+    here = run(config)
+    there = run(config.model_copy(update={"controller": code}))
+    names = ("x", "y", "psi", "steer")
+    return max(float(np.abs(here.columns[k] - there.columns[k]).max()) for k in names)
+
+
+def microseconds(code: InC, setting: Setting) -> dict[str, float]:
+    """Of one step in C, less that of the call from Python, and in Python; the sides take turns."""
+    rows = [row.seen for row in drawn_rows(setting, 200)]
+    packed = [code.packed(each) for each in rows]
+    at = [ctypes.c_void_p(each.ctypes.data) for each in packed]
+    state = ctypes.create_string_buffer(code.init(setting.vehicle, setting.dt))
+    steer = ctypes.byref(code.real())
+    times: dict[str, list[float]] = {"call": [], "c": [], "python": []}
+    size, step = code.function("size"), code.function("step")
+    for _ in range(ROUNDS):
+        python, begun = setting.start(), time.perf_counter()
+        for _ in range(ROUNDS):
+            for each in at:
+                size(state, each, steer)
+        times["call"].append((time.perf_counter() - begun) / ROUNDS)
+        begun = time.perf_counter()
+        for _ in range(ROUNDS):
+            for each in at:
+                step(state, each, steer)
+        times["c"].append((time.perf_counter() - begun) / ROUNDS)
+        begun = time.perf_counter()
+        for seen in rows:
+            _, python = setting.controller.step(python, seen)
+        times["python"].append(time.perf_counter() - begun)
+    found = {k: 1e6 * statistics.median(each) / len(rows) for k, each in times.items()}
+    return {"c": found["c"] - found["call"], "python": found["python"]}
+
+
+def measured(word: str, count: int) -> dict[str, Any]:
+    """Everything of one controller."""
+    found: dict[str, Any] = {}
+    for single_ in (False, True):
+        setting, name = setting_of(word, single_), "single" if single_ else "double"
+        rows = drawn_rows(setting, count)
+        known = answers(setting, rows)
+        with tempfile.TemporaryDirectory() as scratch:
+            folder = Path(scratch)
+            write_controller(setting, folder)
+            lines = (folder / f"{setting.prefix}.c").read_text().count("\n")
+            figures: dict[str, Any] = {"lines": lines}
+            for compiler in filter(shutil.which, ("gcc", "clang")):
+                for level in ("-O2", "-O3"):
+                    code = compiled(setting, folder, (compiler, level))
+                    at = f"{compiler} {level}"
+                    figures[at] = parity(setting, code, rows, known)._asdict()
+                    if not single_ and level == "-O2":
+                        figures[at]["drive"] = drive_difference(word, code)
+                    if compiler == "gcc" and level == "-O2":
+                        figures["us"] = microseconds(code, setting)
+        found[name] = figures
+    return found
+
+
+def main() -> None:
+    """Measure, print, and write if asked."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("controllers", nargs="*", default=CONTROLLERS)
+    parser.add_argument("--count", type=int, default=100_000)
+    parser.add_argument("--out", type=Path)
+    arguments = parser.parse_args()
+    for word in arguments.controllers:
+        found = measured(word, arguments.count)
+        print(word, json.dumps(found))  # noqa: T201 - its output
+        if arguments.out is not None:
+            record = {"controller": word, "count": arguments.count, **found, **provenance()}
+            file = arguments.out / f"{short(word)}.json"
+            write_text(file, json.dumps(record, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,265 @@
+"""A controller as a C program: its step, its state and its parameters, from its Python source."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from steersman.controllers.base import ControllerComponent, designed
+from steersman.delivery.c_text import identifier
+from steersman.delivery.translate.program import Parameter, Program
+from steersman.delivery.translate.statements import Statements
+from steersman.delivery.translate.values import (
+    NEVER,
+    REAL,
+    Array,
+    Bundle,
+    Maybe,
+    NotTranslatable,
+    Pinned,
+    Root,
+    Scalar,
+    Static,
+    Type,
+    Value,
+    join,
+    type_of,
+)
+from steersman.errors import ConfigError
+from steersman.messages import field_unit
+from steersman.types import Observation
+from steersman.vehicles import Vehicle
+
+_PASSES = 8
+DESIGN = "design"
+"""What the names of numbers begin with that the controller makes before the first step."""
+_NUMBERS = Observation._fields[:8]
+
+
+class Setting(NamedTuple):
+    """What a controller is exported for."""
+
+    name: str
+    controller: ControllerComponent
+    vehicle: Vehicle
+    dt: float
+    """Control period [s]."""
+    waypoints: int
+    spacing: float
+    """Distance between waypoints [m]."""
+    single: bool = False
+    """float in place of double."""
+    values: Mapping[str, float] = {}
+    """Numbers of the design that are not what the controller makes, by their names."""
+
+    def start(self) -> Any:
+        """The controller's state before the first step.
+
+        Raises:
+            ConfigError: its equations have no solution for this vehicle.
+        """
+        made = designed(self.controller, self.vehicle, self.dt)
+        return _changed(made, DESIGN, self.values) if self.values else made
+
+    @property
+    def prefix(self) -> str:
+        """What all names in C begin with."""
+        return f"steersman_{identifier(self.name)}"
+
+
+class StateField(NamedTuple):
+    """A number, or numbers, of the state."""
+
+    name: str
+    kind: str
+    size: int | None
+    """How many numbers; None: one that is no array."""
+    start: tuple[float, ...]
+    """Before the first step."""
+
+
+class Translated(NamedTuple):
+    """A controller in C."""
+
+    setting: Setting
+    program: Program
+    fields: tuple[StateField, ...]
+    step: tuple[str, ...]
+    """Lines of the step: its status is returned, its steering stands in ``*steer``."""
+    executed: tuple[str, ...]
+    """Lines after another command was executed."""
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """In the order of the table."""
+        return tuple(self.program.parameters.values())
+
+
+def translated(setting: Setting) -> Translated:
+    """Make C of a controller.
+
+    Raises:
+        ConfigError: its Python holds what C cannot be made of; the message says where.
+    """
+    start = setting.start()
+    pinned: frozenset[str] = frozenset()
+    known = type_of(abstract(start))
+    try:
+        for _ in range(_PASSES):
+            try:
+                made = _Pass(setting, start, known, pinned)
+                found = made.found
+            except Pinned as error:
+                pinned |= error.names
+                continue
+            if found == known:
+                return made.translated()
+            known = _settled(found)
+    except NotTranslatable as error:
+        where = re.sub(r".*/steersman/", "", getattr(error, "where", "?"))
+        raise ConfigError(
+            f"no C code can be made of this controller: {error} ({where})", ("controller",)
+        ) from None
+    raise ConfigError("no C code can be made of this controller: its state keeps growing")
+
+
+def _changed(value: Any, path: str, values: Mapping[str, float]) -> Any:
+    """A part of a first state with other numbers in its arrays."""
+    if isinstance(value, tuple):
+        names = getattr(value, "_fields", range(len(value)))
+        pairs = zip(names, value, strict=True)
+        parts = [_changed(each, f"{path}.{name}", values) for name, each in pairs]
+        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+    if isinstance(value, np.ndarray):
+        value = value.copy()
+        for i in range(value.size):
+            value.flat[i] = values.get(f"{path}[{i}]", value.flat[i])
+    return value
+
+
+def abstract(value: Any, path: str = DESIGN) -> Value:
+    """A part of a controller's first state; its arrays are parameters, unless they change."""
+    if isinstance(value, tuple) and hasattr(value, "_fields"):
+        pairs = zip(value._fields, value, strict=True)
+        return Bundle(type(value), tuple(abstract(each, f"{path}.{name}") for name, each in pairs))
+    if isinstance(value, tuple) and value:
+        return Bundle(tuple, tuple(abstract(v, f"{path}.{i}") for i, v in enumerate(value)))
+    return Static(value, path if isinstance(value, np.ndarray) else None)
+
+
+class _Pass:
+    """One translation, for a state of a type."""
+
+    def __init__(self, setting: Setting, start: Any, known: Type, pinned: frozenset[str]) -> None:
+        self.setting, self.start, self.known = setting, start, known
+        self.program = Program(single=setting.single, pinned=pinned)
+        self.state = _named(known, "state->")
+        controller = Static(setting.controller, "")
+        self.step = self._writer()
+        kind = type(setting.controller)
+        answer = self.step.call(kind.step, [controller, self.state, self._seen()])
+        assert isinstance(answer, Bundle)
+        self.decision, self.after = answer.items
+        self.executed = self._writer()
+        self.held = self.executed.call(
+            kind.executed, [controller, self.state, Scalar("steer", REAL)]
+        )
+        self.found = join(known, join(type_of(self.after), type_of(self.held)))
+
+    def _writer(self) -> Statements:
+        return Statements(self.program, {}, {"__builtins__": {}}, NEVER)
+
+    def _seen(self) -> Bundle:
+        numbers = [Scalar(f"seen->{name}", REAL) for name in _NUMBERS]
+        preview = Array("&seen->preview[0][0]", (self.setting.waypoints, 2), Root("seen"))
+        return Bundle(Observation, (*numbers, preview, Static(self.setting.spacing)))
+
+    def translated(self) -> Translated:
+        """The C program, once the state's type is that of what a step makes of it."""
+        for writer, after in ((self.step, self.after), (self.executed, self.held)):
+            writer.store(self.state, writer.local(after), self.known)
+        assert isinstance(self.decision, Bundle)
+        steer, status = (self.decision[name] for name in ("steer", "status"))
+        self.step.lines += [
+            f"*steer = {self.step.real(steer)};",
+            f"return {self.step.number(status).text};",
+        ]
+        return Translated(
+            self.setting,
+            self.program,
+            tuple(_fields(self.state, abstract(self.start))),
+            (*self.step.top, *self.step.lines),
+            (*self.executed.top, *self.executed.lines),
+        )
+
+
+def _settled(found: Type) -> Type:
+    """The type in which all numbers of a tuple may change once one does, as of a shifted window."""
+    if found.form != "record" or found.detail is not tuple:
+        parts = tuple(_settled(each) for each in found.parts)
+        return Type(found.form, found.detail, parts, found.example)
+    changing = next((each for each in found.parts if each.form == "scalar"), None)
+    if changing is None:
+        return found
+    return Type("record", tuple, tuple(join(each, changing) for each in found.parts))
+
+
+def _named(known: Type, name: str) -> Value:
+    """The state in C, by its type."""
+    match known.form:
+        case "scalar":
+            return Scalar(name, known.detail)
+        case "array":
+            return Array(name, known.detail[0], Root("state", written=True), (), known.detail[1])
+        case "record":
+            fields = getattr(known.detail, "_fields", range(len(known.parts)))
+            pairs = zip(fields, known.parts, strict=True)
+            items = [
+                _named(part, f"{name}{'' if name.endswith('>') else '_'}{field}")
+                for field, part in pairs
+            ]
+            return Bundle(known.detail, tuple(items))
+        case "maybe":
+            there = Scalar(f"{name}_known", "bool")
+            return Maybe(there, _named(known.parts[0], name))
+    return known.example  # type: ignore[no-any-return]
+
+
+def _fields(value: Value, start: Value | None) -> Iterator[StateField]:
+    """The fields of the C state, with what they are before the first step."""
+    known = start.value if isinstance(start, Static) else None
+    match value:
+        case Scalar(text, kind):
+            yield StateField(text.removeprefix("state->"), kind, None, (float(known or 0.0),))
+        case Array(text):
+            numbers = np.zeros(value.size) if known is None else np.asarray(known).ravel()
+            yield StateField(text.removeprefix("state->"), value.kind, value.size, tuple(numbers))
+        case Maybe(there, item):
+            missing = isinstance(start, Static) and start.value is None
+            yield StateField(
+                there.text.removeprefix("state->"), "bool", None, (float(not missing),)
+            )
+            yield from _fields(item, None if missing else start)
+        case Bundle(_, items):
+            parts = start.items if isinstance(start, Bundle) else [None] * len(items)
+            for each, begun in zip(items, parts, strict=True):
+                yield from _fields(each, begun)
+
+
+def described(controller: ControllerComponent, path: str) -> tuple[str, float, float, str]:
+    """Unit, least and largest value, and meaning of a parameter."""
+    owner: Any = controller
+    *way, name = path.split(".")
+    for each in way:
+        owner = getattr(owner, each, None)
+    field = getattr(type(owner), "model_fields", {}).get(name)
+    if field is None:
+        return "-", -np.inf, np.inf, "Made from vehicle, control period and settings."
+    low, high = -np.inf, np.inf
+    for bound in field.metadata:
+        low = getattr(bound, "ge", getattr(bound, "gt", low))
+        high = getattr(bound, "le", getattr(bound, "lt", high))
+    return field_unit(field), low, high, field.description

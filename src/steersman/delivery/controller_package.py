@@ -1,0 +1,99 @@
+"""Write a controller as C with its card and its table of parameters; read the table back."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path as FilePath
+
+from steersman.config import dump
+from steersman.delivery import controller_text as text
+from steersman.delivery.c_text import identifier
+from steersman.delivery.controller import Setting, Translated, translated
+from steersman.errors import DataError, suggestion
+from steersman.files import replacing, write_text
+from steersman.policy_file import sha256
+from steersman.provenance import provenance
+
+
+def write_controller(setting: Setting, folder: FilePath) -> Sequence[FilePath]:
+    """The controller as C99: source, header, test vector and its program, parameters, card.
+
+    Raises:
+        ConfigError: its Python holds what C cannot be made of.
+        DataError: a number of the design that was given is none of its own.
+    """
+    made = translated(setting)
+    check_values(made)
+    name = identifier(setting.name)
+    makefile = files("steersman.delivery.templates").joinpath("Makefile.in")
+    contents = {
+        f"{setting.prefix}.c": text.source(made),
+        f"{setting.prefix}.h": text.header(made),
+        f"test_{name}.c": text.program(made),
+        f"vector_{name}.h": text.vector(made),
+        f"{name}.csv": text.table(made),
+        "Makefile": makefile.read_text(encoding="utf-8"),
+    }
+    for each, content in contents.items():
+        with replacing(folder / each) as stream:
+            stream.write(content.encode())
+    write_text(folder / f"{name}.json", _card(made, contents))
+    return [folder / each for each in (*contents, f"{name}.json")]
+
+
+def _card(made: Translated, contents: Mapping[str, str]) -> str:
+    s = made.setting
+    card = {
+        "name": s.name,
+        "controller": dump(s.controller),
+        "vehicle": dump(s.vehicle),
+        "dt": s.dt,
+        "waypoints": s.waypoints,
+        "spacing": s.spacing,
+        "precision": "single" if s.single else "double",
+        "constant_parameters": sorted(made.program.pinned),
+        "files": {name: sha256(content.encode()) for name, content in contents.items()},
+        **provenance(),
+    }
+    return json.dumps(card, indent=1) + "\n"
+
+
+def check_values(made: Translated) -> None:
+    """Refuse numbers of the design that the controller does not have.
+
+    Raises:
+        DataError: there is one.
+    """
+    known = [each.name for each in text.entries(made)]
+    for name in made.setting.values:
+        if name not in known:
+            raise DataError(f"parameter {name!r}: unknown{suggestion(name, known)}")
+
+
+def read_table(file: FilePath) -> dict[str, float]:
+    """Names and values of a table of parameters, as it was written or changed.
+
+    Raises:
+        DataError: it is missing, or no such table.
+    """
+    try:
+        with file.open(encoding="utf-8", newline="") as stream:
+            rows = list(csv.DictReader(stream))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise DataError(f"{file}: cannot be read: {error}") from None
+    if not rows or not {"name", "value"} <= rows[0].keys():
+        raise DataError(f"{file}: expected a table with the columns {', '.join(text.COLUMNS)}")
+    out = {}
+    for line, row in enumerate(rows, 2):
+        try:
+            out[row["name"]] = float(row["value"])
+        except (TypeError, ValueError):
+            what = f"value {row['value']!r}, expected a number"
+            raise DataError(f"{file}: line {line}: {what}") from None
+        if not math.isfinite(out[row["name"]]):
+            raise DataError(f"{file}: line {line}: value {row['value']}, expected a finite number")
+    return out

@@ -1,0 +1,211 @@
+"""The files of a controller in C: header, source, test vector, table of parameters."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterator, Sequence
+from importlib.metadata import version
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from steersman.delivery import c_text
+from steersman.delivery.c_text import fill
+from steersman.delivery.controller import Setting, Translated, described
+from steersman.delivery.observations import Row, observations
+from steersman.delivery.translate.emitter import c_type, indented, without_unused
+from steersman.delivery.translate.program import Parameter
+from steersman.types import Decision
+
+# How far the steering in C may be from Python's.
+TOLERANCE = {False: 1e-12, True: 2e-5}
+COLUMNS = ("index", "name", "unit", "minimum", "maximum", "value", "meaning")
+
+
+class ParameterEntry(NamedTuple):
+    """A number of the table of parameters."""
+
+    name: str
+    unit: str
+    minimum: float
+    maximum: float
+    value: float
+    meaning: str
+
+
+def entries(made: Translated) -> list[ParameterEntry]:
+    """The table of parameters, in the order in which they lie in memory."""
+    return [entry for each in made.parameters for entry in _entries(made.setting, each)]
+
+
+def _entries(setting: Setting, parameter: Parameter) -> Iterator[ParameterEntry]:
+    unit, low, high, meaning = described(setting.controller, parameter.path)
+    numbers = np.asarray(parameter.value, dtype=float).ravel()
+    for i, number in enumerate(numbers.tolist()):
+        place = f"[{i}]" if isinstance(parameter.value, np.ndarray) else ""
+        name = parameter.path + place
+        yield ParameterEntry(name, unit, low, high, number, meaning)
+
+
+def words(made: Translated) -> dict[str, Any]:
+    """Words that all files hold."""
+    s = made.setting
+    return {
+        "title": c_text.comment(s.name),
+        "name": c_text.identifier(s.name),
+        "prefix": s.prefix,
+        "PREFIX": s.prefix.upper(),
+        "version": version("steersman"),
+        "real": "float" if s.single else "double",
+        "precision": "float" if s.single else "double",
+        "waypoints": s.waypoints,
+        "tolerance": f"{TOLERANCE[s.single]:g}",
+    }
+
+
+def header(made: Translated) -> str:
+    """The header."""
+    s, literal = made.setting, made.program.literal
+    real = "float" if s.single else "double"
+    parameters = [
+        f"{real} {each.name}{_size(each)}; /* {_meaning(s, each)} */" for each in made.parameters
+    ] or [f"{real} none; /* there are no parameters */"]
+    fields = [
+        f"{real if c_type(each.kind) == 'real' else 'int'} {each.name}"
+        + ("" if each.size is None else f"[{each.size}]")
+        + ";"
+        for each in made.fields
+    ]
+    return fill(
+        "controller.h.in",
+        {
+            **words(made),
+            "period": f"{s.dt:g}",
+            "period_literal": literal(s.dt),
+            "spacing": literal(s.spacing),
+            "spacing_plain": f"{s.spacing:g}",
+            "count": len(entries(made)),
+            "parameter_fields": _block(parameters),
+            "state_fields": _block(fields),
+        },
+    )
+
+
+def _size(parameter: Parameter) -> str:
+    value = parameter.value
+    return f"[{value.size}]" if isinstance(value, np.ndarray) else ""
+
+
+def _meaning(setting: Setting, parameter: Parameter) -> str:
+    unit, _, _, meaning = described(setting.controller, parameter.path)
+    return c_text.comment(f"{meaning} [{unit}]")
+
+
+def _block(lines: Sequence[str]) -> str:
+    return "".join(f"    {each}\n" for each in lines)
+
+
+def source(made: Translated) -> str:
+    """The source."""
+    program = made.program
+    texts = program.needed([*made.step, *made.executed])
+    return fill(
+        "controller.c.in",
+        {
+            **words(made),
+            "helpers": "".join(f"{each}\n" for each in program.helpers.values()),
+            "constants": "".join(f"{text}\n" for _, text in program.constants.values()),
+            "defaults": _defaults(made),
+            "functions": "".join(f"{each}\n" for each in texts),
+            "reset": _block(_reset(made) or ["(void)state;"]),
+            "step": _lines(made.step),
+            "executed": _lines(("(void)p;", "(void)steer;", *made.executed)),
+        },
+    )
+
+
+def _lines(lines: Sequence[str]) -> str:
+    return "".join(f"{each}\n" for each in indented(without_unused(list(lines))))
+
+
+def _defaults(made: Translated) -> str:
+    literal, out = made.program.literal, []
+    for each in made.parameters:
+        numbers = [literal(entry.value) for entry in _entries(made.setting, each)]
+        text = ", ".join(numbers)
+        out.append(f"{{{text}}}," if isinstance(each.value, np.ndarray) else f"{text},")
+    return _block(out or [f"{literal(0.0)},"])
+
+
+def _reset(made: Translated) -> list[str]:
+    literal, out = made.program.literal, []
+    for each in made.fields:
+        numbers = [literal(x if c_type(each.kind) == "real" else int(x)) for x in each.start]
+        if each.size is None:
+            out.append(f"state->{each.name} = {numbers[0]};")
+        elif len(set(numbers)) == 1:
+            out += ["{", "    int i;", "", f"    for (i = 0; i < {each.size}; ++i) {{",
+                    f"        state->{each.name}[i] = {numbers[0]};", "    }", "}"]  # fmt: skip
+        else:
+            out += [f"state->{each.name}[{i}] = {x};" for i, x in enumerate(numbers)]
+    return out
+
+
+def answers(setting: Setting, rows: Sequence[Row]) -> list[Decision]:
+    """What Python's controller says to ``rows``."""
+    start = state = setting.start()
+    out = []
+    for row in rows:
+        state = start if row.restart else state
+        decision, state = setting.controller.step(state, row.seen)
+        out.append(decision)
+        if row.executed is not None:
+            state = setting.controller.executed(state, row.executed)
+    return out
+
+
+def rows_of(setting: Setting) -> list[Row]:
+    """The test vector's steps."""
+    return observations(setting, np.random.default_rng(0))
+
+
+def vector(made: Translated) -> str:
+    """The test vector."""
+    rows = rows_of(made.setting)
+    pairs = zip(rows, answers(made.setting, rows), strict=True)
+    text = "".join(_row(made, row, decision) for row, decision in pairs)
+    return fill("controller_vector.h.in", {**words(made), "rows": text})
+
+
+def _row(made: Translated, row: Row, decision: Decision) -> str:
+    def number(value: float) -> str:
+        return ("-" if value < 0.0 else "") + "INFINITY" if math.isinf(value) else _plain(value)
+
+    def _plain(value: float) -> str:
+        return "NAN" if math.isnan(value) else made.program.literal(value)
+
+    pairs = [c_text.braces([number(x), number(y)]) for x, y in row.seen.preview.tolist()]
+    seen = [number(x) for x in row.seen[:8]] + [c_text.braces(pairs)]
+    values = [
+        str(int(row.restart)), c_text.braces(seen), number(decision.steer),
+        str(int(decision.status)), str(int(row.executed is not None)), number(row.executed or 0.0),
+    ]  # fmt: skip
+    return f"    {c_text.braces(values)},\n"
+
+
+def program(made: Translated) -> str:
+    """The program that runs the test vector."""
+    return fill("controller_test.c.in", words(made))
+
+
+def table(made: Translated) -> str:
+    """The parameters as CSV."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for i, each in enumerate(entries(made)):
+        bounds = ["" if math.isinf(x) else repr(x) for x in (each.minimum, each.maximum)]
+        writer.writerow([i, each.name, each.unit, *bounds, repr(each.value), each.meaning])
+    return out.getvalue()

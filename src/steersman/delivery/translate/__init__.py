@@ -1,0 +1,1 @@
+"""Python of the restricted kind that controllers are written in, as C99."""
