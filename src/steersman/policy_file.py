@@ -54,6 +54,8 @@ class PolicyCard(BaseModel):
     """Controller whose steering the action corrects if it is ``residual``, else null."""
     authority: float | None = Field(default=None, gt=0)
     """Largest correction of normalised steering, else null."""
+    base_share: float = Field(default=1.0, ge=0, le=1)
+    """Share of the base's steering that is corrected."""
     dt: float = Field(gt=0)
     waypoints: int = Field(ge=0)
     spacing: float = Field(gt=0)

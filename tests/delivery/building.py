@@ -65,7 +65,7 @@ def policy(folder: FilePath, name: str, hidden: int = 12) -> FilePath:
     fields, operators, trim = ARCHITECTURES[name]
     config = TrainConfig(problem=problem(**fields), trim=trim)
     net = random_net(len(config.problem.layout.scale), hidden)
-    return export_policy(net, config, folder, {}, operators)
+    return export_policy(net, config, folder, {}, operators, 0.6 if "base" in fields else 1.0)
 
 
 def read(words: str | FilePath) -> Parts:

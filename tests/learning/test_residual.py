@@ -178,8 +178,9 @@ def alone(**changes: Any) -> Any:
     )  # fmt: skip
 
 
-def in_fleet(task: Any, action: float) -> Any:
+def in_fleet(task: Any, action: float, share: float = 1.0) -> Any:
     driver = FleetDriver(task, 1)
+    driver.base_share = share
     driver.reset(0)
     out = []
     for _ in range(60):
@@ -194,17 +195,20 @@ def test_without_correction_the_base_drives() -> None:
     assert np.array_equal(expected["steer_command"], in_fleet(task, 0.0))
 
 
-@pytest.mark.parametrize("bias", [0.0, 0.3, -2.0])
-def test_the_exported_policy_corrects_as_in_training(bias: float, tmp_path: FilePath) -> None:
+@pytest.mark.parametrize(("bias", "share"), [(0.0, 1.0), (0.3, 1.0), (-2.0, 0.5), (0.3, 0.0)])
+def test_the_exported_policy_corrects_as_in_training(
+    bias: float, share: float, tmp_path: FilePath
+) -> None:
     """With one and the same correction throughout, so that no network's rounding matters."""
     task = alone()
     net = random_net(len(task.layout.scale))
     net.w3[:], net.b3[:] = 0.0, bias
-    file = export_policy(net, TrainConfig(problem=task), tmp_path, {})
+    config = TrainConfig(problem=task)
+    file = export_policy(net, config, tmp_path, {}, base_share=share)
     policy = Policy(file=str(file))
     action = policy.init(CAR, DT).run(np.zeros((1, len(net.w1[0])), np.float32))
     episode = drive(policy, task.roads[0], duration=3.0, corridor=50.0)
-    assert np.array_equal(episode["steer_command"], in_fleet(task, action))
+    assert np.array_equal(episode["steer_command"], in_fleet(task, action, share))
     assert abs(action - np.tanh(bias)) < 1e-6
 
 
@@ -323,3 +327,43 @@ def test_a_correction_can_be_learned(tmp_path: FilePath) -> None:
     train(tiny(problem=easy, agent=fast, steps=4000, validation=validation), tmp_path)
     errors = [row["validation_error_mm"] for row in rows(tmp_path)]
     assert min(errors[1:]) < 0.3 * errors[0]
+
+
+# ---------------------------------------------------------------------------------- attenuation
+
+
+def test_the_bases_share_fades_over_the_training(tmp_path: FilePath) -> None:
+    fading = {"kind": "linear", "start": 1.0, "end": 0.2, "until": 0.5}
+    config = tiny(
+        problem={"action": "residual", "base": {"kind": "lqr"}, "authority": 1.0,
+                 "demonstration": {"enabled": False}},
+        agent={"updates": 0}, attenuation=fading, steps=400,
+        validation={"interval": 200}, checkpoint_interval=100,
+    )  # fmt: skip
+    shares = [config.base_share(step) for step in (0, 100, 200, 400)]
+    assert shares == pytest.approx([1.0, 0.6, 0.2, 0.2])
+    train(config, tmp_path / "whole")
+    train(config, tmp_path / "parts", until=100)
+    train(config, tmp_path / "parts", resume=True)
+    whole, parts = (rows(tmp_path / name) for name in ("whole", "parts"))
+    errors = [[row["validation_error_mm"] for row in each] for each in (whole, parts)]
+    assert errors[0] == errors[1]
+    assert errors[0][0] < errors[0][1] == errors[0][2]  # a fifth of the base alone is less than it
+    _, card = read_policy(tmp_path / "whole" / "policy.onnx")
+    assert card.base_share == 1.0  # the first, which nothing learned afterwards
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({}, "attenuation: there is no base to attenuate; set problem.action=residual"),
+        ({"problem": RESIDUAL, "keep": True}, "attenuation: drives with a changing share cannot"),
+        (
+            {"problem": {**RESIDUAL, "demonstration": {"warm_start": {"data": "x"}}}},
+            "attenuation: recorded data have all of the base; leave out data",
+        ),
+    ],
+)
+def test_attenuation_is_refused_where_it_cannot_be(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        tiny(**changes, attenuation={"kind": "linear"})

@@ -47,6 +47,8 @@ class PolicyState(NamedTuple):
     authority: float = 0.0
     """Largest correction of normalised steering."""
     base_state: Any = None
+    base_share: float = 1.0
+    """Share of the base's steering that is corrected."""
 
 
 @register("controller", "policy")
@@ -99,6 +101,7 @@ class Policy(ControllerComponent):
             base,
             card.authority or 0.0,
             None if base is None else base.init(vehicle, dt),
+            card.base_share,
         )
 
     def decide(
@@ -119,7 +122,7 @@ class Policy(ControllerComponent):
         if state.base is not None:
             shifted = to_observation(row, observation.time, table.spacing)
             decision, base_state = state.base.step(base_state, shifted)
-            start = decision.steer
+            start = state.base_share * decision.steer
             status = decision.status if decision.status is Status.FALLBACK else status
             kernel.tell_base(table, row, memory, start, features)
         with np.errstate(over="ignore"):  # the network clips: infinity is as good as 1e300

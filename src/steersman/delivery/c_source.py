@@ -99,13 +99,15 @@ def _signature(p: Parts) -> dict[str, str]:
         f"void {prefix}_base_observation(const {prefix}_state *state,\n"
         f"    const {prefix}_observation *seen, {prefix}_observation *out)"
     )
+    share = p.card.base_share
+    factor = "" if share == 1.0 else f"{decimal(share, 'base_share')} * "
     return {
         "step_indent": pad,
         "base": "base",
         "base_parameter": "float base, ",
         "base_check": " || !isfinite(base)",
         "base_comment": "\n * base: the command of the controller that is corrected.",
-        "base_clip": ("    base = clip(base, 1.0f);\n"),
+        "base_clip": f"    base = {factor}clip(base, 1.0f);\n",
         "base_declaration": (
             "\n/* The corrected controller's observation in this period; before step(). */\n"
             f"{head};\n"

@@ -13,6 +13,7 @@ from steersman.errors import ConfigError, suggestion
 from steersman.learning.algorithms.base import AgentComponent
 from steersman.learning.algorithms.ddpg import Ddpg
 from steersman.learning.problem import CARS_DIFFER, Problem
+from steersman.learning.schedules import Schedule
 from steersman.learning.task import FunctionTerm, Judged
 from steersman.paths.base import PathComponent
 from steersman.paths.random_road import RandomRoad
@@ -61,6 +62,9 @@ class TrainConfig(Settings):
 
     problem: Problem = param(Problem(), "-", "What is to be learned.")
     agent: Annotated[AgentComponent, Of("agent")] = param(Ddpg(), "-", "The learning algorithm.")
+    attenuation: Annotated[Schedule | None, Of("schedule", optional=True)] = param(
+        None, "-", "Share of the base's steering over the training, clipped to 0 to 1; null: 1."
+    )
     validation: ValidationConfig = param(ValidationConfig(), "-", "Validation.")
     steps: int = param(200_000, "steps", "Environment steps of all vehicles together.", gt=0)
     seed: int = param(0, "-", "Seed of everything random.", ge=0)
@@ -85,9 +89,30 @@ class TrainConfig(Settings):
         return self
 
     @model_validator(mode="after")
+    def _attenuated(self) -> TrainConfig:
+        """The features of drives that are kept or recorded do not know the share."""
+        warm = self.problem.demonstration.warm_start
+        for wrong, what in (
+            (
+                self.problem.base is None,
+                "there is no base to attenuate; set problem.action=residual",
+            ),
+            (self.keep, "drives with a changing share cannot be kept; set keep=false"),
+            (warm is not None and warm.data, "recorded data have all of the base; leave out data"),
+        ):
+            if self.attenuation is not None and wrong:
+                raise ConfigError(what, ("attenuation",))
+        return self
+
+    @model_validator(mode="after")
     def _one_vehicle(self) -> TrainConfig:
         self.problem.check_vehicles(self.agent.vehicles, ("agent", "vehicles"))
         return self
+
+    def base_share(self, step: float) -> float:
+        """Share of the base's steering at an environment step."""
+        fading = self.attenuation
+        return 1.0 if fading is None else min(max(fading.value(step, self.steps), 0.0), 1.0)
 
     def one_car(self) -> dict[str, tuple[int, int]]:
         """Options that depend on the number of cars: the present value, and that for one car.

@@ -70,8 +70,12 @@ def export_policy(
     folder: FilePath,
     note: dict[str, Any],
     operators: tuple[str, str] = ("Relu", "Tanh"),
+    base_share: float = 1.0,
 ) -> FilePath:
-    """Write ``policy.onnx`` and ``policy.json`` into ``folder``; ``note`` goes into the card."""
+    """Write ``policy.onnx`` and ``policy.json`` into ``folder``.
+
+    ``note`` goes into the card, and so does the share of the base's steering that is corrected.
+    """
     problem = config.problem
     layout = problem.layout
     scale = layout.scale
@@ -84,6 +88,7 @@ def export_policy(
         rate_limit=problem.rate_limit if problem.indirect else None,
         base=dump(problem.base),
         authority=None if problem.base is None else problem.authority,
+        base_share=base_share,
         dt=problem.plant.dt,
         waypoints=problem.sensor.count,
         spacing=problem.sensor.spacing,

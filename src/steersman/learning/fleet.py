@@ -92,6 +92,8 @@ class FleetDriver:
         demonstration = problem.demonstration
         self.demonstrates = demonstration.enabled
         """Whether a demonstrator proposes a steering at every step."""
+        self.base_share = 1.0
+        """Share of the base's steering that the actions correct."""
         self._corrected = self._proposer(problem.base)
         # A base that is the demonstrator too computes once.
         truth = Truth(self.simulation, self.mover.vehicle) if demonstration.privileged else None
@@ -237,15 +239,17 @@ class FleetDriver:
     def _propose(self, i: int, *, restart: bool = False) -> None:
         """Compute the steering of base and demonstrator for the present state of vehicle ``i``."""
         fleet, base, demonstrator = self.fleet, self._corrected, self._demonstrator
+        proposed = 0.0
         if base is not None:  # the last state of an episode has its feature, too
-            fleet.base[i] = self._ask(base, i, restart=restart)
+            proposed = self._ask(base, i, restart=restart)
+            fleet.base[i] = self.base_share * proposed
             encode.tell_base(
                 self.lesson.encoding, fleet.rows[i], fleet.memory[i], fleet.base[i], fleet.inputs[i]
             )
             encode.normalise(fleet.inputs[i, -1:], self.lesson.scale[-1:])
         if demonstrator is not None and fleet.ended[i] == kernel.RUNNING:
             same = demonstrator is base
-            fleet.demo[i] = fleet.base[i] if same else self._ask(demonstrator, i, restart=restart)
+            fleet.demo[i] = proposed if same else self._ask(demonstrator, i, restart=restart)
 
     def _ask(self, proposer: Demonstrator, i: int, *, restart: bool) -> float:
         if restart:

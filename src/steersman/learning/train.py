@@ -109,6 +109,7 @@ class _Training:
         self.keeper = Keeper(self.env, out) if config.keep else None
         self.validator = Validator(config.problem, config.validation, self.env.driver.mover.shared)
         self.best = math.inf
+        self.env.driver.base_share = self._base_share()
         self.record = Record(out, resumed_at, TrainRow)
         self.rows = self.record.rows
         # Computing time, not the clock: what else the machine does is no part of the training.
@@ -192,7 +193,7 @@ class _Training:
 
     def _between_steps(self) -> None:
         """Before a step: the last one is stored and learned from, so the state is whole."""
-        steps = self.agent.num_timesteps
+        steps, self.env.driver.base_share = self.agent.num_timesteps, self._base_share()
         due, paused = steps >= self.next_checkpoint, self.until is not None and steps >= self.until
         if due:
             self.next_checkpoint += self.config.checkpoint_interval
@@ -204,6 +205,9 @@ class _Training:
             checkpoint.save(self.out, steps, self.snapshot())
         if paused:
             raise _Paused
+
+    def _base_share(self) -> float:
+        return self.config.base_share(self.agent.num_timesteps)
 
     def _after_step(self) -> None:
         rewards = self.env.driver.fleet.reward
@@ -225,6 +229,7 @@ class _Training:
             self._judge()
 
     def _judge(self) -> None:
+        self.validator.attenuate(self._base_share())
         score = self.validator.score(self.agent.act)
         row = self._row(score)
         self.record.add(row)
@@ -285,7 +290,7 @@ class _Training:
             "validation": score.rounded(),
         }
         net, operators = self.agent.actor_net(), self.config.agent.operators
-        export_policy(net, self.config, self.out, note, operators)
+        export_policy(net, self.config, self.out, note, operators, self._base_share())
 
     def _save_weights(self) -> None:
         file = self.out / "checkpoints" / f"step_{self.agent.num_timesteps:09d}.npz"

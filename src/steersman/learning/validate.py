@@ -88,6 +88,10 @@ class Validator:
         """The plant in words, as results state it."""
         return self._driver.source
 
+    def attenuate(self, share: float) -> None:
+        """From now on drive with this share of the base's steering."""
+        self._driver.base_share = share
+
     def close(self) -> None:
         """Release the plant, for all that share it; may be called twice."""
         self._driver.close()
