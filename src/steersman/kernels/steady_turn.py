@@ -66,6 +66,34 @@ def _holding_throttle(table: VehicleTable, speed: float) -> float:
     return float(0.5 * (low + high))
 
 
+@kernel
+def _determinant(a: FloatArray) -> float:
+    """Of a matrix of order 3."""
+    first = a[1, 1] * a[2, 2] - a[1, 2] * a[2, 1]
+    second = a[1, 2] * a[2, 0] - a[1, 0] * a[2, 2]
+    third = a[1, 0] * a[2, 1] - a[1, 1] * a[2, 0]
+    return float(a[0, 0] * first + a[0, 1] * second + a[0, 2] * third)
+
+
+@kernel
+def _correct(jac: FloatArray, rhs: FloatArray, unknown: FloatArray) -> bool:
+    """One bounded step of Newton's on (3,) ``unknown``; False where ``jac`` is singular.
+
+    By Cramer's rule: numba compiles numpy's solver for longer than the whole vehicle.
+    """
+    whole = _determinant(jac)
+    if abs(whole) < 1e-12:
+        return False
+    for j in range(3):
+        for i in range(3):  # rhs takes the place of column j, and back
+            jac[i, j], rhs[i] = rhs[i], jac[i, j]
+        step = _determinant(jac) / whole
+        for i in range(3):
+            jac[i, j], rhs[i] = rhs[i], jac[i, j]
+        unknown[j] -= min(max(step, -0.2), 0.2)
+    return True
+
+
 @allocating
 def steady_turn(
     table: VehicleTable, n: int, state: FloatArray, speed: float, curvature: float
@@ -100,11 +128,8 @@ def steady_turn(
             unknown[j] = kept
             for i in range(3):
                 jac[i, j] = (moved[VX + i] - base[VX + i]) / eps
-        if abs(np.linalg.det(jac)) < 1e-12:
+        if not _correct(jac, rhs, unknown):
             break
-        step = np.linalg.solve(jac, rhs)
-        for j in range(3):
-            unknown[j] -= min(max(step[j], -0.2), 0.2)
     if abs(unknown[1]) > 1.0 or abs(unknown[2]) > 1.0 or abs(unknown[0]) > 1.0:
         found = False
     if not found:
