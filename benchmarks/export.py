@@ -26,7 +26,6 @@ from typing import Any
 import numpy as np
 
 from ddpg_mpc_pid.timing import read_weights, sb3_predict
-from steersman.controllers.policy import load_network
 from steersman.delivery.c_source import Parts, parts
 from steersman.delivery.graph import TOLERANCE, exact, random_features, read_network
 from steersman.delivery.observations import Row, drawn
@@ -34,6 +33,7 @@ from steersman.delivery.package import write_c
 from steersman.delivery.source import read_source
 from steersman.delivery.vector import answers, rows
 from steersman.files import write_text
+from steersman.network_file import PolicyNetwork
 from steersman.provenance import provenance
 from steersman.types import Observation
 from steersman.vehicles import CarlaModel3
@@ -125,7 +125,7 @@ def sides(p: Parts, compiled: dict[str, Compiled], features: Any) -> dict[str, C
     in_c, steers = packed(seen), np.empty(CALLS, np.float32)
     action = np.empty(1, np.float32)
     singles = [row[None, :] for row in features]
-    session = load_network(p.source.data, p.name, features.shape[1])
+    session = PolicyNetwork(p.source.data, p.name, features.shape[1])
     weights = read_weights(p.source.data)
     predict = sb3_predict(features.shape[1], [len(weights["b1"]), len(weights["b2"])])
     state = p.policy.init(CarlaModel3(), p.card.dt)
@@ -159,9 +159,9 @@ def parity(p: Parts, code: Compiled) -> dict[str, float]:
     """Largest differences of an action over random observations, extremes included."""
     seen = random_features(p.network.scale, COMPARED)
     expected = exact(p.network, seen)[:, 0]
-    session = load_network(p.source.data, p.name, seen.shape[1])
+    session = PolicyNetwork(p.source.data, p.name, seen.shape[1])
     c = abs(code.actions(seen) - expected)
-    onnx = abs(np.array([session(row[None, :]) for row in seen]) - expected)
+    onnx = abs(np.array([session(row[None, :])[0] for row in seen]) - expected)
     return {
         "observations": COMPARED,
         "tolerance": TOLERANCE,

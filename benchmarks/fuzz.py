@@ -222,11 +222,11 @@ def _checkpoint(file: Path) -> object:
 
 def _policy(file: Path, other: Path, *, card: bool) -> object:
     """The damaged half of a policy beside the whole one, whose digest is not asked for."""
-    from steersman.controllers.policy import load_network
+    from steersman.network_file import PolicyNetwork
 
     if not card:
         features = len(json.loads(other.read_text())["scale"])
-        return load_network(file.read_bytes(), file.name, features)
+        return PolicyNetwork(file.read_bytes(), file.name, features)
     file.with_suffix(".onnx").write_bytes(other.read_bytes())
     return resolve("controller", {"kind": "policy", "file": str(file.with_suffix(".onnx"))}).init(
         CarlaModel3(), _STEP

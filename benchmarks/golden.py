@@ -168,7 +168,7 @@ def _many(problem: Any, actions: Any) -> Columns:
     seen, rewards, ends, last, shown = [env.reset()], [], [], [], []
     for action in actions:
         if problem.demonstration.enabled:
-            shown.append(env.demonstrated_actions().copy())
+            shown.append(env.demonstrated_actions()[:, 0].copy())
         out, reward, done, infos = env.step(action)
         seen.append(out), rewards.append(reward.copy()), ends.append(done.copy())
         last += [info for info in infos if info]

@@ -51,28 +51,28 @@ class PedalWork:
         return throttle, brake
 
 
-def random_net(features: int, hidden: int = 8, seed: int = 0) -> Net:
+def random_net(features: int, hidden: int = 8, seed: int = 0, actions: int = 1) -> Net:
     """An actor with random weights."""
-    sizes = (features, hidden, hidden, 1)
+    sizes = (features, hidden, hidden, actions)
     count = sum((a + 1) * b for a, b in pairwise(sizes))
     flat = np.random.default_rng(seed).normal(0.0, 0.3, count).astype(np.float32)
     return view_net(flat, sizes)
 
 
-def odd_net(mirror: FloatArray, hidden: int = 8) -> Net:
-    """An actor with random weights that answers a mirrored scene with the negated action.
+def odd_net(mirror: FloatArray, turned: FloatArray, hidden: int = 8) -> Net:
+    """An actor with random weights that answers a mirrored scene with the mirrored actions.
 
-    g(x) - g(mirror x), with the units of a random network g twice.
+    g(x) + turned g(mirror x), with the units of a random network g twice.
     """
-    g = random_net(len(mirror), hidden)
+    g = random_net(len(mirror), hidden, actions=len(turned))
     none = np.zeros_like(g.w2)
     return Net(
         w1=np.vstack([g.w1, g.w1 * mirror.astype(np.float32)]),
         b1=np.tile(g.b1, 2),
         w2=np.block([[g.w2, none], [none, g.w2]]),
         b2=np.tile(g.b2, 2),
-        w3=np.hstack([g.w3, -g.w3]),
-        b3=np.zeros(1, np.float32),
+        w3=np.hstack([g.w3, turned[:, None].astype(np.float32) * g.w3]),
+        b3=np.zeros(len(turned), np.float32),
         flat=None,
     )
 
@@ -84,5 +84,6 @@ def random_policy(
     config = config or TrainConfig()
     layout = config.problem.layout
     if odd:
-        return export_policy(odd_net(layout.mirror), config, folder, {})
-    return export_policy(random_net(len(layout.scale)), config, folder, {})
+        return export_policy(odd_net(layout.mirror, config.problem.turned), config, folder, {})
+    net = random_net(len(layout.scale), actions=len(config.problem.turned))
+    return export_policy(net, config, folder, {})

@@ -47,6 +47,13 @@ ALL = {**{kind: {"kind": kind} for kind in components("controller")}, **VARIANTS
 PROBLEMS: dict[str, dict[str, Any]] = {
     "policy": {},
     "policy-residual": {"action": "residual", "base": "mpc_delay", "authority": 0.3},
+    "adaptive": {
+        "action": "parameters",
+        "base": "tuned/mpc_delay",
+        "parameters": {"r_change": "1..10:log", "horizon": "10|20|30"},
+        "period": 3,
+        "demonstration": {"enabled": False},
+    },
 }
 
 

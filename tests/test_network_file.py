@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from steersman.controllers.policy import PolicyNetwork
 from steersman.errors import DataError
-from steersman.network_file import MOST_NODES, check_network
+from steersman.network_file import MOST_NODES, PolicyNetwork, check_network
 from steersman.policy_file import locate
 
 onnx = pytest.importorskip("onnx")

@@ -38,9 +38,10 @@ def edit(file: FilePath, **fields: Any) -> None:
     file.with_suffix(".json").write_text(json.dumps(card), encoding="utf-8")
 
 
-def correct(file: FilePath, base: dict[str, Any]) -> None:
-    """Say that the policy corrects another controller."""
-    edit(file, rate_limit=None, action="residual", base=base, authority=0.2)
+def correct(file: FilePath, base: dict[str, Any], **fields: Any) -> None:
+    """Say that the policy corrects another controller, or has other fields."""
+    fields = fields or {"action": "residual", "authority": 0.2}
+    edit(file, rate_limit=None, base=base, **fields)
     card = json.loads(file.with_suffix(".json").read_text(encoding="utf-8")) | {"rate_limit": None}
     file.with_suffix(".json").write_text(json.dumps(card), encoding="utf-8")
 
@@ -66,6 +67,7 @@ def test_a_sound_policy_loads(file: FilePath) -> None:
     assert load(file).rate_step == pytest.approx(card.rate_limit * DT)
 
 
+GAINS = ("k_heading", "preview_time")
 FAULTS: dict[str, tuple[Callable[[FilePath], object], str]] = {
     "no network": (lambda f: f.unlink(), r"policy\.onnx: cannot be read \(No such file"),
     "no card": (lambda f: f.with_suffix(".json").unlink(), r"policy\.json: cannot be read"),
@@ -99,11 +101,19 @@ FAULTS: dict[str, tuple[Callable[[FilePath], object], str]] = {
     "too few waypoints": (
         lambda f: edit(f, waypoints=5), "encoding reads 13 waypoints, but there are 5",
     ),
-    "base without authority": (lambda f: edit(f, base={"kind": "pid"}), "base and authority go"),
-    "authority without base": (lambda f: edit(f, authority=0.2), "base and authority go together"),
+    "base without authority": (lambda f: edit(f, base={"kind": "pid"}), "base and either"),
+    "authority without base": (lambda f: edit(f, authority=0.2), "those of a base"),
     "authority of nothing": (lambda f: edit(f, base={"kind": "pid"}, authority=0.0), "authority"),
     "base with a rate": (
-        lambda f: edit(f, base={"kind": "pid"}, authority=0.2), "a correction of the base has none",
+        lambda f: edit(f, base={"kind": "pid"}, authority=0.2), "an action on a base has none",
+    ),
+    "parameters of another base": (
+        lambda f: correct(f, {"kind": "pid"}, parameters={"horizon": "5..9"}),
+        "unknown field",
+    ),
+    "a network of fewer actions": (
+        lambda f: correct(f, {"kind": "pid"}, parameters=dict.fromkeys(GAINS, "0..1")),
+        r"gives actions of shape \(1,\)",
     ),
     "unknown base": (lambda f: correct(f, {"kind": "telepathy"}), "telepathy"),
     "base of wrong values": (lambda f: correct(f, {"kind": "pid", "k_heading": -1}), "k_heading"),

@@ -135,7 +135,7 @@ def test_what_is_disturbed_can_be_learned(name: str) -> None:
         env.seed(1)
         out = [env.reset()]
         for _ in range(200):
-            observations, rewards, _, _ = env.step(env.demonstrated_actions()[:, None])
+            observations, rewards, _, _ = env.step(env.demonstrated_actions())
             out.append(np.column_stack([observations, rewards]))
         assert all(np.isfinite(one).all() for one in out)
         return out[1:]

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from closed_loops import back_to_the_road, drive, responses
 
+from steersman.controllers.adjustment import Adjuster, adjustments
 from steersman.controllers.base import ControllerComponent
 from steersman.controllers.lqr import Lqr
 from steersman.controllers.supervisor import Supervisor
@@ -237,6 +238,40 @@ def policy_trim() -> dict[str, Any]:
     return over_time(title, episodes, label="lateral error [mm]", factor=1e3)
 
 
+class Switched(ControllerComponent):
+    """LQR whose price of steering is an action: one until a moment, then the other."""
+
+    family: ClassVar[str] = "controller"  # not registered: it serves this figure alone
+    kind: ClassVar[str] = "switched"
+
+    first: float = -1.0
+    then: float = -1.0
+    moment: float = 1.0
+
+    def init(self, vehicle: Vehicle, dt: float) -> Any:
+        """Not adjusted yet, and what adjusts it."""
+        adjuster = Adjuster(Lqr(), adjustments(Lqr(), {"r": "0.1..100:log"}), vehicle, dt)
+        return adjuster, adjuster.begin()
+
+    def decide(self, state: Any, observation: Observation) -> tuple[float, Status, Any]:
+        """The regulator's steering under the present action."""
+        adjuster, now = state
+        action = self.first if observation.time < self.moment else self.then
+        decision, now = adjuster.adjust(now, np.array([action])).step(observation)
+        return decision.steer, decision.status, (adjuster, now)
+
+
+def adjusted() -> dict[str, Any]:
+    """The way back to the road under both bounds of a parameter, and with a change between them."""
+    drivers = {
+        "r = 0.1, action -1": Switched(),
+        "r = 100, action 1": Switched(first=1.0, then=1.0),
+        "r = 100, after 1 s 0.1": Switched(first=1.0),
+    }
+    title = "LQR from 0.5 m beside the road at 10 m/s, r between 0.1 and 100"
+    return responses(title, drivers)
+
+
 class Stuck(ControllerComponent):
     """Steers as LQR does, and from a moment on repeats its last command, marked as solved."""
 
@@ -301,6 +336,7 @@ FIGURES = {
     "predicted": predicted,
     "nmpc": nmpc,
     "policy_trim": policy_trim,
+    "adjusted": adjusted,
     "supervisor": supervisor,
     "everybody": everybody,
 }

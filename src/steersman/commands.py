@@ -183,6 +183,10 @@ def _whole(command: str, name: str) -> dict[str, Any] | None:
     else:
         return None
     tree = read_yaml(file)
+    if "like" in tree and COMMANDS[command].presets:
+        from steersman.learning.config import read_preset
+
+        tree = read_preset(FilePath(file))
     whole = "kind" not in tree and set(tree) & set(settings_of(command).model_fields)
     if not whole and _families_of(command, name):  # a component alone
         return None

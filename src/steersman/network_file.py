@@ -15,9 +15,11 @@ import itertools
 import math
 from collections import defaultdict
 from collections.abc import Iterator
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
-from steersman.errors import DataError, shortened
+import numpy as np
+
+from steersman.errors import DataError, one_line, shortened
 
 MOST_BYTES, MOST_NODES = 20_000_000, 100
 """Largest file [bytes], and the most operators in it."""
@@ -163,3 +165,46 @@ def _bytes(value: Value) -> memoryview:
 
 def _text(value: Value) -> str:
     return bytes(_bytes(value)).decode("utf-8", "replace")
+
+
+class PolicyNetwork:
+    """The network in an ONNX file, a function of features (1, n), float32; a copy reads it anew."""
+
+    def __init__(self, data: bytes, name: str, features: int, actions: int = 1) -> None:
+        """Read the content of the file ``name``.
+
+        Raises:
+            DataError: it holds more than layers, ONNX Runtime cannot read it, or it does not map
+                that many features to that many actions.
+        """
+        import onnxruntime
+
+        check_network(data, name)
+        self._made_of = (data, name, features, actions)
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.log_severity_level = 3
+        given = {"providers": ["CPUExecutionProvider"]}
+        try:
+            self._session = onnxruntime.InferenceSession(data, options, **given)
+        except Exception as error:  # noqa: BLE001 - its exceptions share no base class
+            line = one_line(str(error))
+            raise DataError(f"{name}: not a network that ONNX reads: {line[:160]}") from None
+        self._entry = self._session.get_inputs()[0].name
+        try:
+            shape = self(np.zeros((1, features), dtype=np.float32)).shape
+        except Exception as error:  # noqa: BLE001 - its exceptions share no base class
+            line = one_line(str(error))
+            raise DataError(
+                f"{name}: does not map {features} features to an action: {line[:160]}"
+            ) from None
+
+        if shape != (actions,):
+            raise DataError(f"{name}: gives actions of shape {shape}, but its card has {actions}")
+
+    def __call__(self, x: Any) -> Any:
+        """The actions (m,) for features (1, n), float32."""
+        return self._session.run(None, {self._entry: x})[0][0]
+
+    def __reduce__(self) -> tuple[type[PolicyNetwork], tuple[bytes, str, int, int]]:
+        return type(self), self._made_of

@@ -15,12 +15,15 @@ from steersman.files import read_bytes
 from steersman.messages import config_error
 
 FORMAT = 2
+LEARNED = ("policy", "adaptive")
+"""Kinds of controllers that read a policy's file."""
 UNITS = {
     "time": "s",
     "length": "m",
     "angle": "rad",
     "steer": "1 = full lock, left positive",
-    "action": "[-1, 1]: steering, steering rate over rate_limit, or correction over authority",
+    "action": "[-1, 1]: steering, steering rate over rate_limit, correction over authority, or "
+    "places of the parameters between their bounds",
 }
 SIGNS = {
     "frame": "ISO 8855: x forward, y left, z up; waypoints are in the vehicle's frame",
@@ -51,11 +54,15 @@ class PolicyCard(BaseModel):
     rate_limit: float | None = Field(gt=0)
     """Largest rate of normalised steering [1/s] if the action is ``rate``, else null."""
     base: dict[str, Any] | None = None
-    """Controller whose steering the action corrects if it is ``residual``, else null."""
+    """Controller that steers under a ``residual`` action or under ``parameters``, else null."""
     authority: float | None = Field(default=None, gt=0)
     """Largest correction of normalised steering, else null."""
     base_share: float = Field(default=1.0, ge=0, le=1)
     """Share of the base's steering that is corrected."""
+    parameters: dict[str, str | list[Any]] | None = None
+    """Fields of the base that the actions set, and their bounds or choices, else null."""
+    period: int = Field(default=1, ge=1)
+    """Control steps for which an action of ``parameters`` holds."""
     dt: float = Field(gt=0)
     waypoints: int = Field(ge=0)
     spacing: float = Field(gt=0)
@@ -72,12 +79,19 @@ class PolicyCard(BaseModel):
     versions: dict[str, str]
     commit: str | None
 
+    @property
+    def actions(self) -> int:
+        """Outputs of the network."""
+        return len(self.parameters or "1")
+
     @model_validator(mode="after")
     def _whole(self) -> PolicyCard:
-        if (self.base is None) != (self.authority is None):
-            raise ValueError("base and authority go together")
+        if self.base is None and (self.authority or self.parameters):
+            raise ValueError("authority and parameters are those of a base")
+        if self.base is not None and (self.authority is None) == (not self.parameters):
+            raise ValueError("base and either authority or parameters go together")
         if self.base is not None and self.rate_limit is not None:
-            raise ValueError("rate_limit: a correction of the base has none")
+            raise ValueError("rate_limit: an action on a base has none")
         return self
 
 

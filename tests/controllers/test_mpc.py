@@ -12,7 +12,8 @@ from scipy.optimize import nnls
 from scipy.signal import cont2discrete
 
 from steersman.controllers.condensed_qp import MpcProblem, build_problem, predict
-from steersman.controllers.mpc_pid import ModelError, MpcPid
+from steersman.controllers.model_error import ModelError
+from steersman.controllers.mpc_pid import MpcPid
 from steersman.controllers.pid import PidGains, PidState
 from steersman.controllers.single_track import single_track, zero_order_hold
 from steersman.paths.analytic import Circle, Straight

@@ -14,7 +14,6 @@ from steersman.controllers.mpc_delay import MpcDelay
 from steersman.controllers.mpc_delay_plan import (
     PlanProblem,
     Weights,
-    at_speed,
     build_model,
     build_tables,
 )
@@ -204,9 +203,7 @@ def test_a_solver_that_fails_leaves_the_clipped_optimum(monkeypatch: pytest.Monk
 def test_tables_between_two_speeds() -> None:
     tables = build_tables(CAR, DT, N, WEIGHTS)
     for v in (1.0, 7.5, 7.73, 40.0):
-        for ours, exact in zip(
-            at_speed(tables, v), build_model(CAR, DT, N, WEIGHTS, v), strict=True
-        ):
+        for ours, exact in zip(tables.at(v), build_model(CAR, DT, N, WEIGHTS, v), strict=True):
             assert ours == pytest.approx(exact, rel=0.02, abs=0.02 * abs(exact).max())
 
 

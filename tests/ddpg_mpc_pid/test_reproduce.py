@@ -418,7 +418,7 @@ def test_a_second_call_does_nothing_again(
 def test_the_compiled_network_is_the_exported_one(
     smoke: tuple[FilePath, StudyResult],
 ) -> None:
-    from steersman.controllers.policy import PolicyNetwork
+    from steersman.network_file import PolicyNetwork
 
     file = smoke[0] / "runs" / "adaptive" / "seed_0" / "policy.onnx"
     data = file.read_bytes()

@@ -32,7 +32,7 @@ for _ in range(100):
     action = numpy.array([info["demo_action"]], numpy.float32)
     _, _, terminated, _, info = env.step(action)
     assert not terminated
-print(info["demo_action"])
+print(info["demo_action"][0])
 """
 
 

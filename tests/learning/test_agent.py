@@ -24,7 +24,7 @@ class Recording(PathFollowingVecEnv):
 
     def step_async(self, actions: Any) -> None:
         self.executed.append(np.array(actions))
-        self.proposed.append(self.demonstrated_actions())
+        self.proposed.append(self.demonstrated_actions()[:, 0])
         super().step_async(actions)
 
 
@@ -119,7 +119,7 @@ def test_schedules_follow_the_steps() -> None:
 
 
 def noise(n: int, theta: float, dt: float, sigma: float = 0.2, seed: int = 0) -> OrnsteinUhlenbeck:
-    return OrnsteinUhlenbeck(n, theta, lambda: sigma, dt, seed)
+    return OrnsteinUhlenbeck((n, 1), theta, lambda: sigma, dt, seed)
 
 
 @pytest.mark.parametrize(("theta", "dt"), [(0.15, 1.0), (0.15, 0.1), (0.5, 1.0)])

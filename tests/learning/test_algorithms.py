@@ -17,7 +17,7 @@ import pytest
 import torch
 
 from steersman.config import build, components, dump, read_yaml, to_yaml
-from steersman.controllers.policy import Policy, load_network
+from steersman.controllers.policy import Policy
 from steersman.errors import ConfigError, TrainingDiverged
 from steersman.kernels.encode import FEATURE_LIMIT
 from steersman.learning.algorithms.ddpg import Ddpg
@@ -32,6 +32,7 @@ from steersman.learning.progress import TrainRow, check_progress
 from steersman.learning.train import train
 from steersman.learning.validate import Validator
 from steersman.learning.vec_env import PathFollowingVecEnv
+from steersman.network_file import PolicyNetwork
 
 from ..loops import Posed, drive
 from .problems import SMALL, TINY
@@ -279,14 +280,14 @@ def test_exported_network_is_sb3s_deterministic_action(
     agent.actor_net().flat[:] *= 2.5  # so that the answer is no plain zero, and meets its limits
     agent.actor_net().b3[:] = 0.3
     scale = made.problem.layout.scale
-    run = load_network(
+    run = PolicyNetwork(
         network(agent.actor_net(), scale, made.agent.operators), "policy.onnx", len(scale)
     )
     raw = size * np.random.default_rng(0).normal(size=(40, len(scale)))
     inputs = np.clip(raw * scale, -FEATURE_LIMIT, FEATURE_LIMIT).astype(np.float32)
-    expected = agent.predict(inputs, deterministic=True)[0][:, 0]
+    expected = agent.predict(inputs, deterministic=True)[0]
     answers = [run(row[None, :].astype(np.float32)) for row in raw]
-    assert answers == pytest.approx(expected, abs=3e-5)
+    assert np.array(answers) == pytest.approx(expected, abs=3e-5)
     assert agent.act(inputs) == pytest.approx(expected, abs=3e-5)
     assert np.std(expected) > 1e-5
     assert abs(expected).max() <= 1.0

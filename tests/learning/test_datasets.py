@@ -16,7 +16,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from steersman.config import build
-from steersman.controllers.policy import load_network
 from steersman.episode import Episode
 from steersman.errors import ConfigError, DataError
 from steersman.kernels import world as kernel
@@ -28,6 +27,7 @@ from steersman.learning.fleet import FleetDriver
 from steersman.learning.imitation.driving import demonstrate
 from steersman.learning.problem import Problem
 from steersman.logs.write import write_episode
+from steersman.network_file import PolicyNetwork
 from steersman.rollout import RunConfig, run
 
 from ..logs import bags
@@ -53,7 +53,7 @@ def drives(wanted: Problem, n: int = 3, count: int = 130) -> tuple[list[Trajecto
     inputs: list[list[Any]] = [[driver.fleet.inputs[i].astype(np.float32)] for i in range(n)]
     finished = []
     for _ in range(count):
-        actions = rng.uniform(-0.3, 0.3, n)
+        actions = rng.uniform(-0.3, 0.3, (n, 1))
         recorder.choose(actions, actions, np.zeros(n))
         driver.step(actions)
         recorder.stepped()
@@ -178,12 +178,12 @@ def test_minari_loads_it(
     for episode, one in zip(loaded, stored.trajectories, strict=True):
         assert episode.observations.dtype == np.float32
         assert np.array_equal(episode.observations, features(stored.problem, one.rows, one.steer))
-        assert np.array_equal(episode.actions[:, 0], one.actions.astype(np.float32))
+        assert np.array_equal(episode.actions, one.actions.astype(np.float32))
         assert np.array_equal(episode.rewards, one.rewards)
         assert not np.any(episode.terminations[:-1] | episode.truncations[:-1])
         assert bool(episode.terminations[-1]) != bool(episode.truncations[-1])
         told = episode.infos
-        assert np.array_equal(told["demonstrated_action"][:-1, 0], one.demonstrated)
+        assert np.array_equal(told["demonstrated_action"][:-1], one.demonstrated)
         assert np.isnan(told["demonstrated_action"][-1, 0])
         assert told["driver"][:, 0].tolist() == [Who.DEMONSTRATOR] * one.steps + [-1]
         assert np.array_equal(told["lateral_error"][:, 0], one.places[:, 0])
@@ -320,8 +320,8 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[Problem, FilePath,
 def answers(wanted: Problem, folder: FilePath, one: Trajectory) -> Any:
     scale = wanted.layout.scale  # which is part of the exported network
     seen = (features(wanted, one.rows, one.steer)[:-1] / scale).astype(np.float32)
-    network = load_network((folder / "policy.onnx").read_bytes(), "policy", seen.shape[1])
-    return np.array([network(row[None, :]) for row in seen])
+    network = PolicyNetwork((folder / "policy.onnx").read_bytes(), "policy", seen.shape[1])
+    return np.array([network(row[None, :])[0] for row in seen])
 
 
 def test_an_episode_is_seen_as_its_policy_saw_it(

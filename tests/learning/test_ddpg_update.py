@@ -23,20 +23,25 @@ class Nothing(Env):  # type: ignore[type-arg]
     """Spaces and nothing else."""
 
     observation_space = spaces.Box(-100.0, 100.0, (FEATURES,), np.float32)
-    action_space = spaces.Box(-1.0, 1.0, (1,), np.float32)
+
+    def __init__(self, actions: int = 1) -> None:
+        self.action_space = spaces.Box(-1.0, 1.0, (actions,), np.float32)
 
     def reset(self, **_: Any) -> Any:
         return np.zeros(FEATURES, np.float32), {}
 
 
-def agent(cls: type[DDPG], hidden: tuple[int, int] = (24, 16), rate: float = 1e-3) -> Any:
+def agent(
+    cls: type[DDPG], hidden: tuple[int, int] = (24, 16), rate: float = 1e-3, actions: int = 1
+) -> Any:
     torch.manual_seed(3)
     made = cls(
-        "MlpPolicy", Nothing(), buffer_size=300, batch_size=32, learning_rate=rate, seed=3,
+        "MlpPolicy", Nothing(actions), buffer_size=300, batch_size=32, learning_rate=rate, seed=3,
         policy_kwargs={"net_arch": list(hidden)}, gamma=0.95, device="cpu",
         replay_buffer_class=DemonstrationBuffer,
     )  # fmt: skip
     made.set_logger(Logger(None, []))
+    made.turned = made.replay_buffer.turned = np.array([-1.0, 1.0, 1.0], np.float32)[:actions]
     return made
 
 
@@ -48,7 +53,7 @@ def fill(made: Any, count: int = 200) -> None:
         made.replay_buffer.add(
             rng.normal(size=(1, FEATURES)).astype(np.float32),
             rng.normal(size=(1, FEATURES)).astype(np.float32),
-            np.clip(rng.normal(size=(1, 1)), -1.0, 1.0),
+            np.clip(rng.normal(size=(1, made.action_space.shape[0])), -1.0, 1.0),
             rng.normal(size=1),
             np.array([done]),
             [{"TimeLimit.truncated": cut and done}],
@@ -68,9 +73,10 @@ def train(made: Any, gradient_steps: int) -> None:
 
 
 @pytest.mark.parametrize("steps", [1, 10, 50])
-@pytest.mark.parametrize("count", [200, 500])  # the buffer of 300 half full, and overwritten
-def test_is_stock_sb3(steps: int, count: int) -> None:
-    stock, ours = agent(DDPG), agent(CompiledDDPG)
+# The buffer of 300 half full, and overwritten.
+@pytest.mark.parametrize(("count", "actions"), [(200, 1), (500, 1), (500, 3)])
+def test_is_stock_sb3(steps: int, count: int, actions: int) -> None:
+    stock, ours = agent(DDPG, actions=actions), agent(CompiledDDPG, actions=actions)
     for made in (stock, ours):
         fill(made, count)
     before = weights(ours)
@@ -108,7 +114,7 @@ def test_torch_sees_the_trained_weights() -> None:
     train(made, 5)
     features = np.random.default_rng(0).normal(size=(9, FEATURES)).astype(np.float32)
     predicted, _ = made.predict(features, deterministic=True)
-    assert made.act(features) == pytest.approx(predicted[:, 0], abs=1e-6)
+    assert made.act(features) == pytest.approx(predicted, abs=1e-6)
     flat = made.weights()
     assert all(np.array_equal(flat[name], weights(made)[name]) for name in NETS)
 
@@ -163,18 +169,18 @@ def test_sizes_that_do_not_fit_are_refused() -> None:
 
 def test_learning_from_mirror_images_is_learning_from_a_mirrored_buffer() -> None:
     factors = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0, -1.0], np.float32)
-    plain, mirrored = agent(CompiledDDPG), agent(CompiledDDPG)
+    plain, mirrored = agent(CompiledDDPG, actions=3), agent(CompiledDDPG, actions=3)
     for made in (plain, mirrored):
         fill(made)
     buffer = plain.replay_buffer
     buffer.observations *= factors
     buffer.next_observations *= factors
-    buffer.actions *= -1.0
+    buffer.actions *= mirrored.turned
     rng = np.random.default_rng(4)
     rows, envs = rng.integers(0, 200, (3, 32)), np.zeros((3, 32), np.int64)
     for made, side in ((plain, 1.0), (mirrored, -1.0)):
         nets = made._flat()
-        draw = networks.Draw(rows, envs, np.full((3, 32), side, np.float32), factors)
+        draw = networks.Draw(rows, envs, np.full((3, 32), side, np.float32), factors, made.turned)
         numbers = ddpg_update.UpdateNumbers(
             np.full(3, 1e-3), np.zeros(3), False, made.gamma, made.tau
         )

@@ -70,7 +70,7 @@ def labelled(cls: Any, loss: ImitationLoss, mirror: Any = None) -> Any:
     made.prepare_demonstration(Demonstration(loss=loss), None, 1, 0)
     rng = np.random.default_rng(7)
     labels = rng.uniform(-1.0, 1.0, made.buffer.demonstrated.shape)
-    made.buffer.demonstrated[:] = np.where(rng.random(labels.shape) < 0.5, labels, np.nan)
+    made.buffer.demonstrated[:] = np.where(rng.random((*labels.shape[:2], 1)) < 0.5, labels, np.nan)
     made.mirror = made.buffer.mirror = mirror
     return made
 
@@ -129,7 +129,7 @@ def test_an_actor_with_a_heavy_loss_imitates() -> None:
         made, _ = driven(1200, demonstration={"loss": loss})
         size = made.buffer.pos
         own = made.act(made.buffer.observations[:size].reshape(size * 4, -1))
-        gaps.append(np.abs(own - made.buffer.demonstrated[:size].ravel()).mean())
+        gaps.append(np.abs(own[:, 0] - made.buffer.demonstrated[:size].ravel()).mean())
     assert gaps[1] < 0.7 * gaps[0]
 
 
@@ -140,7 +140,7 @@ def test_which_states_have_a_demonstrated_action(states: str, share: float) -> N
     buffer = made.buffer
     known = np.isfinite(buffer.demonstrated[: buffer.pos])
     assert known.mean() == pytest.approx(share, abs=0.1)
-    same = buffer.demonstrated[: buffer.pos] == buffer.actions[: buffer.pos, :, 0]
+    same = buffer.demonstrated[: buffer.pos] == buffer.actions[: buffer.pos]
     assert same[known].mean() > 0.4
 
 
@@ -177,7 +177,7 @@ def test_a_takeover_keeps_a_bad_agent_on_the_road() -> None:
         lost.append(env.off_track)
         shares.append(made.demonstrated_steps / made.sampled_steps)
         acted = made.buffer.actions[: made.buffer.pos, :, 0]
-        shown = made.buffer.demonstrated[: made.buffer.pos]
+        shown = made.buffer.demonstrated[: made.buffer.pos, :, 0]
         own = np.float32(np.tanh(np.float32(0.1)))
         assert ((acted == shown) | (abs(acted - own) < 1e-6)).all()
     assert lost[0] > 5
@@ -193,7 +193,7 @@ def test_first_the_demonstrator_drives_with_noise() -> None:
     warm = {"warm_start": {"steps": 400, "noise": 0.05}}
     made, _ = driven(800, demonstration=warm)
     acted = made.buffer.actions[:, :, 0]
-    gap = acted - made.buffer.demonstrated
+    gap = acted - made.buffer.demonstrated[:, :, 0]
     inside = abs(acted[:100]) < 1.0
     assert gap[:100][inside].std() == pytest.approx(0.05, rel=0.2)
     assert abs(gap[100:200]).mean() > 0.1
@@ -213,7 +213,7 @@ def test_cloning_and_updates_before_the_training(kind: str) -> None:
         assert made.demonstrated_steps == 200  # the second round is the agent's
         size = made.buffer.pos
         own = made.act(made.buffer.observations[:size].reshape(size * 4, -1))
-        fits.append(np.square(own - made.buffer.demonstrated[:size].ravel()).mean())
+        fits.append(np.square(own[:, 0] - made.buffer.demonstrated[:size].ravel()).mean())
         if kind != "sac":
             target = dict(made.policy.actor_target.named_parameters())
             pairs = [(p, target[n]) for n, p in made.policy.actor.named_parameters()]
@@ -269,7 +269,7 @@ def test_a_recorded_driver_demonstrates(tmp_path: FilePath) -> None:
     assert np.isnan(buffer.demonstrated[buffer.kept : buffer.pos]).all()
     assert made._n_updates == 10 + 10
     own = made.act(buffer.observations[: buffer.kept].reshape(buffer.kept * 4, -1))
-    apart = np.abs(own - buffer.demonstrated[: buffer.kept].ravel()).mean()
+    apart = np.abs(own[:, 0] - buffer.demonstrated[: buffer.kept].ravel()).mean()
     assert apart < 0.5 * np.abs(buffer.demonstrated[: buffer.kept]).mean()
     made.buffer.buffer_size, made.opened = 20, 0
     with pytest.raises(DataError, match=r"holds \d+ steps; .* as agent.buffer has room for 80"):

@@ -9,11 +9,12 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 
-from steersman.controllers.policy import Policy, load_network
+from steersman.controllers.policy import Policy
 from steersman.kernels.encode import FEATURE_LIMIT
 from steersman.learning.config import TrainConfig
 from steersman.learning.export import export_policy, network
 from steersman.learning.vec_env import PathFollowingVecEnv
+from steersman.network_file import PolicyNetwork
 
 from ..loops import Posed, drive, random_net, random_policy
 from .problems import problem, tiny
@@ -26,14 +27,14 @@ def test_network_is_the_agents(size: float) -> None:
     # Larger weights than the fresh ones, so that the answer is no plain zero.
     agent.actor_net().flat[:] *= 4.0
     scale = config.problem.layout.scale
-    run = load_network(network(agent.actor_net(), scale), "policy.onnx", len(scale))
+    run = PolicyNetwork(network(agent.actor_net(), scale), "policy.onnx", len(scale))
     raw = size * np.random.default_rng(0).normal(size=(40, len(scale)))
     with np.errstate(over="ignore"):
         single = raw.astype(np.float32)
     inputs = np.clip(raw * scale, -FEATURE_LIMIT, FEATURE_LIMIT)
     expected = agent.act(inputs)
     answers = [run(row[None, :]) for row in single]
-    assert answers == pytest.approx(expected, abs=1e-5)
+    assert np.array(answers) == pytest.approx(expected, abs=1e-5)
     assert size == 0.0 or np.std(expected) > 1e-4
 
 

@@ -30,6 +30,7 @@ from .problems import SMALL
 # Its steering is linear in two features, and it remembers nothing.
 LINEAR = {"kind": "pid", "gains": {"k_p": 0.1, "k_i": 0.0, "k_d": 0.0}, "k_heading": 0.5}
 K_P, K_HEADING = 0.1, 0.5
+TURNED = np.full(1, -1.0)
 TINY: dict[str, Any] = {
     "problem": {**SMALL, "action": "direct", "demonstration": {"controller": LINEAR}},
     "rounds": 3,
@@ -93,7 +94,7 @@ def test_labels_are_the_demonstrators_in_the_state_visited(pupil: Any, beta: flo
     data = drives(pupil, beta, sigma=0.05).data
     d, heading = columns(data, "lateral_error [m]", "heading_error [rad]")
     expected = np.clip(-K_P * d - K_HEADING * heading, -1.0, 1.0)
-    np.testing.assert_allclose(data.actions, expected, atol=2e-6)
+    np.testing.assert_allclose(data.actions[:, 0], expected, atol=2e-6)
     assert np.abs(expected).max() > 0.01
 
 
@@ -123,7 +124,9 @@ def test_a_rate_that_was_not_executed_is_labelled_from_what_was() -> None:
     d, heading, last = columns(data, "lateral_error [m]", "heading_error [rad]", "last_command [-]")
     wanted = -K_P * d - K_HEADING * heading
     step = problem.rate_limit * problem.plant.dt
-    np.testing.assert_allclose(data.actions, np.clip((wanted - last) / step, -1, 1), atol=2e-4)
+    np.testing.assert_allclose(
+        data.actions[:, 0], np.clip((wanted - last) / step, -1, 1), atol=2e-4
+    )
 
 
 def test_a_correction_is_labelled_with_what_the_demonstrator_adds() -> None:
@@ -131,7 +134,7 @@ def test_a_correction_is_labelled_with_what_the_demonstrator_adds() -> None:
     data = drives(to_the_left, 0.0, action="residual", base=base, authority=0.5).data
     d, heading = columns(data, "lateral_error [m]", "heading_error [rad]")
     expected = (-(K_P - 0.05) * d - K_HEADING * heading) / 0.5
-    np.testing.assert_allclose(data.actions, np.clip(expected, -1.0, 1.0), atol=5e-6)
+    np.testing.assert_allclose(data.actions[:, 0], np.clip(expected, -1.0, 1.0), atol=5e-6)
 
 
 def test_a_demonstrator_that_remembers_is_told_what_was_executed() -> None:
@@ -140,7 +143,7 @@ def test_a_demonstrator_that_remembers_is_told_what_was_executed() -> None:
     data = drives(to_the_left, 0.0, demonstration=remembers).data
     (last,) = columns(data, "last_command [-]")
     following = np.isclose(last, 0.2)
-    change = np.abs(data.actions - last)[following]
+    change = np.abs(data.actions[:, 0] - last)[following]
     assert change.max() < 0.02 + 1e-6
     assert change.min() > 0.0
 
@@ -161,12 +164,12 @@ def test_driving_repeats() -> None:
 
 def samples(count: int, rng: np.random.Generator, features: int = 5) -> Dataset:
     x = rng.normal(size=(count, features)).astype(np.float32)
-    return Dataset(x, np.tanh(x @ np.linspace(-0.4, 0.5, features)).astype(np.float32))
+    return Dataset(x, np.tanh(x @ np.linspace(-0.4, 0.5, features))[:, None].astype(np.float32))
 
 
 def fitted(data: Dataset, **changes: Any) -> Regression:
     settings = {"hidden": (32, 32), "updates": 3000, "batch": 64, "mirror": False, **changes}
-    regression = Regression(FitConfig(**settings), np.full(5, -1.0), seed(0))
+    regression = Regression(FitConfig(**settings), np.full(5, -1.0), TURNED, seed(0))
     regression.fit(data, regression.config.updates, seed(1), quiet)
     return regression
 
@@ -208,7 +211,9 @@ def test_updates_are_those_of_torch(huber: float | None) -> None:
     rng = np.random.default_rng(2)
     data = samples(300, rng)
     mirror = np.array([1.0, -1.0, 1.0, -1.0, -1.0])
-    regression = Regression(FitConfig(hidden=(24, 16), batch=32, huber=huber), mirror, seed(0))
+    regression = Regression(
+        FitConfig(hidden=(24, 16), batch=32, huber=huber), mirror, TURNED, seed(0)
+    )
     parts = [torch.tensor(np.array(part), requires_grad=True) for part in regression.net[:6]]
     optimiser = torch.optim.Adam(parts, lr=1e-3)
     rows_, sides = rng.integers(300, size=(40, 32)), rng.choice([-1.0, 1.0], size=(40, 32))
@@ -220,8 +225,8 @@ def test_updates_are_those_of_torch(huber: float | None) -> None:
         h = x.float()
         for k in (0, 2):
             h = torch.relu(h @ parts[k].T + parts[k + 1])
-        own = torch.tanh(h @ parts[4].T + parts[5])[:, 0]
-        wanted = torch.from_numpy(data.actions[row] * side)
+        own = torch.tanh(h @ parts[4].T + parts[5])
+        wanted = torch.from_numpy(data.actions[row] * side[:, None])
         if huber is None:
             loss = torch.nn.functional.mse_loss(own, wanted)
         else:
@@ -231,7 +236,7 @@ def test_updates_are_those_of_torch(huber: float | None) -> None:
         optimiser.step()
         expected += loss.item() / 40
     sides, factors = sides.astype(np.float32), mirror.astype(np.float32)
-    draw = Draw(rows_, np.zeros_like(rows_), sides, factors)
+    draw = Draw(rows_, np.zeros_like(rows_), sides, factors, TURNED.astype(np.float32))
     bound = np.inf if huber is None else huber
     loss = update(
         data,
@@ -250,7 +255,9 @@ def test_updates_are_those_of_torch(huber: float | None) -> None:
 def test_the_fit_may_be_done_in_parts_of_any_size() -> None:
     data = samples(200, np.random.default_rng(0))
     told: list[float] = []
-    regression = Regression(FitConfig(hidden=(8, 8), updates=250, batch=8), np.ones(5), seed(0))
+    regression = Regression(
+        FitConfig(hidden=(8, 8), updates=250, batch=8), np.ones(5), TURNED, seed(0)
+    )
     assert regression.rate() == 1e-3
     regression.fit(data, 150, seed(1), told.append)
     regression.fit(data, 250, seed(2), told.append)

@@ -64,7 +64,7 @@ def test_it_is_what_the_replay_buffer_holds(tmp_path: FilePath) -> None:
     sought = {row.tobytes() for row in buffer.observations[:position].reshape(position * 4, -1)}
     seen = np.concatenate([features(problem, one.rows, one.steer)[:-1] for one in found])
     assert {row.tobytes() for row in seen} == sought
-    actions = np.concatenate([one.actions for one in found]).astype(np.float32)
+    actions = np.concatenate([one.actions[:, 0] for one in found]).astype(np.float32)
     stored = buffer.actions[:position].ravel()
     assert np.array_equal(np.sort(actions), np.sort(stored))
     rewards = np.concatenate([one.rewards for one in found]).astype(np.float32)

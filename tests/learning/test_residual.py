@@ -19,7 +19,7 @@ from steersman.learning.config import TrainConfig
 from steersman.learning.demonstration import demonstrated_correction
 from steersman.learning.export import export_policy
 from steersman.learning.fleet import FleetDriver
-from steersman.learning.sb3 import start_at_zero
+from steersman.learning.sb3 import start_at_base
 from steersman.learning.train import train
 from steersman.learning.validate import Validator
 from steersman.learning.vec_env import PathFollowingVecEnv
@@ -150,7 +150,7 @@ def test_a_base_that_demonstrates_itself_is_asked_once() -> None:
     for _ in range(5):
         driver.step(np.full(2, 0.5))
         assert np.array_equal(driver.fleet.demo, driver.fleet.base)
-        assert np.array_equal(driver.demonstrated_actions(), np.zeros(2))
+        assert np.array_equal(driver.demonstrated_actions(), np.zeros((2, 1)))
     other = problem(**RESIDUAL, demonstration={"controller": {"kind": "mpc_delay", "r": 0.2}})
     apart = FleetDriver(other, 1)
     assert apart._demonstrator is not apart._corrected
@@ -284,7 +284,7 @@ def test_every_kind_of_agent_can_begin_at_zero(name: str) -> None:
     policy = cls.policy_aliases["MlpPolicy"](*box, lambda _: 1e-3)
     seen = torch.randn(20, 7)
     assert policy._predict(seen, deterministic=True).abs().max() > 0.0
-    start_at_zero(policy)
+    start_at_base(policy, problem(**RESIDUAL), ("Relu", "Tanh"))
     assert policy._predict(seen, deterministic=True).abs().max() == 0.0
 
 

@@ -11,6 +11,7 @@ from steersman import tuned
 from steersman.config import build, lookup, resolve
 from steersman.core_yaml import read_yaml
 from steersman.errors import ConfigError, DataError
+from steersman.policy_file import LEARNED
 from steersman.vehicles import CarlaModel3V1, Vehicle, VehicleFile
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ def made_for_another(
     name, cars = _cars_of(controller, words)
     if not cars or any(_alike(car, vehicle) for car in cars):
         return None
-    car, trained = cars[0], controller.kind == "policy"
+    car, trained = cars[0], controller.kind in LEARNED
     apart = [
         f"{field} {getattr(car, field):.4g}, here {getattr(vehicle, field):.4g}"
         for field in _different(car, vehicle)[:_SHOWN]
@@ -97,7 +98,7 @@ def _cars_of(
     controller: ControllerComponent, words: Sequence[Any]
 ) -> tuple[str, Sequence[Vehicle]]:
     """What the controller is called, and the cars that it was made for, as far as is known."""
-    if controller.kind == "policy":
+    if controller.kind in LEARNED:
         return _of_policy(str(getattr(controller, "file", "")))
     for word in words:
         if not isinstance(word, str) or ("=" in word and not word.startswith("controller=")):

@@ -149,8 +149,9 @@ def search(
     from steersman.api.driving import workers_for
     from steersman.config import build
     from steersman.files import out_folder
+    from steersman.ranges import is_range
     from steersman.studies.search import search as run
-    from steersman.studies.search_space import SearchConfig, is_range
+    from steersman.studies.search_space import SearchConfig
     from steersman.words import split_seeds
 
     texts = [word for word in words if isinstance(word, str)]

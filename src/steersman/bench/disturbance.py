@@ -7,7 +7,7 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 
 from steersman.config import Of, Settings, param
-from steersman.controllers.mpc_pid import ModelError
+from steersman.controllers.model_error import ModelError
 from steersman.disturbances import DisturbanceComponent, PositionDrift, SensorBias
 from steersman.faults import Fault
 from steersman.kernels.vehicle import GRAVITY

@@ -14,10 +14,10 @@ from steersman import tuned
 from steersman.config import dump, resolve
 from steersman.controllers.base import ControllerComponent
 from steersman.errors import ConfigError, DataError
-from steersman.policy_file import PolicyCard, locate, read_policy
+from steersman.policy_file import LEARNED, PolicyCard, locate, read_policy
 from steersman.words import RESULTS, distinct, named
 
-_ONNX, _POLICY = ".onnx", "policy"
+_ONNX = ".onnx"
 
 
 class Entrant(NamedTuple):
@@ -95,7 +95,7 @@ def entrant(word: str) -> Entrant:
         raise ConfigError(f"{spec}: {error}") from None
     shown = dump(controller) or {}
     cards = [read_policy(locate(file))[1] for file in policies(shown)]
-    plain = _with_policies(shown, lambda _: _POLICY)  # where a policy lies does not matter
+    plain = _with_policies(shown, lambda _: "policy")  # where a policy lies does not matter
     content = json.dumps([plain, [card.model_dump(mode="json") for card in cards]], sort_keys=True)
     return Entrant(
         name,
@@ -125,7 +125,7 @@ def _component(data: Any) -> ControllerComponent:
 def policies(data: Any) -> Iterator[str]:
     """The file of every policy in a dumped controller, however deep."""
     if isinstance(data, Mapping):
-        if data.get("kind") == _POLICY:
+        if data.get("kind") in LEARNED:
             yield str(data["file"])
         for value in data.values():
             yield from policies(value)
@@ -136,7 +136,7 @@ def _with_policies(data: Any, change: Callable[[str], str]) -> Any:
     if not isinstance(data, Mapping):
         return data
     out = {key: _with_policies(value, change) for key, value in data.items()}
-    return {**out, "file": change(str(data["file"]))} if data.get("kind") == _POLICY else out
+    return {**out, "file": change(str(data["file"]))} if data.get("kind") in LEARNED else out
 
 
 def _absolute(file: str) -> str:

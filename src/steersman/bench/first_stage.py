@@ -11,7 +11,7 @@ import math
 from steersman.bench.courses import course, known_courses, sporty
 from steersman.bench.disturbance import Disturbance, Mixed
 from steersman.bench.suite import CLEAN, Suite
-from steersman.controllers.mpc_pid import ModelError
+from steersman.controllers.model_error import ModelError
 from steersman.paths.random_road import RandomRoad
 from steersman.vehicles import CarlaModel3V1
 

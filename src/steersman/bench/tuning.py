@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from steersman.bench.courses import Speeds, changing, constant
 from steersman.bench.disturbance import Disturbance, Mixed
 from steersman.bench.suite import CLEAN, Course, Suite
-from steersman.controllers.mpc_pid import ModelError
+from steersman.controllers.model_error import ModelError
 from steersman.disturbances import Dropouts, FrictionPatch, PositionDrift, SensorBias
 from steersman.kernels.vehicle import GRAVITY
 from steersman.paths.base import PathComponent

@@ -83,9 +83,9 @@ def _trained(agent: type[AgentComponent]) -> Iterator[str]:
     width = made.observation_space.shape[0]
     features = np.random.default_rng(0).normal(size=(50, width)).astype(np.float32)
     actions = made.act(features)
-    if actions.shape != (50,) or not np.all(np.abs(actions) <= 1.0):
-        yield "act gives no actions (n,) in [-1, 1]"
-    if not np.allclose(actions, made.predict(features, deterministic=True)[0][:, 0], atol=1e-5):
+    if actions.shape != (50, 1) or not np.all(np.abs(actions) <= 1.0):
+        yield "act gives no actions (n, m) in [-1, 1]"
+    if not np.allclose(actions, made.predict(features, deterministic=True)[0], atol=1e-5):
         yield "act and predict(deterministic=True) differ"
     if made._n_updates <= 0 or np.array_equal(fresh, made.actor_net().flat):
         yield f"{_STEPS} steps change no weight of the policy"

@@ -28,6 +28,7 @@ from steersman.contracts.scenes import (
 from steersman.controllers.base import ControllerComponent
 from steersman.paths.analytic import Circle
 from steersman.plants.simulator import SimulatorConfig
+from steersman.policy_file import LEARNED
 from steersman.sensing import WaypointSensor
 from steersman.types import Observation, Status
 
@@ -42,7 +43,7 @@ def _learned(data: Any) -> bool:
     """Whether there is a policy in a dumped controller, however deep."""
     if not isinstance(data, dict):
         return False
-    return data.get("kind") == "policy" or any(map(_learned, data.values()))
+    return data.get("kind") in LEARNED or any(map(_learned, data.values()))
 
 
 def _close(controller: ControllerComponent, driven: bool = False) -> float:

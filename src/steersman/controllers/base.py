@@ -42,6 +42,14 @@ class ControllerComponent(Component):
             dt: control period [s].
         """
 
+    def redesign(self, vehicle: Vehicle, dt: float) -> Any:
+        """As :meth:`init`, for parameters that hold for some steps only.
+
+        What not every step needs may be left for later; a controller whose ``init`` takes long
+        overrides this.
+        """
+        return self.init(vehicle, dt)
+
     @abstractmethod
     def decide(self, state: Any, observation: Observation) -> tuple[float, Status, Any]:
         """Normalised steering (may exceed the limits), how it came about, and the new state."""
@@ -100,14 +108,22 @@ def within_limits(steer: float) -> float:
     return min(max(steer, -1.0), 1.0)
 
 
-def designed(controller: ControllerComponent, vehicle: Vehicle, dt: float) -> Any:
+def designed(
+    controller: ControllerComponent, vehicle: Vehicle, dt: float, *, again: bool = False
+) -> Any:
     """The memory of a controller before its first step, at ``dt`` [s].
+
+    Args:
+        controller: the controller.
+        vehicle: nominal parameters.
+        dt: control period [s].
+        again: by ``redesign`` in place of ``init``.
 
     Raises:
         ConfigError: its equations have no solution for this vehicle and these settings.
     """
     try:
-        return controller.init(vehicle, dt)
+        return controller.redesign(vehicle, dt) if again else controller.init(vehicle, dt)
     except (np.linalg.LinAlgError, ArithmeticError) as error:
         what = f"{controller.kind} finds no solution for this vehicle and its settings ({error})"
         raise ConfigError(what, ("controller",)) from None

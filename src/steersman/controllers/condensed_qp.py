@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.linalg import toeplitz
 
 from steersman.controllers.single_track import single_track, zero_order_hold
 from steersman.kernels import condensed_qp as kernel
@@ -23,15 +24,12 @@ from steersman.vehicles import Vehicle
 
 def predict(a: FloatArray, b: FloatArray, horizon: int) -> tuple[FloatArray, FloatArray]:
     """Predict y over the horizon: free response (N, 4) to the state, forced (N, N) to steering."""
-    free, forced = np.zeros((horizon, 4)), np.zeros((horizon, horizon))
-    power, impulse = np.eye(4), []
+    free, impulse, power = np.zeros((horizon, 4)), np.zeros(horizon), np.eye(4)
     for i in range(horizon):
-        impulse.append(float((power @ b)[0, 0]))
+        impulse[i] = (power @ b)[0, 0]
         power = a @ power
         free[i] = power[0]
-        for j in range(i + 1):
-            forced[i, j] = impulse[i - j]
-    return free, forced
+    return free, toeplitz(impulse, np.zeros(horizon))
 
 
 class QpSolver:

@@ -11,6 +11,7 @@ import numpy as np
 
 from steersman.config import param
 from steersman.controllers.base import ControllerComponent
+from steersman.controllers.model_error import TyreModelError
 from steersman.controllers.motion_estimate import (
     SLOWEST,
     MotionEstimate,
@@ -19,7 +20,7 @@ from steersman.controllers.motion_estimate import (
     unmoved,
     watched,
 )
-from steersman.controllers.mpc_delay_plan import Model, Weights, build_tables, pose
+from steersman.controllers.mpc_delay_plan import Tables, Weights, build_tables, pose
 from steersman.controllers.nmpc_plan import Ahead, iterated, problem
 from steersman.controllers.plausible import ACROSS, nearer
 from steersman.controllers.road_filter import NOTHING_SEEN, RoadState, first_look, fuse
@@ -36,7 +37,7 @@ class DelayMpcState(NamedTuple):
     """What the controller carries from step to step."""
 
     motion: MotionEstimate
-    tables: Model
+    tables: Tables
     road: RoadState = NOTHING_SEEN
     """State of the road filter, if there is one."""
     angle: float = 0.0
@@ -92,6 +93,10 @@ class DelayMpc(ControllerComponent):
         True, "-", "Filter errors and waypoints over time, as far as they are noisy."
     )
 
+    model_error: TyreModelError = param(
+        TyreModelError(), "-", "How wrong the model's parameters are."
+    )
+
     @abstractmethod
     def plan(
         self, state: DelayMpcState, ahead: Ahead, observation: Observation
@@ -104,9 +109,16 @@ class DelayMpc(ControllerComponent):
         return Weights(self.q_lateral, *rates, self.r, self.r_change)
 
     def init(self, vehicle: Vehicle, dt: float) -> DelayMpcState:
-        """Tables for the vehicle's nominal parameters."""
-        tables = build_tables(vehicle, dt, self.horizon, self.weights())
-        return DelayMpcState(unmoved(vehicle, dt, self.delay), tables)
+        """Tables for the vehicle's nominal parameters, complete."""
+        state = self.redesign(vehicle, dt)
+        state.tables.fill()
+        return state
+
+    def redesign(self, vehicle: Vehicle, dt: float) -> DelayMpcState:
+        """The same with tables that are built where the car drives."""
+        nominal = self.model_error.nominal(vehicle)
+        tables = build_tables(nominal, dt, self.horizon, self.weights())
+        return DelayMpcState(unmoved(nominal, dt, self.delay), tables)
 
     def decide(
         self, state: DelayMpcState, observation: Observation

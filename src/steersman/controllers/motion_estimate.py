@@ -216,7 +216,7 @@ def _judge_frictions(motion: MotionEstimate, seen: Seen, side: float, yaw: float
     a_x, keep = motion.acceleration - v_y * rate, max(1.0 - dt / _GRIP_TIME, 0.0)
     best = grip.score_frictions(row, tried, v, a_x, slips, forces, noise, keep, scores)
     motion = motion._replace(frictions=scores, missed=missed, noise=noise, offset=offset)
-    present = int(np.searchsorted(tried, motion.friction))
+    present = min(int(np.searchsorted(tried, motion.friction)), len(tried) - 1)
     nominal = present == len(tried) - 1
     if scores[present] - scores[best] <= (_DOUBTED if nominal else _REFINED):
         return motion

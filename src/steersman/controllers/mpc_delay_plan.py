@@ -6,7 +6,7 @@ The plan is the optimum that no limit bounds, or DAQP's within the limits.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -39,7 +39,7 @@ class Weights(NamedTuple):
 
 
 class Model(NamedTuple):
-    """What the plan needs at one speed; in the tables each with a first axis of speeds."""
+    """What the plan needs at one speed."""
 
     a: FloatArray
     """(4, 4) errors over a period."""
@@ -56,28 +56,44 @@ class Model(NamedTuple):
     """(5, 5) cost from the end of the horizon on."""
 
 
-def at_speed(tables: Model, v: float) -> Model:
-    """The tables at speed ``v`` [m/s]."""
-    return Model(*interpolated(tables, v))
+@dataclass(frozen=True, eq=False)
+class Tables:
+    """The models of a vehicle's nominal parameters over speed, each built when it is needed."""
 
+    vehicle: Vehicle
+    dt: float
+    """Control period [s]."""
+    horizon: int
+    weights: Weights
+    _models: dict[int, Model] = field(default_factory=dict, repr=False)
 
-def interpolated(tables: Iterable[FloatArray], v: float) -> Iterator[FloatArray]:
-    """Some of the tables at speed ``v`` [m/s]."""
-    at = min(max((v - SLOWEST) / SPEED_STEP, 0.0), N_SPEEDS - 1.001)
-    i = int(at)
-    w = at - i
-    return ((1.0 - w) * table[i] + w * table[i + 1] for table in tables)
+    def at(self, v: float) -> Model:
+        """The model at speed ``v`` [m/s]."""
+        at = min(max((v - SLOWEST) / SPEED_STEP, 0.0), N_SPEEDS - 1.001)
+        i = int(at)
+        w = at - i
+        pairs = zip(self._model(i), self._model(i + 1), strict=True)
+        return Model(*((1.0 - w) * low + w * high for low, high in pairs))
+
+    def fill(self) -> Tables:
+        """Build the models of all speeds now, so that no step has to."""
+        for i in range(N_SPEEDS):
+            self._model(i)
+        return self
+
+    def _model(self, i: int) -> Model:
+        found = self._models.get(i)
+        if found is None:
+            v = SLOWEST + SPEED_STEP * i
+            found = build_model(self.vehicle, self.dt, self.horizon, self.weights, v)
+            self._models[i] = found
+        return found
 
 
 @lru_cache(maxsize=64)
-def build_tables(vehicle: Vehicle, dt: float, horizon: int, weights: Weights) -> Model:
+def build_tables(vehicle: Vehicle, dt: float, horizon: int, weights: Weights) -> Tables:
     """The tables of a vehicle's nominal parameters for a control period ``dt`` [s]."""
-    speeds = [SLOWEST + SPEED_STEP * i for i in range(N_SPEEDS)]
-    columns = zip(*(build_model(vehicle, dt, horizon, weights, v) for v in speeds), strict=True)
-    tables = Model(*(np.stack(column) for column in columns))
-    for table in tables:
-        table.setflags(write=False)
-    return tables
+    return Tables(vehicle, dt, horizon, weights)
 
 
 def build_model(vehicle: Vehicle, dt: float, horizon: int, weights: Weights, v: float) -> Model:
@@ -146,14 +162,14 @@ class PlanProblem(NamedTuple):
         cls,
         vehicle: Vehicle,
         dt: float,
-        tables: Model,
+        tables: Tables,
         v: float,
         road: FloatArray,
         motion: FloatArray,
         disturbance: FloatArray,
     ) -> PlanProblem:
         """The problem of a predicted motion at speed ``v`` [m/s]."""
-        model = at_speed(tables, v)
+        model = tables.at(v)
         heading, angle = model.steady
         e1, e2, v_y, rate, steer, _ = motion.tolist()
         c, s, kappa = math.cos(e2), math.sin(e2), float(road[0])

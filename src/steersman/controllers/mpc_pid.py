@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar, NamedTuple
 
-from steersman.config import Settings, param, register
+from steersman.config import param, register
 from steersman.controllers.base import ControllerComponent, within_limits
 from steersman.controllers.condensed_qp import MpcProblem, build_problem
+from steersman.controllers.model_error import ModelError
 from steersman.controllers.pid import PidGains, PidState
 from steersman.controllers.plausible import ACROSS, nearer
 from steersman.kernels.mpc_delay import wheel_angle
@@ -17,20 +18,6 @@ from steersman.vehicles import Vehicle
 # Speeds of the scheduled models [m/s].
 _GRID_STEP = 2.0
 _GRID = tuple(_GRID_STEP * (i + 1) for i in range(20))
-
-
-class ModelError(Settings):
-    """Factors on the vehicle's true parameters that give the controller's nominal ones."""
-
-    mass: float = param(1.0, "-", "Nominal mass over true mass.", gt=0)
-    yaw_inertia: float = param(1.0, "-", "Nominal yaw inertia over the true one.", gt=0)
-    c_f: float = param(1.0, "-", "Nominal front cornering stiffness over the true one.", gt=0)
-    c_r: float = param(1.0, "-", "Nominal rear cornering stiffness over the true one.", gt=0)
-
-    def nominal(self, vehicle: Vehicle) -> Vehicle:
-        """The nominal vehicle, whose parameters the controller computes with."""
-        wrong = {name: getattr(vehicle, name) * f for name, f in self if f != 1.0}
-        return vehicle.replace(**wrong) if wrong else vehicle
 
 
 class MpcState(NamedTuple):
@@ -105,7 +92,7 @@ class Mpc(ControllerComponent):
             solved = problem.solve(nearer(o, problem.horizon * problem.dt), state.angle)
             if solved is not None:
                 plan, age, status = solved, 0, Status.SOLVED
-        angle = float(plan[age]) if plan is not None and age < problem.horizon else 0.0
+        angle = float(plan[age]) if plan is not None and age < len(plan) else 0.0
         vehicle, problems, pid = state[:3]
         steer = vehicle.steer_for_wheel_angle(angle, o.v_x)
         held = within_limits(steer)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from steersman.controllers.motion_estimate import MotionEstimate
-from steersman.controllers.mpc_delay_plan import SOLVED, Model, Weights, interpolated, largest_step
+from steersman.controllers.mpc_delay_plan import SOLVED, Tables, Weights, largest_step
 from steersman.kernels import mpc_delay as delay_kernel
 from steersman.kernels import nmpc as kernel
 from steersman.kernels.nmpc_model import N_STATES, SLOWEST
@@ -89,7 +89,7 @@ class Ahead(NamedTuple):
 
 def problem(
     known: MotionEstimate,
-    tables: Model,
+    tables: Tables,
     weights: Weights,
     ahead: Ahead,
     observation: Observation,
@@ -109,15 +109,14 @@ def problem(
         kappa: curvature at which it was to act [1/m].
     """
     o, vehicle, dt, v = observation, known.vehicle, known.dt, ahead.v
-    steady, terminal = interpolated((tables.steady, tables.terminal), v)
-    n = tables.ahead.shape[1]
+    model, n = tables.at(v), tables.horizon
     goes_on = -np.expm1(-dt / _SURGE * np.arange(n + 1))
     speeds = np.maximum(v + known.acceleration * _SURGE * goes_on, SLOWEST)
     road, start = np.empty(n + 1), float(ahead.motion[delay_kernel.WAY])
     delay_kernel.road_at(o.preview, o.spacing, o.curvature, start, speeds, dt, road)
     lacks = np.array(known.disturbance)
-    lean, hold = (steady[:, 1:] @ lacks).tolist()
-    bend, turn = steady[:, 0].tolist()
+    lean, hold = (model.steady[:, 1:] @ lacks).tolist()
+    bend, turn = model.steady[:, 0].tolist()
     nlp = Nlp(
         vehicle.table.rows[0],
         speeds,
@@ -128,7 +127,7 @@ def problem(
         known.grips,
         _diagonal(weights),
         weights.change,
-        terminal,
+        model.terminal,
         np.ascontiguousarray(ahead.motion[:N_STATES]),
         last - turn * kappa - hold,
         delay_kernel.wheel_angle(vehicle.table, 1.0, v),

@@ -8,19 +8,20 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from steersman.config import dump, param, register, resolve
+from steersman.controllers.adjustment import Adjuster, adjustments
 from steersman.controllers.base import ControllerComponent, within_limits
 from steersman.controllers.plausible import ACROSS, moving_time
 from steersman.controllers.process import Process
 from steersman.encoding import EncodingComponent, Layout
-from steersman.errors import ConfigError, DataError, one_line
+from steersman.errors import ConfigError, DataError
 from steersman.kernels import encode as kernel
 from steersman.kernels import observe
 from steersman.kernels.encode import EncodingTable
-from steersman.network_file import check_network
-from steersman.policy_file import PolicyCard, locate, read_policy
+from steersman.network_file import PolicyNetwork
+from steersman.policy_file import LEARNED, PolicyCard, locate, read_policy
 from steersman.provenance import missing_plugins
 from steersman.sensing import to_observation
-from steersman.types import FloatArray, Observation, Status
+from steersman.types import Decision, FloatArray, Observation, Status
 from steersman.vehicles import Vehicle
 
 # Periods [s] and distances [m] that differ by less are the same but for rounding.
@@ -31,7 +32,7 @@ class PolicyState(NamedTuple):
     """The network, its input's layout, and the little memory that the encoding keeps."""
 
     run: Any
-    """Maps float32 features (1, n) to an action (1, 1) in [-1, 1]."""
+    """Maps float32 features (1, n) to actions (m,) in [-1, 1]."""
     table: EncodingTable
     features: int
     memory: FloatArray
@@ -47,15 +48,23 @@ class PolicyState(NamedTuple):
     authority: float = 0.0
     """Largest correction of normalised steering."""
     base_state: Any = None
+    """The base's state; where actions set its parameters, an :class:`Adjusted`."""
     base_share: float = 1.0
     """Share of the base's steering that is corrected."""
+    adjuster: Adjuster | None = None
+    """Sets the base's parameters; None: the action is a steering, a rate or a correction."""
+    period: int = 1
+    """Control steps for which an action holds."""
+    held: int = 0
+    """Control steps for which the present one has held."""
 
 
 @register("controller", "policy")
 class Policy(ControllerComponent):
     """A trained policy: one of the package, or a file of ``steersman train`` with its card.
 
-    If the card names a base controller, the network corrects that one's steering.
+    If the card names a base controller, the network corrects that one's steering or sets its
+    parameters; in the second case all steering, limits and fallbacks are the base's.
 
     Around the network an integral loop may be closed: network and base get a path that is shifted
     away from the car at a rate of ``trim`` times the lateral error. If they settle beside the
@@ -78,19 +87,22 @@ class Policy(ControllerComponent):
             DataError: the files are missing or corrupt.
             ConfigError: the policy was trained for another control period.
         """
-        data, card = read_policy(locate(self.file))
+        data, card = self.read()
         if abs(card.dt - dt) > _SAME:
             raise ConfigError(
                 f"{self.file}: trained for a control period of {card.dt} s, but plant.dt is {dt} s"
             )
         try:
             base, table = card_base(card), card_layout(card).table
+            chosen = adjustments(base, card_parameters(card)) if base is not None else ()
         except (ConfigError, DataError) as error:
             raise DataError(f"{self.file}: card: {error}") from None
+        adjuster = Adjuster(base, chosen, vehicle, dt) if base is not None and chosen else None
+        base_state = adjuster.begin() if adjuster else base and base.init(vehicle, dt)
         memory = np.zeros(kernel.memory_size(table))
         step = 0.0 if card.rate_limit is None else card.rate_limit * dt
         return PolicyState(
-            PolicyNetwork(data, self.file, len(card.scale)),
+            PolicyNetwork(data, self.file, len(card.scale), card.actions),
             table,
             len(card.scale),
             memory,
@@ -100,15 +112,25 @@ class Policy(ControllerComponent):
             0.0,
             base,
             card.authority or 0.0,
-            None if base is None else base.init(vehicle, dt),
+            base_state,
             card.base_share,
+            adjuster,
+            card.period,
         )
+
+    def read(self) -> tuple[bytes, PolicyCard]:
+        """The network's file and its card.
+
+        Raises:
+            DataError: the files are missing or corrupt.
+        """
+        return read_policy(locate(self.file))
 
     def decide(
         self, state: PolicyState, observation: Observation
     ) -> tuple[float, Status, PolicyState]:
         """Normalised steering, unclipped; a fallback if the base's is one, or against the road."""
-        table, base_state, status = state.table, state.base_state, Status.SOLVED
+        table, status = state.table, Status.SOLVED
         if abs(observation.heading_error) > ACROSS:
             status = Status.FALLBACK
         row = to_row(observation, state.waypoints, table.spacing)
@@ -118,28 +140,43 @@ class Policy(ControllerComponent):
         memory = state.memory.copy()
         features = np.zeros(state.features)
         kernel.encode(table, row, memory, features)
-        start = 0.0
-        if state.base is not None:
-            shifted = to_observation(row, observation.time, table.spacing)
-            decision, base_state = state.base.step(base_state, shifted)
-            start = state.base_share * decision.steer
+        shifted = to_observation(row, observation.time, table.spacing)
+        state, start = state._replace(memory=memory, shift=shift), 0.0
+        if state.base is not None and state.adjuster is None:
+            decision, after = state.base.step(state.base_state, shifted)
+            state, start = state._replace(base_state=after), state.base_share * decision.steer
             status = decision.status if decision.status is Status.FALLBACK else status
             kernel.tell_base(table, row, memory, start, features)
-        with np.errstate(over="ignore"):  # the network clips: infinity is as good as 1e300
-            single = features.astype(np.float32)
-        action = float(state.run(single[None, :]))
-        steer = action
-        if state.rate_step > 0.0:
-            steer = memory[kernel.LAST_COMMAND] + action * state.rate_step
-        elif state.base is not None:
-            steer = start + state.authority * action
+        if state.adjuster is not None:
+            decision, state = self._through(state, features, shifted)
+            steer, status = decision.steer, max(decision.status, status)
+        else:
+            action = float(_answer(state, features)[0])
+            steer = action
+            if state.rate_step > 0.0:
+                steer = memory[kernel.LAST_COMMAND] + action * state.rate_step
+            elif state.base is not None:
+                steer = start + state.authority * action
         kernel.remember(table, row, memory, within_limits(steer))
-        after = state._replace(memory=memory, shift=shift, base_state=base_state)
-        return float(steer), status, self.executed(after, float(within_limits(steer)))
+        return float(steer), status, self.executed(state, float(within_limits(steer)))
+
+    def _through(
+        self, state: PolicyState, features: FloatArray, observation: Observation
+    ) -> tuple[Decision, PolicyState]:
+        """The base's decision under the parameters that the network gave last."""
+        assert state.adjuster is not None
+        adjusted = state.base_state
+        if state.held == 0:
+            adjusted = state.adjuster.adjust(adjusted, _answer(state, features))
+        decision, adjusted = adjusted.step(observation)
+        held = (state.held + 1) % state.period
+        return decision, state._replace(base_state=adjusted, held=held)
 
     def executed(self, state: PolicyState, steer: float) -> PolicyState:
         """The executed command becomes the last command of the network and of its base."""
-        if state.base is not None:
+        if state.adjuster is not None:
+            state = state._replace(base_state=state.base_state.executed(steer))
+        elif state.base is not None:
             after = state.base.executed(state.base_state, steer)
             state = state._replace(base_state=after)
         if steer == state.memory[kernel.LAST_COMMAND]:
@@ -154,6 +191,13 @@ class Policy(ControllerComponent):
         speed = min(max(speed, -self.trim_speed), self.trim_speed)
         shift = state.shift + speed * moving_time(observation.v_x, state.table.dt)
         return min(max(shift, -self.trim_limit), self.trim_limit)
+
+
+def _answer(state: PolicyState, features: FloatArray) -> Any:
+    """The network's actions (m,)."""
+    with np.errstate(over="ignore"):  # the network clips: infinity is as good as 1e300
+        single = features.astype(np.float32)
+    return state.run(single[None, :])
 
 
 def to_row(observation: Observation, waypoints: int, spacing: float) -> FloatArray:
@@ -190,7 +234,7 @@ def card_layout(card: PolicyCard) -> Layout:
     assert isinstance(encoding, EncodingComponent)
     action = "direct" if card.rate_limit is None else "rate"
     if card.base is not None:
-        action = "residual"
+        action = "parameters" if card.parameters else "residual"
     layout = encoding.layout(card.spacing, card.dt, action)
     if len(layout.names) != len(card.scale):
         raise DataError(f"{len(card.scale)} scales for {len(layout.names)} features")
@@ -202,7 +246,7 @@ def card_layout(card: PolicyCard) -> Layout:
 
 
 def card_base(card: PolicyCard) -> ControllerComponent | None:
-    """The controller that a card's policy corrects.
+    """The controller that a card's policy corrects or adjusts.
 
     Raises:
         ConfigError: it is unknown or holds values that are not allowed.
@@ -219,6 +263,12 @@ def card_base(card: PolicyCard) -> ControllerComponent | None:
     return base
 
 
+def card_parameters(card: PolicyCard) -> dict[str, str | tuple[Any, ...]]:
+    """The fields of the base that a card's policy sets, as :func:`adjustments` takes them."""
+    given = card.parameters or {}
+    return {name: each if isinstance(each, str) else tuple(each) for name, each in given.items()}
+
+
 def check_base(base: ControllerComponent) -> None:
     """Refuse a base that no card can describe.
 
@@ -226,7 +276,7 @@ def check_base(base: ControllerComponent) -> None:
         ValueError: the base holds a policy, whose file would have to travel with the card, or a
             program, which would run wherever the card is read.
     """
-    if _holds(dump(base), Policy.kind):
+    if any(_holds(dump(base), kind) for kind in LEARNED):
         raise ValueError("a policy cannot be the base, as its file is no part of the card")
     if _holds(dump(base), Process.kind):
         raise ValueError("a program cannot be the base: no card may start one")
@@ -236,43 +286,3 @@ def _holds(data: Any, kind: str) -> bool:
     if not isinstance(data, Mapping):
         return False
     return data.get("kind") == kind or any(_holds(each, kind) for each in data.values())
-
-
-class PolicyNetwork:
-    """The network in an ONNX file, a function of features (1, n), float32; a copy reads it anew."""
-
-    def __init__(self, data: bytes, name: str, features: int) -> None:
-        """Read the content of the file ``name``.
-
-        Raises:
-            DataError: it holds more than layers, ONNX Runtime cannot read it, or it does not map
-                that many features to an action.
-        """
-        import onnxruntime
-
-        check_network(data, name)
-        self._made_of = (data, name, features)
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = options.inter_op_num_threads = 1
-        options.log_severity_level = 3
-        given = {"providers": ["CPUExecutionProvider"]}
-        try:
-            self._session = onnxruntime.InferenceSession(data, options, **given)
-        except Exception as error:  # noqa: BLE001 - its exceptions share no base class
-            line = one_line(str(error))
-            raise DataError(f"{name}: not a network that ONNX reads: {line[:160]}") from None
-        self._entry = self._session.get_inputs()[0].name
-        try:
-            self(np.zeros((1, features), dtype=np.float32))
-        except Exception as error:  # noqa: BLE001 - its exceptions share no base class
-            line = one_line(str(error))
-            raise DataError(
-                f"{name}: does not map {features} features to an action: {line[:160]}"
-            ) from None
-
-    def __call__(self, x: Any) -> float:
-        """The action for features (1, n), float32."""
-        return float(self._session.run(None, {self._entry: x})[0][0, 0])
-
-    def __reduce__(self) -> tuple[type[PolicyNetwork], tuple[bytes, str, int]]:
-        return type(self), self._made_of

@@ -54,6 +54,9 @@ def parts(source: Source, network: Network) -> Parts:
         DataError: its network or its card holds what the C text has no place for.
     """
     card = source.card
+    if card.parameters:
+        kind = (card.base or {}).get("kind")
+        raise DataError(f"{source.file}: sets parameters of {kind!r}, which is not written in C")
     layout = card_layout(card)
     if not len(network.scale) == len(card.scale) == len(card.observation):
         raise DataError(

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from steersman.controllers.policy import PolicyNetwork
 from steersman.delivery.c_source import Parts, header, parts, source_text
 from steersman.delivery.c_text import identifier
 from steersman.delivery.graph import TOLERANCE, exact, random_features, read_network, rounding
@@ -20,6 +19,7 @@ from steersman.delivery.source import Source, read_source
 from steersman.delivery.vector import program_text, vector_text
 from steersman.errors import DataError, one_line
 from steersman.files import replacing, write_text
+from steersman.network_file import PolicyNetwork
 from steersman.policy_file import PolicyCard, read_policy, sha256
 
 # Observations on which the written network is compared with its source.
@@ -95,11 +95,11 @@ def compare(source: Source, file: FilePath) -> str:
     data, card = read_policy(file)
     network = read_network(source.data, str(source.file))
     seen = random_features(network.scale, CHECKED)
-    given = _outputs(source.data, str(source.file), seen)
-    written = _outputs(data, str(file), seen)
+    given = _outputs(source.data, str(source.file), seen, card.actions)
+    written = _outputs(data, str(file), seen, card.actions)
     if card.scale != source.card.scale or not np.array_equal(given, written):
         raise DataError(f"{file}: its outputs differ from those of {source.file}")
-    away = abs(written - exact(network, seen)[:, 0])
+    away = abs(written - exact(network, seen)).max(axis=1)
     if not (away <= TOLERANCE + rounding(network, seen)).all():
         raise DataError(f"{file}: differs from float64 by {away.max():.1e}, more than it may")
     return (
@@ -108,8 +108,8 @@ def compare(source: Source, file: FilePath) -> str:
     )
 
 
-def _outputs(data: bytes, name: str, features: Any) -> Any:
-    run = PolicyNetwork(data, name, features.shape[1])
+def _outputs(data: bytes, name: str, features: Any, actions: int) -> Any:
+    run = PolicyNetwork(data, name, features.shape[1], actions)
     return np.array([run(row[None, :]) for row in features])
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path as FilePath
 from typing import NamedTuple
 
-from steersman.controllers.policy import PolicyNetwork, card_base, card_layout
+from steersman.controllers.policy import card_base, card_layout
 from steersman.errors import ConfigError, DataError
+from steersman.network_file import PolicyNetwork
 from steersman.policy_file import PolicyCard, locate, read_policy
 
 # The name of every training's policy; the folder's name is used instead.
@@ -38,7 +39,7 @@ def read_source(words: str) -> Source:
         card_base(card)
     except (ConfigError, DataError) as error:
         raise DataError(f"{file}: card: {error}") from None
-    PolicyNetwork(data, str(file), len(card.scale))
+    PolicyNetwork(data, str(file), len(card.scale), card.actions)
     whole = file.resolve()
     name = whole.parent.name if whole.stem == _ANY else whole.stem
     return Source(name or _ANY, file, data, card)

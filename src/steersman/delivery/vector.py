@@ -43,7 +43,7 @@ class GivenCommand(ControllerComponent):
 def reference(p: Parts) -> PolicyState:
     """The controller's first state, with the network in float64 and the base's command as given."""
     state = p.policy.init(CarlaModel3(), p.card.dt)
-    state = state._replace(run=lambda x: float(exact(p.network, x)[0, 0]))
+    state = state._replace(run=lambda x: exact(p.network, x)[0])
     return state if state.base is None else state._replace(base=GivenCommand(), base_state=0.0)
 
 

@@ -13,7 +13,7 @@ from steersman.kernels.compiled import kernel
 from steersman.kernels.encode import EncodingTable
 from steersman.kernels.fleet import Fleet, World
 from steersman.kernels.reward import RewardTable
-from steersman.kernels.world import advance
+from steersman.kernels.world import RUNNING, advance
 from steersman.types import FloatArray
 
 
@@ -27,6 +27,8 @@ class Lesson(NamedTuple):
     """Largest steering rate of the indirect action [1/s]; 0: the action is the steering."""
     authority: float = 0.0
     """Largest correction of the base's command [-]; 0: there is no base."""
+    period: int = 1
+    """Control steps for which an action holds."""
 
 
 @kernel
@@ -71,9 +73,12 @@ def step(world: World, fleet: Fleet, lesson: Lesson, actions: FloatArray) -> Non
     """Move every vehicle by one control period under ``actions`` (N,) in [-1, 1].
 
     ``fleet.demo`` and ``fleet.base`` must hold the demonstrator's and the base's steering for the
-    state before the step.
+    state before the step. Where an action holds for several steps, a vehicle whose drive has ended
+    waits for the next action.
     """
     for n in range(actions.shape[0]):
+        if lesson.period > 1 and fleet.ended[n] != RUNNING:
+            continue
         steer, previous = command(lesson, fleet, n, actions[n], world.dt)
         advance(world, fleet, n, steer)
         judge(lesson, fleet, n, steer, previous)

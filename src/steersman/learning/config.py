@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import field_validator, model_validator
 
 from steersman import presets
-from steersman.config import Of, Settings, build, override, param, read_yaml
+from steersman.config import Of, Settings, build, merge, override, param, read_yaml
 from steersman.errors import ConfigError, suggestion
 from steersman.learning.algorithms.base import AgentComponent
 from steersman.learning.algorithms.ddpg import Ddpg
@@ -86,6 +87,12 @@ class TrainConfig(Settings):
     @model_validator(mode="after")
     def _fitting(self) -> TrainConfig:
         self.agent.check(self.problem.demonstration, self.steps)
+        if self.keep and self.problem.period > 1:
+            raise ConfigError(
+                "keeps every control step, but an action holds for problem.period = "
+                f"{self.problem.period}; set keep=false or problem.period=1",
+                ("keep",),
+            )
         return self
 
     @model_validator(mode="after")
@@ -94,7 +101,7 @@ class TrainConfig(Settings):
         warm = self.problem.demonstration.warm_start
         for wrong, what in (
             (
-                self.problem.base is None,
+                self.problem.corrected is None,
                 "there is no base to attenuate; set problem.action=residual",
             ),
             (self.keep, "drives with a changing share cannot be kept; set keep=false"),
@@ -140,6 +147,23 @@ def train_config(data: Mapping[str, Any]) -> TrainConfig:
     return build(TrainConfig, data)
 
 
+def read_preset(file: FilePath) -> dict[str, Any]:
+    """A YAML file; ``like: NAME`` in it lays it over the preset of that name.
+
+    Raises:
+        DataError: the file is missing, or holds no mapping.
+        ConfigError: there is no such preset.
+    """
+    tree = read_yaml(file)
+    if "like" not in tree:
+        return tree
+    try:
+        other = load_preset(str(tree.pop("like")))
+    except ConfigError as error:
+        raise ConfigError(error.what, ("like",)) from None
+    return merge(other, tree)
+
+
 def load_preset(name: str) -> dict[str, Any]:
     """A shipped preset as plain data.
 
@@ -149,7 +173,7 @@ def load_preset(name: str) -> dict[str, Any]:
     file = presets.locate(name)
     if file is None:
         raise ConfigError(f"unknown preset {name!r}{suggestion(name, presets.names())}")
-    return read_yaml(file)
+    return read_preset(file)
 
 
 def for_one_car(

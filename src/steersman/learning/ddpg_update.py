@@ -73,6 +73,13 @@ class Scratch(NamedTuple):
 
 
 @fast
+def _drawn(actions: Any, draw: Draw, k: int, i: int, j: int) -> float:
+    """Action ``j`` of sample ``i`` out of (rows, vehicles, actions); side -1 mirrored."""
+    value = actions[draw.rows[k, i], draw.envs[k, i], j]
+    return value * draw.turned[j] if draw.sides[k, i] < 0.0 else value  # type: ignore[no-any-return]
+
+
+@fast
 def _targets(
     batch: Batch, draw: Draw, k: int, actor: Net, critic: Net, gamma: float, work: Scratch
 ) -> None:
@@ -83,7 +90,8 @@ def _targets(
     forward(actor, of_actor)
     of_critic.x[:, :n] = of_actor.x
     for i in range(of_actor.x.shape[0]):
-        of_critic.x[i, n] = math.tanh(of_actor.y[i, 0])
+        for j in range(of_actor.y.shape[1]):
+            of_critic.x[i, n + j] = math.tanh(of_actor.y[i, j])
     forward(critic, of_critic)
     for i in range(of_actor.x.shape[0]):
         row, env = draw.rows[k, i], draw.envs[k, i]
@@ -103,8 +111,8 @@ def _improve_critic(
     gather(batch.observations, draw, k, work.actor.x)
     of_critic.x[:, :n] = work.actor.x
     for i in range(count):
-        action = batch.actions[draw.rows[k, i], draw.envs[k, i], 0]
-        of_critic.x[i, n] = action * draw.sides[k, i]
+        for j in range(draw.turned.shape[0]):
+            of_critic.x[i, n + j] = _drawn(batch.actions, draw, k, i, j)
     forward(critic, of_critic)
     loss, mean = 0.0, 0.0
     for i in range(count):
@@ -129,15 +137,17 @@ def _imitate(
     if numbers.q_filter:
         own[:] = of_critic.y
         for i in range(count):
-            wanted = batch.demonstrated[draw.rows[k, i], draw.envs[k, i]] * draw.sides[k, i]
-            of_critic.x[i, n] = np.float32(0.0) if np.isnan(wanted) else wanted
+            for j in range(draw.turned.shape[0]):
+                wanted = _drawn(batch.demonstrated, draw, k, i, j)
+                of_critic.x[i, n + j] = np.float32(0.0) if np.isnan(wanted) else wanted
         forward(critic, of_critic)
     for i in range(count):
-        wanted = batch.demonstrated[draw.rows[k, i], draw.envs[k, i]] * draw.sides[k, i]
-        if not np.isnan(wanted) and (not numbers.q_filter or of_critic.y[i, 0] > own[i, 0]):
-            y = of_actor.y[i, 0]
-            slope = np.float32(2.0 * weight / count) * (y - wanted)
-            of_actor.dy[i, 0] += slope * (_ONE - y * y)
+        for j in range(draw.turned.shape[0]):
+            wanted = _drawn(batch.demonstrated, draw, k, i, j)
+            if not np.isnan(wanted) and (not numbers.q_filter or of_critic.y[i, 0] > own[i, 0]):
+                y = of_actor.y[i, j]
+                slope = np.float32(2.0 * weight / count) * (y - wanted)
+                of_actor.dy[i, j] += slope * (_ONE - y * y)
 
 
 @fast
@@ -156,18 +166,20 @@ def _improve_actor(
     n, count = of_actor.x.shape[1], of_actor.x.shape[0]
     forward(actor, of_actor)
     for i in range(count):
-        of_actor.y[i, 0] = math.tanh(of_actor.y[i, 0])
-        of_critic.x[i, n] = of_actor.y[i, 0]
+        for j in range(of_actor.y.shape[1]):
+            of_actor.y[i, j] = math.tanh(of_actor.y[i, j])
+            of_critic.x[i, n + j] = of_actor.y[i, j]
     forward(critic, of_critic)
     of_critic.dy[:] = np.float32(-1.0 / count)
     back_hidden(critic, of_critic)
     loss = 0.0
     for i in range(count):
-        slope = np.float32(0.0)
-        for j in range(critic.w1.shape[0]):
-            slope += of_critic.d1[i, j] * critic.w1[j, n]
         loss -= of_critic.y[i, 0] / count
-        of_actor.dy[i, 0] = slope * (_ONE - of_actor.y[i, 0] * of_actor.y[i, 0])
+        for o in range(of_actor.y.shape[1]):
+            slope = np.float32(0.0)
+            for j in range(critic.w1.shape[0]):
+                slope += of_critic.d1[i, j] * critic.w1[j, n + o]
+            of_actor.dy[i, o] = slope * (_ONE - of_actor.y[i, o] * of_actor.y[i, o])
     if numbers.imitation[k] > 0.0:
         _imitate(batch, draw, k, critic, numbers, work)
     descend(actor, moments, numbers.rates[k], of_actor)

@@ -67,7 +67,7 @@ class PathFollowingEnv(gymnasium.Env[Features, Features]):
         self._own = self.driver = FleetDriver(problem, 1)
         features = self.driver.fleet.inputs.shape[1]
         self.observation_space = spaces.Box(-FEATURE_LIMIT, FEATURE_LIMIT, (features,), np.float32)
-        self.action_space = spaces.Box(-1.0, 1.0, (1,), np.float32)
+        self.action_space = spaces.Box(-1.0, 1.0, problem.turned.shape, np.float32)
         self.observation_names = problem.layout.names
         self._seeded = False
         self._picture: tuple[int, FleetDriver, RoadRenderer] | None = None
@@ -131,18 +131,19 @@ class PathFollowingEnv(gymnasium.Env[Features, Features]):
         return 0
 
     def step(self, action: Any) -> tuple[Features, float, bool, bool, dict[str, Any]]:
-        """Drive one control period.
+        """Drive one control period; under an action that holds for several, all of these.
 
         Raises:
-            ConfigError: the action is not one finite number.
+            ConfigError: the action is not finite, or of another shape.
         """
         given = np.asarray(action, dtype=np.float64)
-        if given.size != 1 or not np.isfinite(given).all():
+        (size,) = self.action_space.shape or (1,)
+        if given.size != size or not np.isfinite(given).all():
+            number = "one finite number" if size == 1 else f"{size} finite numbers"
             raise ConfigError(
-                f"{given.tolist()} is not allowed; must be one finite number in [-1, 1] [-]",
-                ("action",),
+                f"{given.tolist()} is not allowed; must be {number} in [-1, 1] [-]", ("action",)
             )
-        self.driver.step(given.reshape(1))
+        self.driver.step(given.reshape(1, size))
         fleet = self._fleet
         reason = int(fleet.ended[0])
         failed = reason in kernel.FAILED
@@ -238,8 +239,8 @@ class PathFollowingEnv(gymnasium.Env[Features, Features]):
         }
         if driver.demonstrates and fleet.ended[0] == kernel.RUNNING:
             info["demo_steer"] = float(fleet.demo[0])
-            info["demo_action"] = float(driver.demonstrated_actions()[0])
-        if self.problem.base is not None:
+            info["demo_action"] = driver.demonstrated_actions()[0]
+        if self.problem.corrected is not None:
             info["base_steer"] = float(fleet.base[0])
         return info
 

@@ -53,7 +53,7 @@ def network(net: Net, scale: Any, operators: tuple[str, str] = ("Relu", "Tanh"))
         nodes,
         "policy",
         [helper.make_tensor_value_info("features", TensorProto.FLOAT, ["batch", count])],
-        [helper.make_tensor_value_info("action", TensorProto.FLOAT, ["batch", 1])],
+        [helper.make_tensor_value_info("action", TensorProto.FLOAT, ["batch", len(net.b3)])],
         weights,
     )
     model = helper.make_model(
@@ -87,8 +87,11 @@ def export_policy(
         action=problem.action,
         rate_limit=problem.rate_limit if problem.indirect else None,
         base=dump(problem.base),
-        authority=None if problem.base is None else problem.authority,
+        authority=None if problem.corrected is None else problem.authority,
         base_share=base_share,
+        parameters={k: v if isinstance(v, str) else list(v) for k, v in problem.parameters.items()}
+        or None,
+        period=problem.period,
         dt=problem.plant.dt,
         waypoints=problem.sensor.count,
         spacing=problem.sensor.spacing,

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from steersman.controllers.adjustment import Adjuster
 from steersman.controllers.base import ControllerComponent
 from steersman.kernels import encode, formula
 from steersman.kernels import path as paths
 from steersman.kernels import speed as speed_kernel
 from steersman.kernels import step as lessons
-from steersman.kernels import vehicle as car
 from steersman.kernels import world as kernel
 from steersman.kernels.fleet import Fleet
-from steersman.kernels.vehicle import GRAVITY
+from steersman.learning.adjusted import AdjustedBase
 from steersman.learning.demonstration import (
     Demonstrator,
     demonstrated_action,
@@ -25,6 +25,7 @@ from steersman.learning.demonstration import (
 from steersman.learning.privilege import Truth
 from steersman.learning.problem import Problem
 from steersman.learning.snapshot import Tree, fill
+from steersman.learning.spread import CarSpread, lateral_cap
 from steersman.plants.mover import Seat, Shared
 from steersman.profiles import Profile, write_profile
 from steersman.types import FloatArray, Pose
@@ -42,11 +43,6 @@ class FleetStart(NamedTuple):
     heading: float
     profile: Profile
     speed: float
-
-
-def _lateral_cap(profile: Profile) -> float:
-    """Lateral acceleration that a profile's speed cap allows [m/s^2]; infinite without a cap."""
-    return math.inf if profile.a_lat_max is None else profile.a_lat_max * profile.cap_scale**2
 
 
 class FleetDriver:
@@ -88,16 +84,22 @@ class FleetDriver:
                     self.mover.close()
                 raise
         self._a_lat = next((s.a_lat_max for s in self._capped()), None)
-        self._base = self.mover.vehicle.row()
+        self._spread = CarSpread(problem, self.world, self.fleet, self.mover.vehicle)
         demonstration = problem.demonstration
         self.demonstrates = demonstration.enabled
         """Whether a demonstrator proposes a steering at every step."""
         self.base_share = 1.0
         """Share of the base's steering that the actions correct."""
-        self._corrected = self._proposer(problem.base)
+        self._corrected = self._proposer(problem.corrected)
+        self._adjusted: AdjustedBase | None = None
+        self._shown: FloatArray = np.zeros(0)
+        if problem.parameters and problem.base is not None:
+            chosen, vehicle = problem.adjustments(), problem.nominal or self.mover.vehicle
+            self._adjusted = AdjustedBase(Adjuster(problem.base, chosen, vehicle, self.dt))
+            self._shown = np.array([each.action(demonstration.controller) for each in chosen])
         # A base that is the demonstrator too computes once.
         truth = Truth(self.simulation, self.mover.vehicle) if demonstration.privileged else None
-        same = demonstration.controller == problem.base and truth is None
+        same = demonstration.controller == problem.corrected and truth is None
         itself = demonstration.enabled and same
         other = demonstration.controller if demonstration.enabled and not itself else None
         self._demonstrator = self._corrected if itself else self._proposer(other, truth)
@@ -132,16 +134,18 @@ class FleetDriver:
     def reset(self, i: int, change: Callable[[FleetStart], FleetStart] | None = None) -> None:
         """Begin a new episode of vehicle ``i``; ``change`` makes its start from the drawn one."""
         problem, rng = self.problem, self.simulation.rngs[i]
-        self._vary(i, rng)
+        self._spread.vary(i, rng)
         start = self._draw_start(rng)
         start = start if change is None else change(start)
         slippery, limit = problem.spread.slippery, problem.spread.a_lat_max
         if slippery > 0.0 and rng.uniform() < slippery:
-            start = start._replace(profile=self._make_slippery(i, start.profile, rng))
-        if limit is not None and _lateral_cap(start.profile) > limit:
-            self._make_nominal(i)
+            start = start._replace(profile=self._spread.make_slippery(i, start.profile, rng))
+        if limit is not None and lateral_cap(start.profile) > limit:
+            self._spread.make_nominal(i)
         self.begin(i, start)
         self.look(i)
+        if self._adjusted is not None:
+            self._adjusted.restart(i)
         self._propose(i, restart=True)
 
     def _draw_start(self, rng: np.random.Generator) -> FleetStart:
@@ -159,51 +163,6 @@ class FleetDriver:
         if profile.throttle is not None:
             speed = source.start_speed(problem.roads[road], s)
         return FleetStart(road, s, float(offset), float(heading), profile, speed)
-
-    def _vary(self, i: int, rng: np.random.Generator) -> None:
-        """Draw this episode's car, delay and sensor."""
-        spread = self.problem.spread
-        row = self.world.vehicles.rows[i]
-        row[:] = self._base
-        self.fleet.levels[i] = 1.0
-        if spread.nominal > 0.0 and rng.uniform() < spread.nominal:
-            self._make_nominal(i)
-            return
-        if spread.waypoints > 0.0:
-            self.fleet.levels[i] = 1.0 - rng.uniform(0.0, spread.waypoints)
-        draws = 1.0 + rng.uniform(-1.0, 1.0, 5) * (
-            spread.mass,
-            spread.yaw_inertia,
-            spread.stiffness,
-            spread.stiffness,
-            spread.friction,
-        )
-        for column, factor in zip(
-            (car.MASS, car.INERTIA, car.C_F, car.C_R, car.MU), draws, strict=True
-        ):
-            row[column] *= factor
-        if spread.steer_rate > 0.0:
-            row[[car.STEER_UP, car.STEER_DOWN]] *= 1.0 - rng.uniform(0.0, spread.steer_rate)
-        if spread.steer_bias > 0.0:
-            row[car.STEER_BIAS] += rng.uniform(-1.0, 1.0) * spread.steer_bias / row[car.MAX_STEER]
-        extra = int(rng.integers(round(spread.delay / self.problem.plant.h) + 1))
-        self.fleet.delay[i] = self.problem.plant.delay_of(self.problem.vehicle) + extra
-
-    def _make_slippery(self, i: int, profile: Profile, rng: np.random.Generator) -> Profile:
-        """Lower the friction; the profile with its speed cap lowered to that grip."""
-        row = self.world.vehicles.rows[i]
-        least, own = self.problem.spread.least_friction, row[car.MU]
-        row[car.MU] = min(least * (own / least) ** rng.uniform(), own)
-        cap = self.problem.spread.used_grip * row[car.MU] * GRAVITY
-        if profile.a_lat_max is None or _lateral_cap(profile) <= cap:
-            return profile
-        return profile._replace(cap_scale=math.sqrt(cap / profile.a_lat_max))
-
-    def _make_nominal(self, i: int) -> None:
-        """The car, delay and sensor without any spread."""
-        self.world.vehicles.rows[i] = self._base
-        self.fleet.delay[i] = self.problem.plant.delay_of(self.problem.vehicle)
-        self.fleet.levels[i] = 1.0 - self.problem.spread.waypoints
 
     def begin(self, i: int, start: FleetStart) -> None:
         """Put vehicle ``i`` at a start, in the steady turn of the road there."""
@@ -259,8 +218,35 @@ class FleetDriver:
         return proposer.propose(i, self.simulation.observation(i))
 
     def step(self, actions: FloatArray) -> None:
-        """One control step of all vehicles; the caller resets those whose episode ended."""
-        self.simulation.step(actions)
+        """One step of all vehicles under ``actions`` (n, m) in [-1, 1].
+
+        The caller resets those whose episode ended. Under an action that holds for several control
+        steps, the reward is their mean.
+        """
+        total, fleet = np.zeros_like(self.fleet.reward), self.fleet
+        driven = np.zeros(self.n)
+        for going in self.steps(actions):
+            total[going] += fleet.reward[going]
+            driven[going] += 1.0
+        fleet.reward[:] = total / np.maximum(driven, 1.0)[:, None]
+
+    def steps(self, actions: FloatArray) -> Iterator[Any]:
+        """As :meth:`step`, with a pause after each control step.
+
+        Yields:
+            (n,) the vehicles that drove; where an action holds for several control steps, one whose
+            episode has ended waits.
+        """
+        actions = actions.reshape(self.n, -1)
+        if self._adjusted is None:
+            self.advance(np.ascontiguousarray(actions[:, 0]))
+            yield np.ones(self.n, dtype=bool)
+        else:
+            yield from self._adjusted.steps(self, actions)
+
+    def advance(self, commands: FloatArray) -> None:
+        """One control step of the vehicles under commands (n,) as the kernels take them."""
+        self.simulation.step(commands)
         formula.check()
         for i in range(self.n) if self._proposes else ():
             self._propose(i)
@@ -270,29 +256,34 @@ class FleetDriver:
         return self.fleet.memory[:, encode.LAST_COMMAND]
 
     def demonstrated_actions(self) -> FloatArray:
-        """The demonstrator's action for the present observations, (n,) in [-1, 1]."""
+        """The demonstrator's action for the present observations, (n, m) in [-1, 1]."""
         fleet, lesson = self.fleet, self.lesson
         if lesson.authority > 0.0:
-            return demonstrated_correction(fleet.demo, fleet.base, lesson.authority)
-        return demonstrated_action(fleet.demo, self.last_commands(), lesson.rate_limit, self.dt)
+            return demonstrated_correction(fleet.demo, fleet.base, lesson.authority)[:, None]
+        if self._adjusted is not None:
+            return np.tile(self._shown, (self.n, 1))
+        last = self.last_commands()
+        return demonstrated_action(fleet.demo, last, lesson.rate_limit, self.dt)[:, None]
 
     def snapshot(self) -> dict[str, Any]:
         """All that changes while driving."""
-        proposers = {"base": self._corrected, "demonstrator": self._demonstrator}
         return {
             "arrays": self.simulation.arrays(),
             **self.simulation.snapshot(),
-            **{name: {} if p is None else p.snapshot() for name, p in proposers.items()},
+            **{name: {} if p is None else p.snapshot() for name, p in self._kept().items()},
         }
 
     def restore(self, saved: Tree) -> None:
         """Go on from a snapshot."""
         fill(self.simulation.arrays(), saved["arrays"])
         self.simulation.restore(saved)
-        if self._corrected is not None:
-            self._corrected.restore(saved["base"])
-        if self._demonstrator is not None:
-            self._demonstrator.restore(saved["demonstrator"])
+        for name, proposer in self._kept().items():
+            if proposer is not None:
+                proposer.restore(saved[name])
+
+    def _kept(self) -> dict[str, Demonstrator | AdjustedBase | None]:
+        """What keeps states of its own, by its name in a snapshot."""
+        return {"base": self._adjusted or self._corrected, "demonstrator": self._demonstrator}
 
     def close(self) -> None:
         """Release the plant, if there is one; may be called twice."""

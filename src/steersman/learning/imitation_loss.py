@@ -10,7 +10,7 @@ import torch
 def imitate(
     policy: Any, critic: Any, batch: tuple[Any, Any], weight: float, *, q_filter: bool
 ) -> None:
-    """Add the gradient of weight * mean (mu(s) - demonstrated action)^2 to the actor's.
+    """Add the gradient of weight * mean |mu(s) - demonstrated action|^2 to the actor's.
 
     Called between the backward pass of the actor's own loss and its step, so that the step
     descends the sum of both. Samples without a demonstrated action count as zero.
@@ -18,7 +18,7 @@ def imitate(
     Args:
         policy: of which the actor's mean action is mu.
         critic: rates actions; the least of its values counts.
-        batch: observations (B, k) and demonstrated actions (B, 1), NaN where there is none.
+        batch: observations (B, k) and demonstrated actions (B, m), NaN where there is none.
         weight: of the loss.
         q_filter: leave out samples whose demonstrated action the critic does not rate above mu(s).
 
@@ -38,7 +38,7 @@ def imitate(
                 for a in (actions, wanted)
             )
         counts &= shown > own
-    loss = weight * (counts * (actions - wanted) ** 2).mean()
+    loss = weight * (counts * (actions - wanted) ** 2).sum(dim=1).mean()
     parameters = [p for p in policy.actor.parameters() if p.grad is not None]
     for p, more in zip(
         parameters, torch.autograd.grad(loss, parameters, allow_unused=True), strict=True

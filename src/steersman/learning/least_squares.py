@@ -24,12 +24,12 @@ class Dataset(NamedTuple):
     features: Any
     """(n, k) float32, the network's input: scaled and clipped."""
     actions: Any
-    """(n,) float32 in [-1, 1], the output that it is fitted to."""
+    """(n, m) float32 in [-1, 1], the output that it is fitted to."""
 
     @classmethod
-    def empty(cls, features: int) -> Dataset:
+    def empty(cls, features: int, actions: int) -> Dataset:
         """No samples yet."""
-        return cls(np.zeros((0, features), np.float32), np.zeros(0, np.float32))
+        return cls(np.zeros((0, features), np.float32), np.zeros((0, actions), np.float32))
 
     def joined(self, other: Dataset) -> Dataset:
         """These samples, then the other's."""
@@ -48,7 +48,8 @@ def update(
 ) -> float:
     """One update of ``net`` for each of ``rates`` (updates,); returns the mean loss.
 
-    Loss: mean e^2 with e = tanh(network) - action; beyond ``bound`` 2 bound |e| - bound^2.
+    Loss: mean over samples of the sum of e^2 with e = tanh(network) - action; beyond ``bound`` of
+    2 bound |e| - bound^2.
     """
     count, total = work.x.shape[0], 0.0
     limit = np.float32(bound)
@@ -57,11 +58,13 @@ def update(
         gather(features, draw, k, work.x)
         forward(net, work)
         for i in range(count):
-            y = np.float32(math.tanh(work.y[i, 0]))
-            gap = y - data.actions[draw.rows[k, i]] * draw.sides[k, i]
-            held = min(max(gap, -limit), limit)
-            total += held * (np.float32(2.0) * gap - held) / count
-            work.dy[i, 0] = np.float32(2.0 / count) * held * (_ONE - y * y)
+            for j in range(draw.turned.shape[0]):
+                y = np.float32(math.tanh(work.y[i, j]))
+                wanted = data.actions[draw.rows[k, i], j]
+                gap = y - (wanted * draw.turned[j] if draw.sides[k, i] < 0.0 else wanted)
+                held = min(max(gap, -limit), limit)
+                total += held * (np.float32(2.0) * gap - held) / count
+                work.dy[i, j] = np.float32(2.0 / count) * held * (_ONE - y * y)
         descend(net, moments, rates[k], work)
     return float(total / rates.shape[0])
 
@@ -76,6 +79,8 @@ class LeastSquares(NamedTuple):
     mirror: Any
     """(features,) factor on each feature that mirrors it, float32; half of each batch is mirrored.
     None: no mirror images."""
+    turned: Any
+    """(actions,) factor on each action that mirrors it, float32."""
     bound: float = math.inf
     """Errors of the action beyond this count linearly."""
 
@@ -107,7 +112,7 @@ class LeastSquares(NamedTuple):
             else:
                 sides[rng.integers(2, size=shape) == 0] = -1.0
             rates = np.array([rate(done + k) for k in range(shape[0])])
-            draw = Draw(rows, np.zeros_like(rows), sides, mirror)
+            draw = Draw(rows, np.zeros_like(rows), sides, mirror, self.turned)
             mean = update(data, draw, rates, self.net, self.moments, self.bound, self.work)
             done, total = done + shape[0], total + shape[0] * mean
             tick((done - first) / (until - first))

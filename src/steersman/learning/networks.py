@@ -54,13 +54,13 @@ class Work(NamedTuple):
     h2: Any
     """(B, hidden) behind the second."""
     y: Any
-    """(B, 1) its output."""
+    """(B, outputs) its output."""
     d1: Any
     """(B, hidden) gradient at the input of the first hidden layer."""
     d2: Any
     """(B, hidden) gradient at the input of the second."""
     dy: Any
-    """(B, 1) gradient at its output."""
+    """(B, outputs) gradient at its output."""
     grad: Net
     """Gradients of its weights."""
 
@@ -89,10 +89,10 @@ def view_net(flat: Any, sizes: tuple[int, int, int, int]) -> Net:
 
 def make_work(net: Net, batch: int) -> Work:
     """Scratch for batches of ``batch`` samples."""
-    inputs, h1, h2 = net.w1.shape[1], net.w1.shape[0], net.w2.shape[0]
-    widths = (inputs, h1, h2, 1, h1, h2, 1)
+    inputs, h1, h2, outputs = net.w1.shape[1], *(len(bias) for bias in (net.b1, net.b2, net.b3))
+    widths = (inputs, h1, h2, outputs, h1, h2, outputs)
     arrays: list[Any] = [np.zeros((batch, width), np.float32) for width in widths]
-    gradients = view_net(np.zeros_like(net.flat), (inputs, h1, h2, 1))
+    gradients = view_net(np.zeros_like(net.flat), (inputs, h1, h2, outputs))
     return Work._make([*arrays, gradients])
 
 
@@ -105,14 +105,14 @@ _OPERATORS: dict[str, Callable[[Any], Any]] = {
 
 
 def act(net: Net, features: Any, operators: tuple[str, str] = ("Relu", "Tanh")) -> Any:
-    """A policy's actions (n,) in [-1, 1] for features (n, k).
+    """A policy's actions (n, m) in [-1, 1] for features (n, k).
 
     ``operators`` stand after the hidden layers and after the output: Relu, Tanh or Clip (to +-1).
     """
     hidden, output = (_OPERATORS[name] for name in operators)
     h1 = hidden(features.astype(np.float32) @ net.w1.T + net.b1)
     h2 = hidden(h1 @ net.w2.T + net.b2)
-    return output((h2 @ net.w3.T + net.b3)[:, 0]).astype(np.float64)
+    return output(h2 @ net.w3.T + net.b3).astype(np.float64)
 
 
 def make_moments(size: int) -> Moments:
@@ -136,10 +136,11 @@ def forward(net: Net, work: Work) -> None:
     np.dot(work.h1, net.w2.T, work.h2)
     _bias_relu(work.h2, net.b2)
     for i in range(work.x.shape[0]):
-        total = net.b3[0]
-        for j in range(work.h2.shape[1]):
-            total += work.h2[i, j] * net.w3[0, j]
-        work.y[i, 0] = total
+        for o in range(work.y.shape[1]):
+            total = net.b3[o]
+            for j in range(work.h2.shape[1]):
+                total += work.h2[i, j] * net.w3[o, j]
+            work.y[i, o] = total
 
 
 @fast
@@ -149,6 +150,10 @@ def back_hidden(net: Net, work: Work) -> None:
     for i in range(dy.shape[0]):
         for j in range(d2.shape[1]):
             d2[i, j] = dy[i, 0] * net.w3[0, j] if work.h2[i, j] > 0.0 else np.float32(0.0)
+        for o in range(1, dy.shape[1]):
+            for j in range(d2.shape[1]):
+                if work.h2[i, j] > 0.0:
+                    d2[i, j] += dy[i, o] * net.w3[o, j]
     np.dot(d2, net.w2, d1)
     for i in range(dy.shape[0]):
         for j in range(d1.shape[1]):
@@ -165,15 +170,16 @@ def weight_gradients(work: Work) -> None:
     grad.b1[:] = np.float32(0.0)
     grad.b2[:] = np.float32(0.0)
     grad.w3[:] = np.float32(0.0)
-    total = np.float32(0.0)
+    grad.b3[:] = np.float32(0.0)
     for i in range(dy.shape[0]):
-        total += dy[i, 0]
         for j in range(d1.shape[1]):
             grad.b1[j] += d1[i, j]
         for j in range(d2.shape[1]):
             grad.b2[j] += d2[i, j]
-            grad.w3[0, j] += dy[i, 0] * work.h2[i, j]
-    grad.b3[0] = total
+        for o in range(dy.shape[1]):
+            grad.b3[o] += dy[i, o]
+            for j in range(d2.shape[1]):
+                grad.w3[o, j] += dy[i, o] * work.h2[i, j]
 
 
 @fast
@@ -210,6 +216,8 @@ class Draw(NamedTuple):
     """1: the sample itself; -1: its mirror image, left for right (float32)."""
     mirror: Any
     """(features,) factor on each feature that mirrors it (float32)."""
+    turned: Any
+    """(actions,) likewise for each action."""
 
 
 @fast

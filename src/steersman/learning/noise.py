@@ -17,16 +17,16 @@ class OrnsteinUhlenbeck(VectorizedActionNoise):
     """
 
     def __init__(
-        self, n: int, theta: float, sigma: Callable[[], float], dt: float, seed: int
+        self, shape: tuple[int, int], theta: float, sigma: Callable[[], float], dt: float, seed: int
     ) -> None:
-        """``sigma`` is called at every step, so that it can follow a schedule."""
+        """Noise of ``shape`` (vehicles, actions); ``sigma`` is called at every step."""
         ActionNoise.__init__(self)
         self.theta, self.sigma, self.dt = theta, sigma, dt
         self.rng = np.random.default_rng(seed)
-        self.state = np.zeros((n, 1))
+        self.state = np.zeros(shape)
 
     def __call__(self) -> Any:
-        """Noise of the next step, (n, 1)."""
+        """Noise of the next step, (vehicles, actions)."""
         kick = self.rng.standard_normal(self.state.shape)
         drift = -self.theta * self.dt * self.state
         self.state = self.state + drift + self.sigma() * math.sqrt(self.dt) * kick

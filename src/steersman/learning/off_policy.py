@@ -23,8 +23,8 @@ from steersman.kernels import world as kernel
 from steersman.learning.demonstration import Demonstration
 from steersman.learning.imitation_loss import imitate
 from steersman.learning.noise import OrnsteinUhlenbeck
-from steersman.learning.replay_buffer import BUFFER_ARRAYS, DemonstrationBuffer
-from steersman.learning.sb3 import AT_LIMIT, SteeringAgent, start_at_zero
+from steersman.learning.replay_buffer import BUFFER_ARRAYS, STEERING, DemonstrationBuffer
+from steersman.learning.sb3 import AT_LIMIT, SteeringAgent, start_at_base
 from steersman.learning.snapshot import Tree, fill
 from steersman.learning.warm_start import Opening
 
@@ -42,6 +42,7 @@ class OffPolicySteering(SteeringAgent, OffPolicyAlgorithm):
     Attributes:
         p_action: gives the present probability of the demonstrator's action.
         mirror: (features,) factor on each feature that mirrors it, float32; None: no mirror images.
+        turned: (actions,) factor on each action that mirrors it, float32.
         demonstration: what is done with the demonstrator's actions.
         total: environment steps of the training.
         opening: the warm start; None: none.
@@ -53,6 +54,7 @@ class OffPolicySteering(SteeringAgent, OffPolicyAlgorithm):
     demonstration = Demonstration(enabled=False)
     total = 1
     mirror: Any = None
+    turned: Any = STEERING
     demonstrable = True
     opening: Opening | None = None
     opened = 0
@@ -79,7 +81,7 @@ class OffPolicySteering(SteeringAgent, OffPolicyAlgorithm):
     def _sample_action(
         self, learning_starts: int, action_noise: ActionNoise | None = None, n_envs: int = 1
     ) -> tuple[Any, Any]:
-        """Executed and stored action, each (n_envs, 1), the agent's or the demonstrator's."""
+        """Executed and stored actions (n_envs, m), the agent's or the demonstrator's."""
         shows = False
         if self.opening is not None:
             self.opening.advance(self)
@@ -87,19 +89,20 @@ class OffPolicySteering(SteeringAgent, OffPolicyAlgorithm):
         own = self._own_action(learning_starts, action_noise, n_envs)
         self.sampled_steps += n_envs
         env, given = cast("PathFollowingVecEnv", self.env), self.demonstration
-        shown = env.demonstrated_actions() if given.enabled else np.full(n_envs, np.nan)
-        takes = self._takes(env, np.abs(shown - own[:, 0])) | shows
-        env.choice = own[:, 0], takes
+        shown = env.demonstrated_actions() if given.enabled else np.full(own.shape, np.nan)
+        takes = self._takes(env, np.abs(shown - own).max(axis=1)) | shows
+        env.choice = own, takes
         everywhere = given.loss is None or given.loss.states == "all"
         opens = self.opening is not None and self.num_timesteps < self.opening.steps
-        self.buffer.label = np.where(takes | (everywhere or opens), shown, np.nan)
+        told = takes | (everywhere or opens)
+        self.buffer.label = np.where(told[:, None], shown, np.nan)
         if not takes.any():
             return own, own
         executed = own.copy()
-        executed[takes, 0] = shown[takes]
+        executed[takes] = shown[takes]
         if shows:
             assert given.warm_start is not None
-            noise = given.warm_start.noise * self.demo_rng.standard_normal((n_envs, 1))
+            noise = given.warm_start.noise * self.demo_rng.standard_normal(own.shape)
             executed = np.clip(executed + noise, -1.0, 1.0).astype(np.float32)
         self.demonstrated_steps += int(takes.sum())
         return executed, own if given.store == "agent" else executed
@@ -119,14 +122,14 @@ class OffPolicySteering(SteeringAgent, OffPolicyAlgorithm):
     def _own_action(
         self, learning_starts: int, action_noise: ActionNoise | None, n_envs: int
     ) -> Any:
-        """The agent's action with exploration, (n_envs, 1); random before learning.
+        """The agent's action with exploration, (n_envs, m); random before learning.
 
         As SB3's; a deterministic policy's without the detour through torch at every step.
         """
         if self.num_timesteps >= learning_starts:
-            mean = self.act(self._last_obs)[:, None]
+            mean = self.act(self._last_obs)
             # Before the noise, which takes every other action off the limit again.
-            self.saturated_steps += int((np.abs(mean) >= AT_LIMIT).sum())
+            self.saturated_steps += int((np.abs(mean) >= AT_LIMIT).any(axis=1).sum())
             if action_noise is not None:
                 return np.clip(mean + action_noise(), -1.0, 1.0).astype(np.float32)
         return super()._sample_action(learning_starts, action_noise, n_envs)[1]
@@ -256,7 +259,7 @@ def make_off_policy(
     if settings.exploration is not None:
         sigma, theta, dt = settings.exploration
         own["action_noise"] = OrnsteinUhlenbeck(
-            env.num_envs,
+            (env.num_envs, len(env.turned)),
             theta,
             lambda: sigma.value(agent.num_timesteps, total),
             dt,
@@ -279,11 +282,10 @@ def make_off_policy(
         device="cpu",
         **own,
     )
-    if config.problem.base is not None:
-        start_at_zero(agent.policy)
+    start_at_base(agent.policy, config.problem, settings.operators)
+    agent.turned = agent.buffer.turned = env.turned.astype(np.float32)
     if settings.mirror:
-        agent.mirror = env.mirror.astype(np.float32)
-        agent.buffer.mirror = agent.mirror
+        agent.mirror = agent.buffer.mirror = env.mirror.astype(np.float32)
     agent.rate = lambda step: settings.learning_rate.value(step, total)
     agent.prepare_demonstration(demo, opening, total, int(seeds[2]))
     return agent

@@ -13,7 +13,7 @@ import numpy as np
 from stable_baselines3 import PPO
 from torch import nn
 
-from steersman.learning.sb3 import AT_LIMIT, SteeringAgent, start_at_zero
+from steersman.learning.sb3 import AT_LIMIT, SteeringAgent, start_at_base
 from steersman.learning.snapshot import Tree
 
 if TYPE_CHECKING:
@@ -47,8 +47,8 @@ class OnPolicySteering(SteeringAgent, PPO):
         """SB3's updates; and how often the policy that collected was at a limit."""
         buffer = self.rollout_buffer
         wanted = self.act(buffer.observations.reshape(-1, buffer.observations.shape[-1]))
-        self.sampled_steps += wanted.size
-        self.saturated_steps += int((np.abs(wanted) >= AT_LIMIT).sum())
+        self.sampled_steps += len(wanted)
+        self.saturated_steps += int((np.abs(wanted) >= AT_LIMIT).any(axis=1).sum())
         self._turn = 0
         super().train()
         said = self.logger.name_to_value
@@ -87,8 +87,7 @@ def make_on_policy(
         device="cpu",
         **{name: getattr(settings, name) for name in _SAME},
     )
-    if config.problem.base is not None:
-        start_at_zero(agent.policy)
+    start_at_base(agent.policy, config.problem, settings.operators)
     agent.rate, agent.operators = lambda step: rate.value(step, total), settings.operators
     agent.policy.optimizer.register_step_pre_hook(agent.set_rate)
     return agent

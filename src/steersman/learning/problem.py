@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import field_validator, model_validator
 
 from steersman.config import Of, Settings, dump, param
+from steersman.controllers.adjustment import Adjustment, adjustments, flattened
 from steersman.controllers.base import ControllerComponent
 from steersman.controllers.policy import check_base
 from steersman.disturbances import DisturbanceComponent, Disturber
@@ -24,12 +26,15 @@ from steersman.plants.simulator import SimulatorConfig
 from steersman.profiles import stack_profiles
 from steersman.sensing import WaypointSensor
 from steersman.speed import Nedc, SpeedComponent, SpeedTracking
+from steersman.types import FloatArray
 from steersman.vehicles import CarlaModel3, Vehicle
 
 # Steering rate of the indirect action [1/s]; the paper's limit.
 PAPER_RATE = 1.5708
 
 
+# Actions that need a base.
+_THROUGH = ("residual", "parameters")
 # What of a spread only the embedded simulator can do.
 CARS_DIFFER = (
     *("mass", "yaw_inertia", "stiffness", "friction", "slippery"),
@@ -96,17 +101,23 @@ class Problem(Settings):
     )
     task: Annotated[TaskComponent, Of("task")] = param(PreciseTask(), "-", "Reward.")
     demonstration: Demonstration = param(Demonstration(), "-", "Demonstration.")
-    action: Literal["rate", "direct", "residual"] = param(
+    action: Literal["rate", "direct", "residual", "parameters"] = param(
         "rate",
         "-",
-        "The action is the steering rate (indirect), the steering (direct), or what is added to "
-        "the base's steering (residual).",
+        "The action is the steering rate (indirect), the steering (direct), what is added to the "
+        "base's steering (residual), or the base's parameters.",
     )
     rate_limit: float = param(PAPER_RATE, "1/s", "Steering rate of action 1.", gt=0)
     base: Annotated[ControllerComponent | None, Of("controller", optional=True)] = param(
-        None, "-", "Controller whose steering a residual action corrects."
+        None, "-", "Controller that steers under a residual action or under parameters."
     )
     authority: float = param(0.2, "-", "Correction of residual action 1.", gt=0, le=2)
+    parameters: dict[str, str | tuple[Any, ...]] = param(
+        {},
+        "-",
+        "Field of the base -> LOW..HIGH, LOW..HIGH:log, A|B or a list of values; one action each.",
+    )
+    period: int = param(1, "steps", "Control steps for which an action of parameters holds.", ge=1)
     roads: tuple[Annotated[PathComponent, Of("path")], ...] = param(
         ("training_circuit",), "-", "Roads to train on; each episode draws one."
     )
@@ -132,17 +143,46 @@ class Problem(Settings):
             raise ValueError("needs at least one")
         return value
 
+    @field_validator("parameters", mode="before")
+    @classmethod
+    def _dotted(cls, value: Any) -> Any:
+        return flattened(value) if isinstance(value, Mapping) else value
+
     @model_validator(mode="after")
-    def _corrected(self) -> Problem:
+    def _through_base(self) -> Problem:
         if self.action == "residual" and self.base is None:
             raise ValueError("action residual corrects a controller; name it as base")
-        if self.action != "residual" and self.base is not None:
+        if self.action not in _THROUGH and self.base is not None:
             raise ValueError(
                 f"base {self.base.kind!r} is given, but action {self.action!r} uses no base; "
-                "set action=residual"
+                "set action=residual or action=parameters"
             )
         if self.base is not None:
             check_base(self.base)
+        return self
+
+    @model_validator(mode="after")
+    def _adjusted(self) -> Problem:
+        if self.action != "parameters":
+            for name in ("parameters", "period"):
+                if getattr(self, name) != type(self).model_fields[name].default:
+                    raise ConfigError(
+                        f"belongs to action parameters; action is {self.action}", (name,)
+                    )
+            return self
+        if self.base is None or not self.parameters:
+            raise ValueError(
+                "action parameters sets fields of a controller; name it as base and its fields as "
+                "parameters, such as parameters.q_heading=0.01..10:log"
+            )
+        adjustments(self.base, self.parameters)
+        shown = self.demonstration
+        if shown.enabled and shown.controller.kind != self.base.kind:
+            raise ConfigError(
+                f"{shown.controller.kind!r} has other parameters than the base "
+                f"{self.base.kind!r}; name a controller of its kind, or set enabled=false",
+                ("demonstration", "controller"),
+            )
         return self
 
     @model_validator(mode="after")
@@ -202,6 +242,20 @@ class Problem(Settings):
         return self.action == "rate"
 
     @property
+    def corrected(self) -> ControllerComponent | None:
+        """The base whose steering a residual action corrects."""
+        return self.base if self.action == "residual" else None
+
+    def adjustments(self) -> tuple[Adjustment, ...]:
+        """The fields of the base that the actions set; none unless the action is parameters."""
+        return () if self.base is None else adjustments(self.base, self.parameters)
+
+    @property
+    def turned(self) -> FloatArray:
+        """(m,) factor on each action that gives that of the mirrored scene."""
+        return np.ones(len(self.parameters)) if self.parameters else np.array([-1.0])
+
+    @property
     def layout(self) -> Layout:
         """Layout of the network's input."""
         return self.encoding.layout(self.sensor.spacing, self.plant.dt, self.action)
@@ -214,7 +268,8 @@ class Problem(Settings):
             scale=layout.scale,
             reward=self.task.table(),
             rate_limit=self.rate_limit if self.indirect else 0.0,
-            authority=self.authority if self.base is not None else 0.0,
+            authority=0.0 if self.corrected is None else self.authority,
+            period=self.period,
         )
 
     def demands(self, n: int) -> SpeedTable:

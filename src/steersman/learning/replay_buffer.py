@@ -10,6 +10,8 @@ from stable_baselines3.common.type_aliases import ReplayBufferSamples
 
 from steersman.learning.networks import Draw
 
+# One action, that of the mirrored scene is its negative.
+STEERING = np.full(1, -1.0, np.float32)
 BUFFER_ARRAYS = (
     *("observations", "next_observations", "actions", "rewards", "dones", "timeouts"),
     "demonstrated",
@@ -21,15 +23,17 @@ class DemonstrationBuffer(ReplayBuffer):
 
     Attributes:
         mirror: (features,) factor on each feature that mirrors it; None: no mirror images.
-        demonstrated: (rows, vehicles) the demonstrated action in each state, NaN where there is
-            none.
-        label: (vehicles,) the same of the next transition to be added.
+        turned: (actions,) factor on each action that mirrors it.
+        demonstrated: (rows, vehicles, actions) the demonstrated action in each state, NaN where
+            there is none.
+        label: (vehicles, actions) the same of the next transition to be added.
         kept: the first rows, which are demonstrations and are never overwritten.
         share: share of each batch that is drawn from them.
         last: observations and demonstrated actions (NaN: none) of the last batch, as tensors.
     """
 
     mirror: Any = None
+    turned: Any = STEERING
     kept = 0
     share = 0.0
     last: tuple[Any, Any]
@@ -37,7 +41,7 @@ class DemonstrationBuffer(ReplayBuffer):
     def __init__(self, *given: Any, **named: Any) -> None:
         """As Stable-Baselines3's; no action is demonstrated yet."""
         super().__init__(*given, **named)
-        self.demonstrated = np.full((self.buffer_size, self.n_envs), np.nan, np.float32)
+        self.demonstrated = np.full(self.actions.shape, np.nan, np.float32)
         self.label: Any = np.nan
 
     def add(self, *given: Any, **named: Any) -> None:
@@ -79,28 +83,30 @@ class DemonstrationBuffer(ReplayBuffer):
                 rows[k, :shown] = np.random.randint(0, self.kept, size=shown)  # noqa: NPY002
         sides = np.ones(rows.shape, np.float32)
         if self.mirror is None:
-            return Draw(rows, envs, sides, np.ones(self.obs_shape, np.float32))
+            return Draw(rows, envs, sides, np.ones(self.obs_shape, np.float32), self.turned)
         coins = np.random.randint(0, 2, size=rows.shape)  # noqa: NPY002 - SB3's generator
         sides[coins == 0] = -1.0
-        return Draw(rows, envs, sides, self.mirror)
+        return Draw(rows, envs, sides, self.mirror, self.turned)
 
     def sample(self, batch_size: int, env: Any = None) -> ReplayBufferSamples:
         """A batch."""
         draw = self.draw(1, batch_size)
         at, sides = (draw.rows[0], draw.envs[0]), draw.sides[0][:, None]
-        factors = np.where(sides < 0.0, draw.mirror, np.float32(1.0))
+        factors, turned = (
+            np.where(sides < 0.0, each, np.float32(1.0)) for each in (draw.mirror, draw.turned)
+        )
         data = ReplayBufferSamples(
             *(
                 self.to_torch(values)
                 for values in (
                     self.observations[at] * factors,
-                    self.actions[at] * sides,
+                    self.actions[at] * turned,
                     self.next_observations[at] * factors,
                     (self.dones[at] * (1 - self.timeouts[at]))[:, None],
                     self.rewards[at][:, None],
                 )
             )
         )
-        labels = self.to_torch(self.demonstrated[at][:, None] * sides)
+        labels = self.to_torch(self.demonstrated[at] * turned)
         self.last = data.observations, labels
         return data

@@ -16,10 +16,13 @@ from torch import nn
 
 from steersman.learning import networks
 from steersman.learning.networks import Net
+from steersman.learning.problem import Problem
 from steersman.learning.snapshot import Tree, fill
 
 # A policy's action beyond this counts as saturated.
 AT_LIMIT = 0.99
+# Largest action that a network begins with, so that tanh leaves it a slope.
+_STEEPEST = 0.95
 _NAN = float("nan")
 
 
@@ -62,7 +65,7 @@ class SteeringAgent(BaseAlgorithm):
         return self.rate(step)
 
     def act(self, features: Any) -> Any:
-        """The policy's actions (n,) in [-1, 1] for features (n, k), without noise."""
+        """The policy's actions (n, m) in [-1, 1] for features (n, k), without noise."""
         return networks.act(self.actor_net(), features, self.operators)
 
     def actor_net(self) -> Net:
@@ -148,17 +151,28 @@ def mean_layers(policy: Any) -> list[Any]:
     return [policy.latent_pi, policy.mu] if hasattr(policy, "latent_pi") else [policy.mu]
 
 
-def start_at_zero(policy: Any) -> None:
-    """Make the mean action of an SB3 policy (and of its target) zero for every observation.
+def start_at_base(policy: Any, problem: Problem, operators: tuple[str, str]) -> None:
+    """Make the mean action of an SB3 policy (and of its target) the base's for every observation.
 
-    A residual agent begins as its base: a random network would spoil the base from the first step
+    An agent with a base begins as this base: a random network would spoil it from the first step
     on, and the data collected with it (Silver, Allen, Tenenbaum and Kaelbling, Residual policy
     learning, arXiv:1812.06298, 2018). Zero weights of the last layer alone leave it a gradient, as
-    the hidden units differ.
+    the hidden units differ. Without a base nothing is changed.
+
+    Args:
+        policy: of Stable-Baselines3.
+        problem: its correction begins at zero, its parameters at the base's own.
+        operators: of :class:`SteeringAgent`.
     """
+    if problem.base is None:
+        return
+    own = [each.action(problem.base) for each in problem.adjustments()] or [0.0]
+    bias = torch.tensor(own, dtype=torch.float32).clamp(-_STEEPEST, _STEEPEST)
+    if operators[1] == "Tanh":
+        bias = torch.atanh(bias)
     actors = [getattr(policy, name) for name in ("actor", "actor_target") if hasattr(policy, name)]
     for actor in actors or [policy]:
         last = mean_layers(actor)[-1]
         output = [layer for layer in last.modules() if isinstance(layer, nn.Linear)][-1]
-        for parameter in output.parameters():
-            parameter.data.zero_()
+        output.weight.data.zero_()
+        output.bias.data[:] = bias

@@ -285,7 +285,9 @@ class _Training:
         note = {
             "steps": self.agent.num_timesteps,
             "updates": self.agent._n_updates,
-            "simulated_seconds": self.agent.num_timesteps * self.env.driver.dt,
+            "simulated_seconds": self.agent.num_timesteps
+            * self.config.problem.period
+            * self.env.driver.dt,
             "plant": self.env.driver.source,
             "validation": score.rounded(),
         }

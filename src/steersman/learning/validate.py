@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -101,7 +101,7 @@ class Validator:
         return self.score(lambda _: self._driver.demonstrated_actions())
 
     def score(self, act: Callable[[Any], Any]) -> Score:
-        """Drive with ``act``, which maps features (n, k) to actions (n,)."""
+        """Drive with ``act``, which maps features (n, k) to actions (n, m)."""
         seeds = np.random.SeedSequence(self._config.seed).spawn(self._config.vehicles)
         n = self._driver.n
         parts = [self._drive(act, seeds[i : i + n]) for i in range(0, len(seeds), n)]
@@ -130,14 +130,14 @@ class Validator:
         failed = np.zeros(driver.n, dtype=bool)
         counted = np.ones((self._steps, driver.n), dtype=bool)
         changes, moves = 0.0, 0
-        for k in range(self._steps):
-            before = driver.last_commands().copy()
-            driver.step(np.clip(act(fleet.inputs), -1.0, 1.0))
+        before = driver.last_commands().copy()
+        for k, _ in zip(range(self._steps), self._drive_on(act), strict=False):
             ended = fleet.ended != kernel.RUNNING
             lost = np.isin(fleet.ended, kernel.FAILED)
             errors[k, alive] = np.minimum(np.abs(fleet.tracking[alive, observe.D]), corridor)
             # A command that is NaN counts as the largest change there is, lock to lock.
             step = np.nan_to_num(driver.last_commands() - before, nan=2.0)
+            before = driver.last_commands().copy()
             changes += float((step[alive] ** 2).sum())
             moves += int(alive.sum())
             failed |= alive & lost
@@ -147,3 +147,9 @@ class Validator:
             if not alive.any():
                 break
         return _Part(errors, counted, int(failed.sum()), changes, moves)
+
+    def _drive_on(self, act: Callable[[Any], Any]) -> Iterator[Any]:
+        """Drive, with a pause after each control step, until no vehicle is left."""
+        fleet = self._driver.fleet
+        while (fleet.ended == kernel.RUNNING).any():
+            yield from self._driver.steps(np.clip(act(fleet.inputs), -1.0, 1.0))

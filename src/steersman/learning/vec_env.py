@@ -26,21 +26,21 @@ _COUNTERS = ("off_track", "sum_error", "steps", "largest_reward")
 class PathFollowingVecEnv(VecEnv):
     """N vehicles of a :class:`Problem`.
 
-    Observation: (n, features) float32, about unit size. Action: (n, 1) in [-1, 1].
+    Observation: (n, features) float32, about unit size. Action: (n, m) in [-1, 1].
     Leaving the corridor and rolling over terminate; time and the end of a road truncate.
     """
 
     def __init__(self, problem: Problem, n: int) -> None:
         """Make ``n`` vehicles."""
         self.driver = FleetDriver(problem, n)
-        self.mirror = problem.layout.mirror
+        self.mirror, self.turned = problem.layout.mirror, problem.turned
         features = self.driver.fleet.inputs.shape[1]
         super().__init__(
             n,
             spaces.Box(-FEATURE_LIMIT, FEATURE_LIMIT, (features,), np.float32),
-            spaces.Box(-1.0, 1.0, (1,), np.float32),
+            spaces.Box(-1.0, 1.0, self.turned.shape, np.float32),
         )
-        self._actions = np.zeros(n)
+        self._actions = np.zeros((n, len(self.turned)))
         self._infos: list[dict[str, Any]] = [{} for _ in range(n)]
         self._pending: int | None = 0
         self.off_track = 0
@@ -57,7 +57,7 @@ class PathFollowingVecEnv(VecEnv):
         self.watch: Callable[[], None] | None = None
         """Called after each step, before drives that ended begin anew."""
         self.choice: tuple[Any, Any] | None = None
-        """The agent's own actions and where the demonstrator takes the wheel, (n,) each, if the
+        """The agent's own actions (n, m) and where the demonstrator takes the wheel (n,), if the
         agent tells; for the recorder alone."""
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
@@ -77,7 +77,7 @@ class PathFollowingVecEnv(VecEnv):
 
     def step_async(self, actions: Any) -> None:
         """Keep the actions for :meth:`step_wait`."""
-        self._actions = np.asarray(actions, dtype=np.float64).reshape(-1)
+        self._actions = np.asarray(actions, dtype=np.float64).reshape(self._actions.shape)
 
     def step_wait(self) -> Any:
         """Advance all vehicles; finished ones begin anew, as SB3 expects."""
@@ -122,7 +122,7 @@ class PathFollowingVecEnv(VecEnv):
         return info
 
     def demonstrated_actions(self) -> FloatArray:
-        """The demonstrator's action for the present observations, (n,) in [-1, 1]."""
+        """The demonstrator's action for the present observations, (n, m) in [-1, 1]."""
         return self.driver.demonstrated_actions()
 
     def snapshot(self) -> dict[str, Any]:

@@ -84,12 +84,12 @@ class Opening:
         """Fit the actor to all demonstrated actions in the buffer."""
         buffer, net = agent.buffer, agent.actor_net()
         size = buffer.size()
-        known = np.isfinite(buffer.demonstrated[:size])
+        known = np.isfinite(buffer.demonstrated[:size]).all(axis=2)
         if updates == 0 or not known.any():
             return
         data = Dataset(buffer.observations[:size][known], buffer.demonstrated[:size][known])
         work, rate = make_work(net, agent.batch_size), agent.current_rate()
-        fit = LeastSquares(net, make_moments(net.flat.size), work, agent.mirror)
+        fit = LeastSquares(net, make_moments(net.flat.size), work, agent.mirror, agent.turned)
         fit.to(data, updates, lambda _: rate, agent.demo_rng)
         policy: Any = agent.policy
         if hasattr(policy, "actor_target"):

@@ -195,6 +195,8 @@ class Computed:
             PlantError: a plant left the numbers.
         """
         for i, steer in enumerate(actions.tolist()):
+            if lesson is not None and lesson.period > 1 and fleet.ended[i] != kernel.RUNNING:
+                continue
             plant = self._prepare(world, fleet, i)
             if not self._there[i]:
                 plant.resume(to_state(fleet.state[i], 0.0))

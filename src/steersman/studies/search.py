@@ -24,9 +24,10 @@ from steersman.files import alone, make_folder, write_text
 from steersman.learning import checkpoint
 from steersman.learning.config import TrainConfig
 from steersman.provenance import provenance
+from steersman.ranges import SettingRange
 from steersman.stored import ShownResult, SourcedResult, StoredResult
 from steersman.studies.folder import open_study, same_study, sampler
-from steersman.studies.search_space import SearchConfig, SettingRange, applied
+from steersman.studies.search_space import SearchConfig, applied
 from steersman.table_file import Columns, columns_of
 
 # Called with the trial, what it trains now in words, and the best score so far [m].

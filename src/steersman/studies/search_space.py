@@ -5,87 +5,14 @@
 
 from __future__ import annotations
 
-import math
-import re
-from typing import Any, NamedTuple
+from typing import Any
 
 from pydantic import field_validator, model_validator
 
 from steersman.config import Settings, build, dump, override, param
 from steersman.errors import ConfigError
 from steersman.learning.config import TrainConfig
-
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_RANGE = re.compile(rf"\s*(?P<low>{_NUMBER})\.\.(?P<high>{_NUMBER})(?P<log>:log)?\s*")
-_WHOLE = re.compile(r"[-+]?\d+")
-
-
-class SettingRange(NamedTuple):
-    """The values that a search may give to a setting."""
-
-    low: float = 0.0
-    high: float = 0.0
-    log: bool = False
-    """Whether it is searched on a logarithmic scale."""
-    whole: bool = False
-    """Whether only whole numbers are meant."""
-    choices: tuple[str, ...] = ()
-    """Values to choose from instead, as they are written in an assignment."""
-
-    def __str__(self) -> str:
-        """As it is written in a word."""
-        if self.choices:
-            return "|".join(self.choices)
-        low, high = (f"{end:g}" for end in (self.low, self.high))
-        return f"{low}..{high}{':log' if self.log else ''}"
-
-    def suggest(self, name: str, trial: Any) -> str:
-        """A trial's value of the setting ``name``, as it is written in an assignment."""
-        if self.choices:
-            return str(trial.suggest_categorical(name, list(self.choices)))
-        if self.whole:
-            value = trial.suggest_int(name, int(self.low), int(self.high), log=self.log)
-        else:
-            value = trial.suggest_float(name, self.low, self.high, log=self.log)
-        return repr(value)
-
-
-def is_range(text: str) -> bool:
-    """Whether the right side of an assignment gives a range or choices.
-
-    >>> [is_range(text) for text in ("0.9..0.99", "1e-4..1e-3:log", "ddpg|td3", "0.9", "a..b")]
-    [True, True, True, False, False]
-    """
-    return "|" in text or _RANGE.fullmatch(text) is not None
-
-
-def search_range(name: str, text: str) -> SettingRange:
-    """The range that ``text`` describes.
-
-    >>> search_range("agent.gamma", "0.9..0.99")
-    SettingRange(low=0.9, high=0.99, log=False, whole=False, choices=())
-    >>> search_range("agent", "ddpg|td3").choices
-    ('ddpg', 'td3')
-
-    Raises:
-        ConfigError: it is none.
-    """
-    if "|" in text:
-        choices = tuple(part.strip() for part in text.split("|"))
-        if len(set(choices)) < len(choices) or "" in choices:
-            raise ConfigError(f"{text!r} has an empty or a repeated choice", (name,))
-        return SettingRange(choices=choices)
-    match = _RANGE.fullmatch(text)
-    if match is None:
-        form = "LOW..HIGH, LOW..HIGH:log or A|B"
-        raise ConfigError(f"{text!r} is no range; write it as {form}", (name,))
-    low, high, log = float(match["low"]), float(match["high"]), match["log"] is not None
-    if not (math.isfinite(low) and math.isfinite(high) and low < high):
-        raise ConfigError(f"{text!r}: the first number must be less than the second", (name,))
-    if log and low <= 0.0:
-        raise ConfigError(f"{text!r}: a logarithmic range must begin above 0", (name,))
-    whole = all(_WHOLE.fullmatch(match[end]) for end in ("low", "high"))
-    return SettingRange(low, high, log, whole)
+from steersman.ranges import SettingRange, search_range
 
 
 def has_setting(tree: Any, name: str) -> bool:

@@ -44,9 +44,9 @@ class Recorder:
         self._finished: list[Trajectory] = []
 
     def choose(self, actions: Any, own: Any, who: Any) -> None:
-        """Record the next step's executed actions, own actions and ``Who`` of them, (n,) each."""
+        """Record the next step's executed and own actions (n, m), and ``Who`` of them (n,)."""
         driver, fleet = self._driver, self._driver.fleet
-        unknown = np.full(driver.n, np.nan)
+        unknown, steerless = np.full(np.shape(own), np.nan), np.full(driver.n, np.nan)
         self._steps.append(
             {
                 "rows": fleet.rows.copy(),
@@ -54,7 +54,7 @@ class Recorder:
                 "actions": np.array(actions, dtype=np.float64),
                 "own": np.array(own, dtype=np.float64),
                 "demonstrated": driver.demonstrated_actions() if driver.demonstrates else unknown,
-                "demonstrated_steer": fleet.demo.copy() if driver.demonstrates else unknown,
+                "demonstrated_steer": fleet.demo.copy() if driver.demonstrates else steerless,
                 "driver": np.array(who, dtype=np.int8),
             }
         )

@@ -16,6 +16,7 @@ from steersman.learning.datasets.trajectory import Trajectory, Who, actions_for
 from steersman.learning.problem import Problem
 from steersman.logs import MotionLog
 from steersman.paths.base import PathComponent
+from steersman.policy_file import LEARNED
 from steersman.sensing import NO_SHIFT
 from steersman.types import FloatArray
 
@@ -48,7 +49,7 @@ def of_episode(problem: Problem, episode: Episode, path: PathComponent) -> Traje
     names = ("x", "y", "psi", "v_x", "v_y", "yaw_rate")
     states = _states(*(episode[name] for name in names), episode["steer"])
     config: Any = episode.meta.get("config", {})
-    policy = config.get("controller", {}).get("kind") == "policy"
+    policy = config.get("controller", {}).get("kind") in LEARNED
     who = Who.OWN if policy else Who.DEMONSTRATOR
     return along(problem, Drive(states, episode["steer_command"], who), path)
 
@@ -133,6 +134,7 @@ def along(problem: Problem, drive: Drive, path: PathComponent) -> Trajectory:
     rows, tracking = _observed(problem, drive.states, path)
     actions = actions_for(problem, rows, steer, steer)
     unknown = np.full(len(steer), np.nan)
+    none = np.full(actions.shape, np.nan)
     shown = drive.who == Who.DEMONSTRATOR
     speed = np.hypot(drive.states[:, car.VX], drive.states[:, car.VY])
     columns = [tracking[:, j] for j in (observe.D, observe.HEADING, observe.S)]
@@ -140,8 +142,8 @@ def along(problem: Problem, drive: Drive, path: PathComponent) -> Trajectory:
         rows=rows,
         places=np.stack([*columns, speed], axis=1),
         actions=actions,
-        own=actions if drive.who == Who.OWN else unknown,
-        demonstrated=actions if shown else unknown,
+        own=actions if drive.who == Who.OWN else none,
+        demonstrated=actions if shown else none,
         steer=steer,
         demonstrated_steer=steer if shown else unknown,
         driver=np.full(len(steer), drive.who, dtype=np.int8),

@@ -106,7 +106,7 @@ def _fill(data: FilePath, dataset_id: str, stored: Stored) -> None:
     storage = MinariStorage.new(
         data,
         observation_space=spaces.Box(-FEATURE_LIMIT, FEATURE_LIMIT, (len(names),), np.float32),
-        action_space=spaces.Box(-1.0, 1.0, (1,), np.float32),
+        action_space=spaces.Box(-1.0, 1.0, problem.turned.shape, np.float32),
         env_spec=EnvSpec(_ENVIRONMENT, _ENTRY_POINT, kwargs={"problem": dump(problem)}),
         data_format="arrow",
     )
@@ -157,14 +157,14 @@ def _buffer(problem: Problem, one: Trajectory) -> Any:
     infos: dict[str, Any] = {"row": one.rows}
     infos |= {name: one.places[:, j : j + 1] for j, name in enumerate(_PLACES)}
     for field in _STEPS:
-        values = getattr(one, field)
-        none = -1 if field == "driver" else np.nan
-        infos[_NAMES.get(field, field)] = np.append(values, values.dtype.type(none))[:, None]
+        values = getattr(one, field).reshape(count, -1)
+        none = np.full_like(values[:1], -1 if field == "driver" else np.nan)
+        infos[_NAMES.get(field, field)] = np.concatenate((values, none))
     ends = np.zeros(count, dtype=bool)
     ends[-1:] = True
     return EpisodeBuffer(
         observations=features(problem, one.rows, one.steer),
-        actions=one.actions.astype(np.float32)[:, None],
+        actions=one.actions.astype(np.float32),
         rewards=one.rewards.tolist(),
         terminations=(ends & one.terminated).tolist(),
         truncations=(ends & (not one.terminated)).tolist(),
@@ -229,14 +229,15 @@ def _trajectories(dataset: MinariDataset) -> list[Trajectory]:
 def _trajectory(episode: Any) -> Trajectory:
     infos = episode.infos
     count = len(episode.rewards)
-    columns = {field: infos[_NAMES.get(field, field)][:count, 0] for field in _STEPS}
+    columns = {field: infos[_NAMES.get(field, field)][:count] for field in _STEPS}
+    columns |= {field: columns[field][:, 0] for field in _STEPS if field not in _NAMES}
     rows = np.asarray(infos["row"], dtype=np.float64)
     if rows.shape[0] != count + 1 or count == 0:
         raise DataError(f"episode {episode.id} holds {rows.shape[0]} observations of {count} steps")
     return Trajectory(
         rows=rows,
         places=np.concatenate([infos[name] for name in _PLACES], axis=1),
-        actions=np.asarray(episode.actions, dtype=np.float64)[:, 0],
+        actions=np.asarray(episode.actions, dtype=np.float64),
         rewards=np.asarray(episode.rewards, dtype=np.float64),
         terminated=bool(episode.terminations[-1]),
         **columns,

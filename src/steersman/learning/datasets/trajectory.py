@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steersman.errors import ConfigError
 from steersman.kernels import encode as enc
 from steersman.kernels import observe
 from steersman.kernels import vehicle as car
@@ -46,11 +47,11 @@ class Trajectory(NamedTuple):
     places: FloatArray
     """(T + 1, 4) the truth: lateral error [m], heading error [rad], arc length [m], speed [m/s]."""
     actions: FloatArray
-    """(T,) executed actions."""
+    """(T, m) executed actions."""
     own: FloatArray
-    """(T,) the policy's actions, its exploration noise included."""
+    """(T, m) the policy's actions, its exploration noise included."""
     demonstrated: FloatArray
-    """(T,) the demonstrator's actions."""
+    """(T, m) the demonstrator's actions."""
     steer: FloatArray
     """(T,) executed steering."""
     demonstrated_steer: FloatArray
@@ -83,7 +84,7 @@ def features(problem: Problem, rows: FloatArray, steer: FloatArray) -> NDArray[n
     memory = np.zeros(enc.memory_size(table))
     line = np.zeros(enc.feature_count(table))
     out = np.empty((len(rows), len(line)), np.float32)
-    base = None if problem.base is None else base_steering(problem, rows, steer)
+    base = None if problem.corrected is None else base_steering(problem, rows, steer)
     for k, row in enumerate(rows):
         enc.encode(table, row, memory, line)
         if base is not None:
@@ -97,8 +98,8 @@ def features(problem: Problem, rows: FloatArray, steer: FloatArray) -> NDArray[n
 
 def base_steering(problem: Problem, rows: FloatArray, steer: FloatArray) -> FloatArray:
     """What the base would have steered at each observation of a drive, (n,)."""
-    assert problem.base is not None
-    base = Demonstrator(problem.base, problem.nominal or problem.vehicle, problem.plant.dt)
+    assert problem.corrected is not None
+    base = Demonstrator(problem.corrected, problem.nominal or problem.vehicle, problem.plant.dt)
     base.restart(0)
     out = np.empty(len(rows))
     for k, row in enumerate(rows):
@@ -112,16 +113,25 @@ def base_steering(problem: Problem, rows: FloatArray, steer: FloatArray) -> Floa
 def actions_for(
     problem: Problem, rows: FloatArray, steer: FloatArray, wanted: FloatArray
 ) -> FloatArray:
-    """The problem's actions (T,) that lead to the steering ``wanted`` (T,) at each step of a drive.
+    """The problem's actions (T, 1) for the steering ``wanted`` (T,) at each step of a drive.
 
     ``steer`` (T,) was executed; from it a rate goes on.
+
+    Raises:
+        ConfigError: the actions are a controller's parameters, which steering does not tell.
     """
+    if problem.parameters:
+        raise ConfigError(
+            "'parameters' cannot be found in recorded steering; set it to rate, direct or residual",
+            ("problem", "action"),
+        )
     dt = problem.plant.dt
-    if problem.base is not None:
+    if problem.corrected is not None:
         base = base_steering(problem, rows[: len(steer)], steer)
-        return demonstrated_correction(wanted, base, problem.authority)
+        return demonstrated_correction(wanted, base, problem.authority)[:, None]
     last = np.concatenate((rows[:1, observe.O_STEER], steer[:-1]))
-    return demonstrated_action(wanted, last, problem.rate_limit if problem.indirect else 0.0, dt)
+    limit = problem.rate_limit if problem.indirect else 0.0
+    return demonstrated_action(wanted, last, limit, dt)[:, None]
 
 
 def shown(one: Trajectory) -> FloatArray:

@@ -42,7 +42,7 @@ class Driving(NamedTuple):
     """How the actions of a round are chosen."""
 
     network: Callable[[Any], Any] | None
-    """Maps features (n, k) to actions (n,); None: there is none yet."""
+    """Maps features (n, k) to actions (n, m); None: there is none yet."""
     beta: float
     """Probability that the demonstrator's action is executed; drawn for each vehicle and step."""
     sigma: float
@@ -72,24 +72,25 @@ def collect(
         tick: called with the share done.
         recorder: records every step as well.
     """
-    fleet, n = driver.fleet, driver.n
+    fleet, n, wide = driver.fleet, driver.n, len(driver.problem.turned)
     rng = np.random.default_rng(int(seeds[0]))
-    noise = OrnsteinUhlenbeck(n, driving.theta, lambda: driving.sigma, 1.0, int(seeds[1]))
+    noise = OrnsteinUhlenbeck((n, wide), driving.theta, lambda: driving.sigma, 1.0, int(seeds[1]))
     driver.seed(int(seeds[2]))
     for i in range(n):
         driver.reset(i)
     features = np.empty((steps, n, fleet.inputs.shape[1]), np.float32)
-    actions = np.empty((steps, n), np.float32)
+    actions = np.empty((steps, n, wide), np.float32)
     error, off_track, squares, demonstrated = 0.0, 0, 0.0, 0
     for k in range(steps):
         labels = driver.demonstrated_actions()
         features[k], actions[k] = fleet.inputs, labels
-        own, demonstrates = np.full(n, np.nan), np.ones(n, dtype=bool)
+        own, demonstrates = np.full((n, wide), np.nan), np.ones(n, dtype=bool)
         if driving.network is not None:
             own, demonstrates = driving.network(fleet.inputs), rng.random(n) < driving.beta
-            squares += float(((own - labels) ** 2).sum())
+            squares += float(((own - labels) ** 2).mean(axis=1).sum())
         demonstrated += int(demonstrates.sum())
-        executed = np.clip(np.where(demonstrates, labels, own) + noise()[:, 0], -1.0, 1.0)
+        chosen = np.where(demonstrates[:, None], labels, own)
+        executed = np.clip(chosen + noise(), -1.0, 1.0)
         if recorder is not None:
             recorder.choose(executed, own, demonstrates)  # the demonstrator's number is one
         driver.step(executed)
@@ -103,7 +104,7 @@ def collect(
         tick((k + 1) / steps)
     count = steps * n
     return Drives(
-        Dataset(features.reshape(count, -1), actions.reshape(count)),
+        Dataset(features.reshape(count, -1), actions.reshape(count, wide)),
         error / count,
         off_track,
         float("nan") if driving.network is None else (squares / count) ** 0.5,

@@ -22,10 +22,12 @@ class Regression:
     inputs.
     """
 
-    def __init__(self, config: FitConfig, mirror: Any, seed: np.random.SeedSequence) -> None:
-        """``mirror`` (features,): the factor on each feature that mirrors it."""
+    def __init__(
+        self, config: FitConfig, mirror: Any, turned: Any, seed: np.random.SeedSequence
+    ) -> None:
+        """``mirror`` (features,) and ``turned`` (actions,): the factors that mirror each."""
         self.config = config
-        sizes = (len(mirror), *config.hidden, 1)
+        sizes = (len(mirror), *config.hidden, len(turned))
         size = sum((a + 1) * b for a, b in pairwise(sizes))
         self.net = networks.view_net(np.zeros(size, np.float32), sizes)
         rng = np.random.default_rng(seed)
@@ -39,6 +41,7 @@ class Regression:
             self.moments,
             networks.make_work(self.net, config.batch),
             mirror.astype(np.float32) if config.mirror else None,
+            turned.astype(np.float32),
             math.inf if config.huber is None else config.huber,
         )
 
@@ -55,7 +58,7 @@ class Regression:
         return self.config.learning_rate.value(update, self.config.updates)
 
     def act(self, features: Any) -> Any:
-        """The network's actions (n,) for features (n, k)."""
+        """The network's actions (n, m) for features (n, k)."""
         return networks.act(self.net, features)
 
     def fit(

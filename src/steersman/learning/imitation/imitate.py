@@ -102,9 +102,9 @@ class _Imitation:
         self.reporter, self.tick = reporter, tick if tick is not None else _no_notice
         problem = config.problem
         mirror = problem.layout.mirror
-        self.regression = Regression(config.fit, mirror, self._seed(0, _INITIAL))
+        self.regression = Regression(config.fit, mirror, problem.turned, self._seed(0, _INITIAL))
         self.validator = Validator(problem, config.validation, source.shared)
-        self.data = Dataset.empty(len(mirror))
+        self.data = Dataset.empty(len(mirror), len(problem.turned))
         self.best, self.off_track = math.inf, 0
         self.demonstrator: Score | None = None
         self.record: Record[ImitationRow]

@@ -135,7 +135,7 @@ class Given:
         errors = np.concatenate([one.places[:-1, 0] for one in self._drives])
         who = np.concatenate([one.driver for one in self._drives])
         return Drives(
-            data=data if k == 0 else Dataset.empty(data.features.shape[1]),
+            data=data if k == 0 else Dataset.empty(data.features.shape[1], data.actions.shape[1]),
             mean_error=float(np.mean(np.abs(errors))),
             off_track=ended if k == 0 else 0,
             difference=gap,
