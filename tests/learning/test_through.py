@@ -153,6 +153,13 @@ def test_the_demonstrated_action_has_the_demonstrators_parameters() -> None:
     assert values == pytest.approx([task.demonstration.controller.p, 0.5, 12])
 
 
+def test_without_a_demonstrator_its_kind_does_not_matter() -> None:
+    driver = FleetDriver(through(demonstration={"enabled": False, "controller": "pid"}), 1)
+    driver.reset(0)
+    driver.step(np.zeros((1, 3)))
+    assert driver.fleet.clock[0, 0] == 1.0
+
+
 def test_an_action_holds_for_its_period() -> None:
     """One action held for four steps is the same action given four times, reward included."""
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, (12, 3))

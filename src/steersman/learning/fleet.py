@@ -96,7 +96,8 @@ class FleetDriver:
         if problem.parameters and problem.base is not None:
             chosen, vehicle = problem.adjustments(), problem.nominal or self.mover.vehicle
             self._adjusted = AdjustedBase(Adjuster(problem.base, chosen, vehicle, self.dt))
-            self._shown = np.array([each.action(demonstration.controller) for each in chosen])
+            if self.demonstrates:
+                self._shown = np.array([each.action(demonstration.controller) for each in chosen])
         # A base that is the demonstrator too computes once.
         truth = Truth(self.simulation, self.mover.vehicle) if demonstration.privileged else None
         same = demonstration.controller == problem.corrected and truth is None
