@@ -57,7 +57,7 @@ $(STAMP): pyproject.toml constraints.txt
 	  echo "$(PYTHON) cannot make virtual environments; on Debian or Ubuntu:" \
 	       "apt-get install python3-venv"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install -c constraints.txt -e '.[train,tune,report,notebook,video,bench,logs,minari,ray,carla,docs,dev]'
+	$(BIN)/python -m pip install -c constraints.txt -e '.[train,tune,report,notebook,video,live,bench,logs,minari,ray,carla,docs,dev]'
 	touch $@
 
 lock: $(STAMP)

@@ -10,9 +10,9 @@ from mkdocs.structure.files import File, Files
 
 from steersman.cli.app import app
 from steersman.cli.components import _COMMANDS, paragraphs
-from steersman.cli.fields import fields_of
 from steersman.command_table import settings_of
 from steersman.config import components, families
+from steersman.fields import fields_of
 
 PAGES = Path(__file__).resolve().parents[1] / "equations"
 HEAD = "| field | default | unit | allowed | meaning |\n|---|---|---|---|---|"

@@ -41,6 +41,7 @@ COMMANDS = {
         "CHECK_EXAMPLES",
     ),
     "drive": Entry("drive:drive", "Drive one closed loop and print what was measured."),
+    "live": Entry("live:live", "Choose on a page what to drive; every change drives again."),
     "train": Entry("train:train", "Train an agent and export its policy."),
     "search": Entry("search:search", "Search the hyper-parameters of a training with Optuna."),
     "imitate": Entry(

@@ -14,7 +14,7 @@ from steersman.errors import ConfigError, one_line, suggestion
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-    from steersman.cli.fields import Field
+    from steersman.fields import Field
 
 LIST_EXAMPLES = (
     "\b\nExamples:\n  steersman list\n  steersman list controller\n  steersman list path --json"
@@ -90,7 +90,7 @@ def show_component(
     as_json: settings.AsJson = False,
 ) -> None:
     """Show the fields of a component, or all settings of a command."""
-    from steersman.cli.fields import fields_of
+    from steersman.fields import fields_of
 
     cls, tuned = _find(kind, name)
     fields = fields_of(cls, tuned)

@@ -127,7 +127,7 @@ def _run(
         "marks": [
             {**m, **{k: int(np.searchsorted(rows, m[k])) for k in ("row", "until")}} for m in found
         ],
-        "seen": _seen(episode, rows, seen, blob),
+        "seen": _seen(episode, rows, seen, blob) if drive.waypoints else None,
     }  # fmt: skip
 
 

@@ -7,8 +7,10 @@ the configuration is not there, or names files that are gone, the page shows les
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -50,10 +52,21 @@ def _part(episode: Episode, family: str) -> Any:
         return None
 
 
+@lru_cache(maxsize=8)
+def _built(config: str) -> PathComponent | None:
+    """The path of a configuration; kept, as roads may take longer to build than to drive."""
+    value = json.loads(config)
+    found = resolve("path", value) if isinstance(value, (str, Mapping)) else None
+    return found if isinstance(found, PathComponent) else None
+
+
 def path_of(episode: Episode) -> PathComponent | None:
     """The path that was driven; None where it cannot be built or is not the one of the record."""
-    path = _part(episode, "path")
-    if not isinstance(path, PathComponent):
+    try:
+        path = _built(json.dumps(recorded(episode).get("path"), sort_keys=True, default=str))
+    except SteersmanError:
+        return None
+    if path is None:
         return None
     try:
         last = len(episode) - 1

@@ -83,6 +83,8 @@ class ShownDrive(NamedTuple):
 
     name: str
     episode: Episode
+    waypoints: bool = True
+    """Whether its waypoints are shown, which takes as long as driving to measure again."""
 
 
 def group_by_path(runs: Sequence[ReportRun]) -> list[list[ShownDrive]]:

@@ -28,7 +28,7 @@ _MISSING = f"a report needs {how_to_install('report')}"
 # In the order in which they need each other.
 SCRIPTS = (
     "unpack", "theme", "axes", "drive", "view", "car", "map", "miniature", "panels", "marks",
-    "lane", "controls", "player", "keys", "training", "main",
+    "lane", "controls", "player", "keys", "training",
 )  # fmt: skip
 # Rows are halved at most so often to keep a page within its limit.
 _HALVINGS = 6
@@ -40,9 +40,9 @@ def resource(name: str) -> str:
 
 
 @cache
-def script() -> str:
-    """The page's script: its files behind each other, in a scope of their own."""
-    parts = "\n".join(resource(f"{name}.js") for name in SCRIPTS)
+def script(start: str = "main") -> str:
+    """The page's script: its files behind each other, ``start`` last, in a scope of their own."""
+    parts = "\n".join(resource(f"{name}.js") for name in (*SCRIPTS, start))
     return f'"use strict";\n(() => {{\n{parts}}})();\n'
 
 

@@ -1,7 +1,12 @@
 // The page's data: JSON, and columns of numbers as steersman.report.pack writes them.
 
 async function unpacked(id) {
-  const letters = atob(document.getElementById(id).textContent.trim());
+  return inflated(document.getElementById(id).textContent.trim());
+}
+
+// The bytes of letters of base64 that are compressed.
+async function inflated(packed) {
+  const letters = atob(packed);
   const bytes = Uint8Array.from(letters, (letter) => letter.charCodeAt(0));
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
   return new Uint8Array(await new Response(stream).arrayBuffer());

@@ -1,0 +1,52 @@
+"""``steersman live``: a page on which each change of a setting drives again."""
+
+from __future__ import annotations
+
+import webbrowser
+from typing import Annotated
+
+import typer
+
+from steersman.cli import settings
+from steersman.cli.output import note, tell_compiling
+
+EXAMPLES = (
+    "\b\n"
+    "Examples:\n"
+    "  steersman live\n"
+    "  steersman live tuned/lqr path=monza speed=constant_speed speed.speed=15\n"
+    "  steersman live vehicle=my_car.yaml path=track.csv --no-browser"
+)
+
+
+def live(
+    words: settings.Words = None,
+    port: Annotated[
+        int, typer.Option("--port", min=0, max=65535, help="Port; 0 takes a free one.")
+    ] = 0,
+    token: Annotated[
+        str | None,
+        typer.Option("--token", help="Token of the address; by default a new one each time."),
+    ] = None,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Whether to open the page.")
+    ] = True,
+    out: Annotated[
+        str, typer.Option("--out", metavar="DIR", help="Folder for what is driven by hand.")
+    ] = "runs/live",
+) -> None:
+    """Choose on a page what to drive; every change drives again, within a moment.
+
+    The page is served on this machine alone, to those who have the token in its address.
+    """
+    from steersman.api import driving
+    from steersman.live import server
+
+    server.require()
+    config = driving.configure("drive", *(words or []))
+    address = server.LiveAddress(server.free_port(port), token or server.new_token())
+    note(f"{address.url}\nCtrl-C ends it")
+    tell_compiling()
+    if browser:
+        webbrowser.open(address.url)
+    server.serve(config, address, out)

@@ -1,0 +1,1 @@
+"""``steersman live``: a page on which each change of a setting drives again."""

@@ -1,0 +1,301 @@
+// The live page: what is chosen, sent to the server at every change, and what it answers.
+
+const WAIT = 1000; // until a server that is gone is looked for again [ms]
+const MOST_PINS = 5;
+// A number for a box, without the digits that rounding leaves.
+const short = (value) => (typeof value === "number" ? String(Number(value.toPrecision(6))) : "");
+const byId = (id) => document.getElementById(id);
+
+function complain(words) {
+  byId("notice").textContent = words;
+  byId("notice").hidden = !words;
+}
+
+async function send(token, place, body) {
+  const answer = await fetch(place, { method: "POST", headers: { "x-steersman-token": token }, body: JSON.stringify(body) });
+  const text = await answer.text();
+  let found;
+  try {
+    found = JSON.parse(text);
+  } catch {
+    found = { error: text };
+  }
+  return answer.ok ? found : { error: found.error || text };
+}
+
+// The choices as form elements, from the declarations of the components.
+class LiveForm {
+  constructor(node, { form, first }, changed) {
+    Object.assign(this, { node, form, changed, chosen: structuredClone(first) });
+    for (const family of Object.keys(form.families)) node.append(this.family(family));
+    node.append(this.disturbances(), this.settings());
+    node.addEventListener("submit", (event) => event.preventDefault());
+  }
+
+  family(name) {
+    const words = this.form.families[name];
+    const part = this.chosen.parts[name];
+    const known = part.word in words ? Object.keys(words) : [part.word, ...Object.keys(words)];
+    const select = element("select", { "aria-label": name, name }, ...known.map((word) => element("option", { value: word }, word)));
+    select.value = part.word;
+    const fields = element("div", {});
+    const fill = () => fields.replaceChildren(...(words[part.word] || []).map((field) => this.field(field, part.fields, `${name}.`)));
+    select.addEventListener("change", () => {
+      Object.assign(part, { word: select.value, fields: {} });
+      fill();
+      this.changed();
+    });
+    fill();
+    return element("fieldset", {}, element("legend", {}, name), select, element("details", { open: name === "controller" ? "" : null }, element("summary", {}, "fields"), fields));
+  }
+
+  disturbances() {
+    const words = this.form.disturbances;
+    const rows = Object.keys(words).map((word) => {
+      const fields = element("div", {});
+      const find = () => this.chosen.disturbances.find((one) => one.word === word);
+      const box = element("input", { type: "checkbox" });
+      const fill = () => fields.replaceChildren(...(find() ? words[word].map((field) => this.field(field, find().fields, `${word}.`)) : []));
+      box.checked = Boolean(find());
+      box.addEventListener("change", () => {
+        if (box.checked) this.chosen.disturbances.push({ word, fields: {} });
+        else this.chosen.disturbances = this.chosen.disturbances.filter((one) => one.word !== word);
+        fill();
+        this.changed();
+      });
+      fill();
+      return element("div", {}, element("label", {}, box, ` ${word.replaceAll("_", " ")}`), fields);
+    });
+    return element("fieldset", {}, element("legend", {}, "disturbances"), element("details", {}, element("summary", {}, "choose"), ...rows));
+  }
+
+  settings() {
+    return element("fieldset", {}, element("legend", {}, "drive"), ...this.form.settings.map((field) => this.field(field, this.chosen.settings, "")));
+  }
+
+  // One field: its name, a box for its value, and for a number a slider.
+  field(field, values, before) {
+    const { name, unit, meaning, low, high, log } = field;
+    const id = `${before}${name}`;
+    const given = () => (name in values ? values[name] : field.default);
+    const row = element("div", { class: "field", title: meaning });
+    const unitText = unit === "-" ? [] : [element("small", {}, ` [${unit}]`)];
+    const write = (value) => {
+      if (value === field.default) delete values[name];
+      else values[name] = value;
+      row.classList.toggle("changed", name in values);
+      this.changed();
+    };
+    row.classList.toggle("changed", name in values);
+    row.append(element("label", { for: id }, name.replaceAll("_", " "), ...unitText));
+    if (field.type === "true or false") {
+      const box = element("input", { id, type: "checkbox" });
+      box.checked = Boolean(given());
+      box.addEventListener("change", () => write(box.checked));
+      row.append(box);
+    } else if (field.type === "choice") {
+      const select = element("select", { id }, ...field.choices.map((choice) => element("option", { value: String(choice) }, String(choice))));
+      select.value = String(given());
+      select.addEventListener("change", () => write(field.choices.find((choice) => String(choice) === select.value)));
+      row.append(select);
+    } else if (low === undefined) {
+      const box = element("input", { id, type: "text", value: given() ?? "" });
+      box.addEventListener("change", () => write(box.value || field.default));
+      row.append(box);
+    } else {
+      const whole = field.type === "whole number";
+      const box = element("input", { id, type: "number", step: whole ? "1" : "any", value: short(given()) });
+      const [from, to] = log ? [Math.log(low), Math.log(high)] : [low, high];
+      const slider = element("input", { type: "range", min: from, max: to, step: whole && !log ? 1 : (to - from) / 400, "aria-label": id });
+      const place = (value) => (log ? Math.log(Math.max(value, low)) : value);
+      slider.value = place(given() ?? low);
+      slider.addEventListener("input", () => {
+        const value = log ? Math.exp(Number(slider.value)) : Number(slider.value);
+        box.value = whole ? Math.round(value) : Number(value.toPrecision(4));
+        write(Number(box.value));
+      });
+      box.addEventListener("change", () => {
+        const value = box.value === "" ? field.default : Number(box.value);
+        slider.value = place(value ?? low);
+        write(value);
+      });
+      row.append(box, slider);
+    }
+    return row;
+  }
+}
+
+// Takes the wheel: keys and game pad to the server, and what the driver sees from it.
+class HandAtWheel {
+  constructor(token, ended) {
+    Object.assign(this, { token, ended, steer: 0, keys: new Set(), canvas: byId("view") });
+    const known = { ArrowLeft: 1, a: 1, A: 1, ArrowRight: -1, d: -1, D: -1 };
+    this.down = (event) => {
+      if (event.key === "Escape") this.stopping = true;
+      if (!(event.key in known)) return;
+      this.keys.add(known[event.key]);
+      event.preventDefault();
+      event.stopPropagation();
+    };
+    this.up = (event) => this.keys.delete(known[event.key]);
+  }
+
+  async drive(choices) {
+    byId("hand").hidden = false;
+    this.canvas.focus();
+    window.addEventListener("keydown", this.down, true);
+    window.addEventListener("keyup", this.up, true);
+    Object.assign(this, { steer: 0, stopping: false });
+    let found = await send(this.token, "/wheel", { act: "start", choices });
+    let before = performance.now();
+    while (!found.error && !found.ended) {
+      await new Promise((next) => setTimeout(next, 33));
+      const now = performance.now();
+      this.turn((now - before) / 1000, found.speed || 0);
+      before = now;
+      found = await send(this.token, "/wheel", { act: this.stopping ? "stop" : "steer", steer: this.steer });
+      if (found.preview) this.draw(found);
+    }
+    window.removeEventListener("keydown", this.down, true);
+    window.removeEventListener("keyup", this.up, true);
+    byId("hand").hidden = true;
+    this.ended(found);
+  }
+
+  // Keys turn the wheel at a rate, and less far the faster the car is; a pad sets its angle.
+  turn(seconds, speed) {
+    const most = clamp(3 / Math.max(speed, 3), 0.08, 0.6);
+    const pad = [...navigator.getGamepads()].find((one) => one && Math.abs(one.axes[0]) > 0.05);
+    const wanted = pad ? -pad.axes[0] * most : [...this.keys].reduce((sum, key) => sum + key, 0) * most;
+    this.steer += clamp(wanted - this.steer, -1.5 * most * seconds, 1.5 * most * seconds);
+    if (pad) this.steer = wanted;
+  }
+
+  // The road ahead, the car at the bottom pointing up.
+  draw({ preview, time, speed, lateral_error, steer }) {
+    const { canvas } = this;
+    const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+    const ratio = window.devicePixelRatio || 1;
+    Object.assign(canvas, { width: width * ratio, height: height * ratio });
+    const context = canvas.getContext("2d");
+    context.scale(ratio, ratio);
+    const scale = (height - 60) / Math.max(...preview.map(([x]) => x), 20);
+    const at = ([x, y]) => [width / 2 - y * scale, height - 40 - x * scale];
+    const line = (style, wide, dash = []) => {
+      context.beginPath();
+      preview.forEach((point) => context.lineTo(...at(point)));
+      Object.assign(context, { strokeStyle: style, lineWidth: wide, lineCap: "round", lineJoin: "round" });
+      context.setLineDash(dash);
+      context.stroke();
+    };
+    line(theme.colors.edge, 6 * scale + 3);
+    line(theme.colors.road, 6 * scale);
+    line(theme.colors.soft, 1.5, [8, 8]);
+    context.setLineDash([]);
+    context.fillStyle = theme.colors.accent;
+    context.fillRect(width / 2 - 1 * scale, height - 40 - 2.4 * scale, 2 * scale, 4.8 * scale);
+    const side = lateral_error > 0 ? "left" : "right";
+    byId("hand-values").textContent = `${time.toFixed(1)} s, ${speed.toFixed(1)} m/s, ${(100 * Math.abs(lateral_error)).toFixed(0)} cm ${side} of the path, steering ${steer.toFixed(3)}`;
+  }
+}
+
+class LivePage {
+  constructor(given) {
+    this.given = given;
+    this.pins = [];
+    this.form = new LiveForm(byId("form"), given, () => this.drive());
+    this.hand = new HandAtWheel(given.token, (found) => this.handed(found));
+    byId("pin").addEventListener("click", () => this.pin());
+    byId("unpin").addEventListener("click", () => {
+      this.pins = [];
+      this.drive();
+    });
+    for (const name of ["command", "yaml"]) {
+      byId(`copy-${name}`).addEventListener("click", () => navigator.clipboard.writeText(byId(name).textContent));
+    }
+    byId("wheel").addEventListener("click", () => this.hand.drive(this.form.chosen));
+    this.drive();
+  }
+
+  pin() {
+    this.pins = [...this.pins, { name: `pinned ${this.pins.length + 1}`, choices: structuredClone(this.form.chosen) }].slice(-MOST_PINS);
+    this.drive();
+  }
+
+  // One request at a time; what changes meanwhile is sent as soon as it is answered.
+  async drive() {
+    if (this.busy) {
+      this.again = true;
+      return;
+    }
+    this.busy = true;
+    const now = { name: "now", choices: structuredClone(this.form.chosen) };
+    const same = (one) => JSON.stringify(one.choices) === JSON.stringify(now.choices);
+    if (this.last && !same(this.last)) this.before = { ...this.last, name: "before" };
+    const runs = [now, ...[this.before].filter((one) => one && !same(one)), ...this.pins];
+    const begun = performance.now();
+    try {
+      const found = await send(this.given.token, "/drive", runs);
+      complain(found.error || found.note || "");
+      if (!found.error) {
+        this.last = now;
+        await this.show(found);
+        const took = Math.round(performance.now() - begun);
+        byId("took").textContent = `driven and shown in ${took} ms`;
+      }
+    } catch (error) {
+      if (!(error instanceof TypeError)) throw error;
+      complain(`The server does not answer. Start it again with: ${this.given.again}`);
+      setTimeout(() => this.drive(), WAIT);
+    }
+    this.busy = false;
+    byId("unpin").disabled = !this.pins.length;
+    if (this.again) {
+      this.again = false;
+      this.drive();
+    }
+  }
+
+  async show(found) {
+    const data = JSON.parse(new TextDecoder().decode(await inflated(found.data)));
+    const columns = new Columns(await inflated(found.columns_data));
+    this.figures(found.figures);
+    for (const name of ["command", "yaml"]) if (found[name]) byId(name).textContent = found[name];
+    if (!data.groups.length) return;
+    if (this.player) {
+      const { cursor } = this.player.state;
+      Object.assign(this.player, { data, columns });
+      fillRoads(this.player.parts.road, data.groups);
+      this.player.open(0);
+      this.player.seek(cursor);
+    } else {
+      this.player = new Player(byId("replay"), data, columns);
+      new Keys(this.player);
+    }
+  }
+
+  figures({ runs, rows }) {
+    const [head, body] = byId("figures").children;
+    head.replaceChildren(element("tr", {}, element("th", { scope: "col" }, "figure"), ...runs.map((name) => element("th", { scope: "col", class: "number" }, name))));
+    body.replaceChildren(
+      ...rows.map(({ name, unit, cells }) =>
+        element("tr", {}, element("th", { scope: "row" }, unit ? `${name} [${unit}]` : name), ...cells.map((cell) => element("td", { class: cell.bad ? "number bad" : "number" }, cell.text))),
+      ),
+    );
+  }
+
+  async handed(found) {
+    complain(found.error || "");
+    if (found.error) return;
+    byId("kept").textContent = `Driven by hand: ${found.kept}. To learn from it: steersman imitate demo method=bc data=${found.kept} --out runs/like_me`;
+    await this.show(found);
+  }
+}
+
+async function start() {
+  theme.start();
+  const given = JSON.parse(new TextDecoder().decode(await unpacked("given")));
+  window.steersman = new LivePage(given);
+}
+
+start();

@@ -1,0 +1,194 @@
+"""The live page: refused to strangers, drives at each change, keeps what is driven by hand."""
+
+import json
+import shlex
+import socket
+import threading
+import time
+import urllib.error
+import urllib.request
+from contextlib import contextmanager
+
+import pytest
+
+from steersman.commands import configuration
+from steersman.config import build
+from steersman.episode import load_episode
+from steersman.live.form import Choices, ChosenPart, chosen, form
+
+TOKEN = "tested"
+BASE = configuration("drive", ["pid"], {"path": "circle", "duration": 5})
+
+
+@contextmanager
+def serving(port, folder):
+    uvicorn = pytest.importorskip("uvicorn", reason="the extra live has uvicorn")
+    server = pytest.importorskip("steersman.live.server")
+    address = server.LiveAddress(port, TOKEN)
+    app = server.live_app(BASE, address, str(folder))
+    config = uvicorn.Config(
+        app, host=server.HOST, port=port, log_level="error", ws="none", lifespan="off"
+    )
+    running = uvicorn.Server(config)
+    thread = threading.Thread(target=running.run, daemon=True)
+    thread.start()
+    while not running.started:
+        assert thread.is_alive()
+        time.sleep(0.01)
+    try:
+        yield address
+    finally:
+        running.should_exit = running.force_exit = True
+        thread.join(10.0)
+
+
+@pytest.fixture(scope="module")
+def port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+@pytest.fixture
+def address(port, tmp_path):
+    with serving(port, tmp_path) as found:
+        yield found
+
+
+def ask(address, place, body=None, **headers):
+    """Status and text of an answer."""
+    data = None if body is None else json.dumps(body).encode()
+    url = f"http://127.0.0.1:{address.port}{place}"
+    try:
+        with urllib.request.urlopen(urllib.request.Request(url, data, headers)) as answer:
+            return answer.status, answer.read().decode()
+    except urllib.error.HTTPError as error:
+        with error:
+            return error.code, error.read().decode()
+
+
+def test_strangers_are_refused(address):
+    good, own = {"x-steersman-token": TOKEN}, f"http://127.0.0.1:{address.port}"
+    assert ask(address, f"/?token={TOKEN}")[0] == 200
+    assert ask(address, "/alive", Origin=own, **good)[0] == 200
+    for place, headers in (
+        ("/", {}),
+        ("/?token=guess", {}),
+        ("/alive", good | {"Origin": "http://evil.example"}),
+        ("/alive", good | {"Origin": "null"}),
+        ("/alive", good | {"Host": f"evil.example:{address.port}"}),
+    ):
+        status, text = ask(address, place, **headers)
+        assert (status, text.partition(":")[0]) == (403, "refused"), (place, headers)
+    assert ask(address, "/drive", [])[0] == 403
+
+
+def test_mistakes_are_one_line(address):
+    run = {"name": "now", "choices": {"parts": {"path": {"word": "cirle"}}}}
+    for body, words in (
+        ([run], "did you mean 'circle'?"),
+        ([{"name": 1}], "0.name: Input should be a valid string"),
+        ([], "runs: none is given"),
+        ([{"name": "x", "choices": {"settings": {"duration": 1e6}}}], "drives up to 600 [s]"),
+    ):
+        status, text = ask(address, "/drive", body, **{"x-steersman-token": TOKEN})
+        assert status == 422
+        assert words in json.loads(text)["error"]
+
+
+def test_choices_are_the_configuration():
+    first = chosen(BASE)
+    assert first.config(BASE) == BASE
+    assert first.command() == (
+        "steersman drive controller=pid path=circle speed=constant_throttle "
+        "vehicle=carla_model3 sensor=waypoints duration=5.0"
+    )
+    noise = ChosenPart(word="sensor_bias", fields={"heading": 0.01})
+    parts = {"controller": ChosenPart(word="tuned/lqr", fields={"q_lateral": 0.5})}
+    more = Choices(parts=parts, disturbances=[noise])
+    config = more.config(BASE)
+    assert (config.controller.kind, config.controller.q_lateral) == ("lqr", 0.5)
+    assert [(one.kind, one.heading) for one in config.disturbances] == [("sensor_bias", 0.01)]
+    assert "controller=tuned/lqr controller.q_lateral=0.5" in more.command()
+    own = configuration("drive", ["tuned/pid", "path=figure_eight", "path.radius=30"])
+    assert chosen(own).config(BASE).controller == own.controller
+    words = shlex.split(more.command())[2:]
+    assert configuration("drive", words) == config.model_copy(update={"duration": None})
+
+
+def test_every_word_of_the_form_can_be_driven():
+    found = form()
+    assert {"lqr", "tuned/lqr"} <= set(found["families"]["controller"])
+    for family, words in found["families"].items():
+        for word, fields in words.items():
+            assert getattr(Choices(parts={family: ChosenPart(word=word)}).config(BASE), family)
+            for field in fields:
+                low, high = field.get("low", 0.0), field.get("high", 1.0)
+                assert low < high, (word, field)
+    json.dumps(found, allow_nan=False)
+    assert build(type(BASE), {}) is not None
+
+
+def until(page, words, arg=None):
+    begun = time.monotonic()
+    while not page.evaluate(words, arg):
+        assert time.monotonic() < begun + 20.0, (words, page.text_content("#notice"))
+        page.wait_for_timeout(20)
+
+
+FIGURES = "() => document.querySelector('#figures tbody').textContent"
+
+
+def slide(page, name, share):
+    before = page.evaluate(FIGURES)
+    page.locator(f"input[type=range][aria-label='{name}']").evaluate(
+        "(node, share) => { node.value = Number(node.min) + share * (node.max - node.min);"
+        " node.dispatchEvent(new Event('input')); }",
+        share,
+    )
+    until(page, f"(before) => ({FIGURES})() !== before", before)
+
+
+def test_in_a_browser(browser, port, tmp_path):
+    faults = []
+
+    def tab():
+        page = browser.new_context(viewport={"width": 390, "height": 844}).new_page()
+        page.on("pageerror", lambda e: faults.append(str(e)))
+        page.on("console", lambda m: faults.append(m.text))
+        page.goto(address.url)
+        until(page, "() => Boolean(document.getElementById('took').textContent)")
+        return page
+
+    with serving(port, tmp_path) as address:
+        page, other = tab(), tab()
+        assert page.text_content("#figures thead") == "figurenow"
+        slide(page, "controller.gains.k_p", 0.9)
+        assert page.text_content("#figures thead") == "figurenowbefore"
+        assert "controller.gains.k_p=" in page.text_content("#command")
+        page.click("#pin")
+        until(page, "() => document.querySelector('#figures thead').textContent.includes('pinned')")
+        assert other.text_content("#figures thead") == "figurenow"
+        slide(other, "controller.k_heading", 0.5)
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        # By hand, with keys; what was driven is an episode to learn from.
+        page.click("#wheel")
+        page.keyboard.down("ArrowRight")
+        until(page, "() => document.getElementById('hand-values').textContent.includes('1.0 s')")
+        page.keyboard.up("ArrowRight")
+        page.keyboard.press("Escape")
+        until(page, "() => document.getElementById('kept').textContent.includes('hand_1')")
+        episode = load_episode(tmp_path / "hand_1" / "episode.npz")
+        assert episode.end == "interrupted"
+        assert episode["steer_command"].min() < -0.02  # to the right
+        assert len(episode) >= 20
+        assert faults == []
+    # The server is gone, and comes back: the page goes on where it was.
+    other.locator("select[name=path]").select_option("straight")
+    until(other, "() => document.getElementById('notice').textContent.includes('Start it again')")
+    with serving(port, tmp_path):
+        until(other, "() => document.getElementById('notice').hidden")
+        until(other, "() => document.getElementById('command').textContent.includes('straight')")
+    assert all("ERR_CONNECTION" in fault for fault in faults)
+    for each in (page, other):
+        each.context.close()
