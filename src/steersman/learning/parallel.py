@@ -42,6 +42,7 @@ class _Order(NamedTuple):
     training: TrainingJob
     overwrite: bool
     resume: bool
+    until: int | None
 
 
 def train_all(
@@ -52,6 +53,7 @@ def train_all(
     engine: str | None = None,
     overwrite: bool = False,
     resume: bool = False,
+    until: int | None = None,
 ) -> dict[str, str]:
     """Run all trainings, ``at_once`` at a time; the reasons of those that failed, by name.
 
@@ -66,6 +68,7 @@ def train_all(
         engine: of :class:`steersman.engine.jobs.Workers`.
         overwrite: whether earlier trainings in the folders are replaced.
         resume: whether trainings go on from their last checkpoints; what is finished is not begun.
+        until: stop all of them with a checkpoint after so many steps; None: at their ends.
 
     Raises:
         DataError: a folder holds a training already.
@@ -83,7 +86,7 @@ def train_all(
                 listener(TrainingEvent(each, steps=float(each.config.steps), note=note))
                 continue
             out = make_folder(each.out).resolve()
-            jobs.append(Job(each.name, _Order(each._replace(out=out), overwrite, resume)))
+            jobs.append(Job(each.name, _Order(each._replace(out=out), overwrite, resume, until)))
         failed: dict[str, str] = {}
 
         def tell(name: str, event: dict[str, Any]) -> None:
@@ -99,7 +102,7 @@ def train_all(
 def _train(order: _Order, tell: Tell) -> None:
     from steersman.learning.train import train
 
-    (_, config, out), overwrite, resume = order
+    (_, config, out), overwrite, resume, until = order
     if not out.is_dir():
         raise DataError(f"{out}: not on this machine; all nodes need to see the folder")
     train(
@@ -110,6 +113,7 @@ def _train(order: _Order, tell: Tell) -> None:
         notify=lambda text: tell({"note": text}),
         overwrite=overwrite,
         resume=resume,
+        until=until,
     )
 
 
