@@ -98,6 +98,24 @@ def test_mistakes_are_one_line(address):
         assert words in json.loads(text)["error"]
 
 
+def test_a_map_drives_disturbed(address):
+    parts = {"speed": {"word": "constant_speed", "fields": {"speed": 12.0}}}
+    given = {"choices": {"parts": parts}, "x": "delay", "y": "mass", "points": [[0, 0], [1, 1]]}
+    token = {"x-steersman-token": TOKEN}
+    status, text = ask(address, "/map", given, **token)
+    calm, rough = json.loads(text)["cells"]
+    assert (status, calm["words"], calm["failed"]) == (200, "delay 0 s, mass 1", False)
+    assert (rough["words"], rough["failed"]) == ("delay 0.5 s, mass 1.5", True)
+    for wrong, words in (
+        ({"x": "masss"}, "did you mean 'mass'?"),
+        ({"y": "delay"}, "y: delay is x already"),
+        ({"points": [[2, 0]]}, "points.0.0: Input should be less than or equal to 1"),
+    ):
+        status, text = ask(address, "/map", given | wrong, **token)
+        assert status == 422
+        assert words in json.loads(text)["error"]
+
+
 def test_choices_are_the_configuration():
     first = chosen(BASE)
     assert first.config(BASE) == BASE
@@ -174,6 +192,13 @@ def test_in_a_browser(browser, port, tmp_path):
         assert other.text_content("#figures thead") == "figurenow"
         slide(other, "controller.k_heading", 0.5)
         assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        # A map over two disturbances fills, until something is changed.
+        page.locator("#failures summary").click()
+        page.click("#fill")
+        until(page, "() => document.getElementById('filled').textContent !== ''")
+        assert "mass" in page.locator("#cells span").nth(0).get_attribute("title")
+        slide(page, "controller.gains.k_p", 0.2)
+        assert page.text_content("#filled") == ""
         # By hand, with keys; what was driven is an episode to learn from.
         page.click("#wheel")
         page.keyboard.down("ArrowRight")

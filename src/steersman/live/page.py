@@ -3,25 +3,38 @@
 from __future__ import annotations
 
 import json
-from typing import Any
+from typing import Any, NamedTuple
 
 from steersman.live.form import Choices
 from steersman.report import web
 from steersman.report.pack import packed
 
+HOST = "127.0.0.1"
 
-def live_page(first: Choices, offered: dict[str, Any], port: int, token: str) -> str:
+
+class LiveAddress(NamedTuple):
+    """Where a page is."""
+
+    port: int
+    token: str
+
+    @property
+    def url(self) -> str:
+        """What a browser opens."""
+        return f"http://{HOST}:{self.port}/?token={self.token}"
+
+
+def live_page(first: Choices, offered: dict[str, Any], address: LiveAddress) -> str:
     """The page as text.
 
     Args:
         first: what is chosen at first.
-        offered: of :func:`steersman.live.form.form`.
-        port: of the server.
-        token: that its requests carry.
+        offered: of :func:`steersman.live.form.form`, and ``axes`` of the map of failures.
+        address: port, and the token that its requests carry.
     """
     script = web.script("live")
-    given = {"form": offered, "first": first.model_dump(), "token": token}
-    given["again"] = f"steersman live --port {port} --token {token}"
+    given = {"form": offered, "first": first.model_dump(), "token": address.token}
+    given["again"] = f"steersman live --port {address.port} --token {address.token}"
     return web.template("live.html.j2").render(
         style=web.resource("page.css") + web.resource("live.css"),
         script=script,

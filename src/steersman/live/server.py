@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import secrets
 import socket
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from pydantic import TypeAdapter, ValidationError
 
 from steersman.errors import PlantError, SteersmanError, how_to_install
 from steersman.live.drives import DriveCache, LiveRun
+from steersman.live.failure_map import MapRequest, axes, map_cells
 from steersman.live.form import chosen, form
-from steersman.live.page import live_page
+from steersman.live.page import HOST, LiveAddress, live_page
 from steersman.live.wheel import WheelDrive, WheelInput
 from steersman.rollout import RunConfig
 
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from starlette.applications import Starlette
     from starlette.requests import Request
 
-HOST = "127.0.0.1"
 TOKEN = "x-steersman-token"
 """The header that carries the token; the page's address has it as ``token``."""
 MOST_RUNS = 8
@@ -31,18 +31,6 @@ MOST_RUNS = 8
 MOST_BYTES = 1_000_000
 """Of a request."""
 _REFUSED, _NOT_ALLOWED, _TOO_LARGE = 403, 422, 413
-
-
-class LiveAddress(NamedTuple):
-    """Where a page is."""
-
-    port: int
-    token: str
-
-    @property
-    def url(self) -> str:
-        """What a browser opens."""
-        return f"http://{HOST}:{self.port}/?token={self.token}"
 
 
 def new_token() -> str:
@@ -88,13 +76,16 @@ def live_app(base: RunConfig, address: LiveAddress, recordings: str = "runs/live
         return found
 
     def page(_: Request) -> Response:
-        return HTMLResponse(live_page(chosen(base), form(), address.port, address.token))
+        return HTMLResponse(live_page(chosen(base), {**form(), "axes": axes()}, address))
 
     async def drive(request: Request) -> Any:
         return await _answered(request, list[LiveRun], lambda runs: cache.answer(runs[:MOST_RUNS]))
 
     async def hand(request: Request) -> Any:
         return await _answered(request, WheelInput, wheel.answer)
+
+    async def cells(request: Request) -> Any:
+        return await _answered(request, MapRequest, lambda given: map_cells(base, given))
 
     def alive(_: Request) -> Response:
         return JSONResponse({"alive": True})
@@ -104,6 +95,7 @@ def live_app(base: RunConfig, address: LiveAddress, recordings: str = "runs/live
             Route("/", page),
             Route("/alive", alive),
             Route("/drive", drive, methods=["POST"]),
+            Route("/map", cells, methods=["POST"]),
             Route("/wheel", hand, methods=["POST"]),
         ],
         middleware=[Middleware(BaseHTTPMiddleware, dispatch=guard)],

@@ -2,8 +2,10 @@
 
 const WAIT = 1000; // until a server that is gone is looked for again [ms]
 const MOST_PINS = 5;
+const SIDE = 11; // cells along a side of the map of failures
+const BATCH = 4; // of its drives in one request
 // A number for a box, without the digits that rounding leaves.
-const short = (value) => (typeof value === "number" ? String(Number(value.toPrecision(6))) : "");
+const short = (value) => (typeof value === "number" ? String(Number(value.toPrecision(4))) : "");
 const byId = (id) => document.getElementById(id);
 
 function complain(words) {
@@ -199,11 +201,74 @@ class HandAtWheel {
   }
 }
 
+// A map over two disturbances that fills from coarse to fine, until all is driven or changed.
+class FailureMap {
+  constructor(token, axes) {
+    Object.assign(this, { token, axes, turn: 0 });
+    const names = Object.keys(axes);
+    this.selects = ["x", "y"].map((axis, k) => {
+      const select = document.querySelector(`[data-axis=${axis}]`);
+      select.append(...names.map((name) => element("option", { value: name }, name.replaceAll("_", " "))));
+      select.value = names[2 * (1 - k)];
+      return select;
+    });
+    this.cells = Array.from({ length: SIDE * SIDE }, () => element("span", {}));
+    byId("cells").append(...this.cells);
+    this.stop();
+  }
+
+  // What was driven holds no longer.
+  stop() {
+    this.turn++;
+    for (const cell of this.cells) {
+      cell.className = cell.textContent = cell.title = "";
+      cell.style.background = "";
+    }
+    byId("filled").textContent = "";
+  }
+
+  async fill(choices) {
+    this.stop();
+    const { turn } = this;
+    const [x, y] = this.selects.map((select) => select.value);
+    const share = (name, k) => this.axes[name].low + ((1 - this.axes[name].low) * k) / (SIDE - 1);
+    const places = this.cells.map((_, k) => [k % SIDE, SIDE - 1 - Math.floor(k / SIDE), k]);
+    const coarse = ([i, j]) => [5, 2].findIndex((step) => i % step === 0 && j % step === 0);
+    const order = places.sort((a, b) => (coarse(a) + 3) % 3 - (coarse(b) + 3) % 3 || a[2] - b[2]);
+    for (let k = 0; k < order.length; k += BATCH) {
+      const batch = order.slice(k, k + BATCH);
+      const points = batch.map(([i, j]) => [share(x, i), share(y, j)]);
+      const found = await send(this.token, "/map", { choices, x, y, points });
+      if (turn !== this.turn) return;
+      if (found.error) {
+        complain(found.error);
+        return;
+      }
+      found.cells.forEach((one, n) => this.put(this.cells[batch[n][2]], one));
+      byId("filled").textContent = `${Math.min(k + BATCH, order.length)} of ${order.length} drives`;
+    }
+  }
+
+  put(cell, { failed, end, max_error_mm, words }) {
+    cell.title = `${words}: ${failed ? end : `largest error ${max_error_mm.toPrecision(3)} mm`}`;
+    cell.onpointerenter = () => (byId("cell").textContent = cell.title);
+    if (failed) Object.assign(cell, { className: "failed", textContent: "✕" });
+    // From a tenth of a millimetre to ten metres.
+    const strength = clamp((Math.log10(Math.max(max_error_mm, 0.1)) + 1) / 5, 0, 1);
+    if (!failed) cell.style.background = `color-mix(in srgb, var(--accent) ${Math.round(100 * strength)}%, var(--paper))`;
+  }
+}
+
 class LivePage {
   constructor(given) {
     this.given = given;
     this.pins = [];
-    this.form = new LiveForm(byId("form"), given, () => this.drive());
+    this.failures = new FailureMap(given.token, given.form.axes);
+    this.form = new LiveForm(byId("form"), given, () => {
+      this.failures.stop();
+      this.drive();
+    });
+    byId("fill").addEventListener("click", () => this.failures.fill(structuredClone(this.form.chosen)));
     this.hand = new HandAtWheel(given.token, (found) => this.handed(found));
     byId("pin").addEventListener("click", () => this.pin());
     byId("unpin").addEventListener("click", () => {
