@@ -119,6 +119,7 @@ def with_field(base: ControllerComponent, name: str, value: Any) -> ControllerCo
             {"demonstration": {"controller": "pid"}},
             "'pid' has other parameters than",
         ),
+        ({"prices": {"horzion": 0.1}}, r"prices\.horzion: is no parameter; did you mean 'horizon'"),
         ({"base": "policy", "parameters": {"trim": "0..1"}}, "a policy cannot be the base"),
     ],
 )
@@ -173,6 +174,17 @@ def test_an_action_holds_for_its_period() -> None:
         rewards.append(many.fleet.reward[0, 0])
     one.step(actions[:1])
     assert one.fleet.reward[0, 0] == pytest.approx(np.mean(rewards))
+
+
+def test_a_parameter_may_have_a_price() -> None:
+    """A horizon costs computing, as in Bohn et al.: so much for each step of it."""
+    free, paid = (FleetDriver(through(prices=p), 1) for p in ({}, {"horizon": 0.01}))
+    free.reset(0), paid.reset(0)
+    for action, horizon in ((-1.0, 4), (1.0, 12)):
+        for driver in (free, paid):
+            driver.step(np.array([[0.0, 0.0, action]]))
+        cost = free.fleet.reward[0, 0] - paid.fleet.reward[0, 0]
+        assert cost == pytest.approx(0.01 * horizon)
 
 
 def test_a_car_that_has_left_the_road_waits_for_the_end_of_the_period() -> None:

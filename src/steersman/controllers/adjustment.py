@@ -17,7 +17,7 @@ from pydantic import BaseModel
 from steersman import core_yaml
 from steersman.config import dump, lay_over, resolve
 from steersman.controllers.base import ControllerComponent, designed
-from steersman.errors import ConfigError
+from steersman.errors import ConfigError, suggestion
 from steersman.ranges import SettingRange, search_range
 from steersman.types import Decision, FloatArray, Observation
 from steersman.vehicles import Vehicle
@@ -99,6 +99,20 @@ def adjustments(
         ConfigError: there is no such field, or the controller does not allow one of the values.
     """
     return tuple(_adjustment(base, name, given) for name, given in parameters.items())
+
+
+def check_prices(prices: Mapping[str, float], chosen: Sequence[Adjustment]) -> None:
+    """Refuse prices of what is no parameter, or has values that are no numbers.
+
+    Raises:
+        ConfigError: at ``prices``.
+    """
+    known = {each.name: each for each in chosen}
+    for name in prices:
+        if name not in known:
+            raise ConfigError(f"is no parameter{suggestion(name, known)}", ("prices", name))
+        if not all(isinstance(value, int | float) for value in known[name].choices):
+            raise ConfigError("has values that are no numbers, so no price", ("prices", name))
 
 
 def _adjustment(base: ControllerComponent, name: str, given: str | tuple[Any, ...]) -> Adjustment:

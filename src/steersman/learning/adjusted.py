@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from steersman.controllers.adjustment import Adjusted, Adjuster
+from steersman.controllers.adjustment import Adjusted, Adjuster, field
 from steersman.kernels import encode
 from steersman.kernels import world as kernel
+from steersman.kernels.reward import TOTAL
 from steersman.learning.snapshot import Tree, changed, rebuilt
 from steersman.types import FloatArray
 
@@ -20,9 +21,12 @@ if TYPE_CHECKING:
 class AdjustedBase:
     """One base controller driving many vehicles, each under its own parameters."""
 
-    def __init__(self, adjuster: Adjuster) -> None:
-        """The state before the first step is made once: it is immutable."""
-        self._adjuster, self._fresh = adjuster, adjuster.begin()
+    def __init__(self, adjuster: Adjuster, prices: Mapping[str, float]) -> None:
+        """The state before the first step is made once: it is immutable.
+
+        ``prices`` are deducted from the reward: so much of a unit of each parameter, by its name.
+        """
+        self._adjuster, self._fresh, self._prices = adjuster, adjuster.begin(), prices
         self._now: dict[int, Adjusted] = {}
 
     def steps(self, driver: FleetDriver, actions: FloatArray) -> Iterator[Any]:
@@ -45,7 +49,9 @@ class AdjustedBase:
             driver.advance(commands)
             for i in driving:
                 executed = float(fleet.memory[i, encode.LAST_COMMAND])
-                self._now[i] = self._now[i].executed(executed)
+                self._now[i] = now = self._now[i].executed(executed)
+                for name, price in self._prices.items():
+                    fleet.reward[i, TOTAL] -= price * field(now.controller, name)
             yield going
 
     def restart(self, n: int) -> None:

@@ -95,7 +95,9 @@ class FleetDriver:
         self._shown: FloatArray = np.zeros(0)
         if problem.parameters and problem.base is not None:
             chosen, vehicle = problem.adjustments(), problem.nominal or self.mover.vehicle
-            self._adjusted = AdjustedBase(Adjuster(problem.base, chosen, vehicle, self.dt))
+            self._adjusted = AdjustedBase(
+                Adjuster(problem.base, chosen, vehicle, self.dt), problem.prices
+            )
             if self.demonstrates:
                 self._shown = np.array([each.action(demonstration.controller) for each in chosen])
         # A base that is the demonstrator too computes once.

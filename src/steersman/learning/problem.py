@@ -9,7 +9,12 @@ import numpy as np
 from pydantic import field_validator, model_validator
 
 from steersman.config import Of, Settings, dump, param
-from steersman.controllers.adjustment import Adjustment, adjustments, flattened
+from steersman.controllers.adjustment import (
+    Adjustment,
+    adjustments,
+    check_prices,
+    flattened,
+)
 from steersman.controllers.base import ControllerComponent
 from steersman.controllers.policy import check_base
 from steersman.disturbances import DisturbanceComponent, Disturber
@@ -117,6 +122,9 @@ class Problem(Settings):
         "-",
         "Field of the base -> LOW..HIGH, LOW..HIGH:log, A|B or a list of values; one action each.",
     )
+    prices: dict[str, float] = param(
+        {}, "-", "Parameter -> what a unit of it costs in each control step, in units of reward."
+    )
     period: int = param(1, "steps", "Control steps for which an action of parameters holds.", ge=1)
     roads: tuple[Annotated[PathComponent, Of("path")], ...] = param(
         ("training_circuit",), "-", "Roads to train on; each episode draws one."
@@ -143,7 +151,7 @@ class Problem(Settings):
             raise ValueError("needs at least one")
         return value
 
-    @field_validator("parameters", mode="before")
+    @field_validator("parameters", "prices", mode="before")
     @classmethod
     def _dotted(cls, value: Any) -> Any:
         return flattened(value) if isinstance(value, Mapping) else value
@@ -164,7 +172,7 @@ class Problem(Settings):
     @model_validator(mode="after")
     def _adjusted(self) -> Problem:
         if self.action != "parameters":
-            for name in ("parameters", "period"):
+            for name in ("parameters", "prices", "period"):
                 if getattr(self, name) != type(self).model_fields[name].default:
                     raise ConfigError(
                         f"belongs to action parameters; action is {self.action}", (name,)
@@ -175,7 +183,7 @@ class Problem(Settings):
                 "action parameters sets fields of a controller; name it as base and its fields as "
                 "parameters, such as parameters.q_heading=0.01..10:log"
             )
-        adjustments(self.base, self.parameters)
+        check_prices(self.prices, adjustments(self.base, self.parameters))
         shown = self.demonstration
         if shown.enabled and shown.controller.kind != self.base.kind:
             raise ConfigError(

@@ -7,10 +7,15 @@ from pathlib import Path
 
 
 def names() -> list[str]:
-    """Name of every preset."""
-    return sorted(f.name[:-5] for f in files(__name__).iterdir() if f.name.endswith(".yaml"))
+    """Name of every preset; what several have in common is in files that begin with _."""
+    return sorted(name for name in _files() if not name.startswith("_"))
 
 
 def locate(name: str) -> Path | None:
     """The YAML file of a preset; None if there is none of that name."""
-    return Path(str(files(__name__).joinpath(f"{name}.yaml"))) if name in names() else None
+    return _files().get(name)
+
+
+def _files() -> dict[str, Path]:
+    found = (Path(str(file)) for file in files(__name__).iterdir())
+    return {file.stem: file for file in found if file.suffix == ".yaml"}
