@@ -75,7 +75,7 @@ def single_run(task: Problem, i: int, s: float) -> list[tuple[FloatArray, ...]]:
     plant, path, source = task.plant.make(task.vehicle), task.roads[i % 3], task.speeds[0]
     rng = np.random.default_rng(7 + i)
     at = path.at(s)
-    state = plant.reset(Pose(at.x, at.y, at.psi), source.start_speed(path, s), at.kappa)
+    state = plant.reset(Pose(at.x, at.y, at.psi), source.start_speed(path, s), at.curvature)
     place = track(state, path, s)
     sensor_state = task.sensor.init(rng)
     pedals = PedalWork(source, path, plant.dt, state)

@@ -321,7 +321,9 @@ def test_a_configuration_of_something_else_is_named(tmp_path: FilePath) -> None:
 # ---------------------------------------------------------------------- states as plain data
 
 
-@pytest.mark.parametrize("kind", sorted(set(components("controller")) - {"policy", "process"}))
+@pytest.mark.parametrize(
+    "kind", sorted(set(components("controller")) - {"adaptive", "policy", "process"})
+)
 def test_every_controller_goes_on_from_its_plain_state(kind: str, tmp_path: FilePath) -> None:
     controller = components("controller")[kind]()
     assert isinstance(controller, ControllerComponent)

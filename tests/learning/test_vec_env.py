@@ -145,7 +145,8 @@ def test_the_demonstrator_begins_anew_with_the_episode() -> None:
         _, _, done, _ = env.step(np.full((2, 1), 0.1))
     assert done.all()
     assert abs(seen[-1].pid.integral) > abs(seen[0].pid.integral)
-    expected, _ = demonstrator._controller.step(demonstrator._fresh, _observation(env, 0))
+    controller, fresh = demonstrator._plain
+    expected, _ = controller.step(fresh, _observation(env, 0))
     assert env.driver.fleet.demo[0] == expected.steer
 
 
