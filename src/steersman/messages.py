@@ -96,7 +96,10 @@ def _describe(
     bracket = "" if unit == "-" else f" [{unit}]"
     if kind == "missing":
         meaning = getattr(field, "description", None)
-        return "required, but not given" + (f": {meaning}{bracket}" if meaning else bracket)
+        told = "required, but not given" + (f": {meaning}{bracket}" if meaning else bracket)
+        ends = getattr(owner, "suffixes", ()) if names[-1] == "file" else ()
+        family = getattr(owner, "family", "")
+        return f"{told.rstrip('.')}; write {family}=NAME{ends[0]}" if ends else told
     if kind in {"value_error", "assertion_error"}:  # the component's author wrote the message
         return one_line(str(context.get("error") or detail["msg"]))
     given = _show(detail["input"])

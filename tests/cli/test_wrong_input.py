@@ -80,6 +80,8 @@ WRONG = [
     ("drive binary.yaml", "binary.yaml: not valid YAML"),
     ("drive typo.yaml", "path.radius: '50m' is not a number"),
     ("drive path=csv", "path.file: required, but not given"),
+    ("drive path=csv", "; write path=NAME.csv"),
+    ("compare pid lqr path=csv", "; write path=NAME.csv"),
     ("drive path.file=x.csv", "path.file: unknown field of circle"),
     ("drive path=csv path.file=no.csv", "no.csv: cannot be read (No such file or directory)"),
     ("drive path=csv path.file=one.csv", "one.csv: holds 1 points, a path needs at least 3"),

@@ -1,7 +1,9 @@
 """The live page: refused to strangers, drives at each change, keeps what is driven by hand."""
 
 import json
+import os
 import shlex
+import shutil
 import socket
 import threading
 import time
@@ -14,7 +16,10 @@ import pytest
 from steersman.commands import configuration
 from steersman.config import build
 from steersman.episode import load_episode
+from steersman.live.drives import DriveCache, LiveRun
 from steersman.live.form import Choices, ChosenPart, chosen, form
+from steersman.live.page import LiveAddress
+from steersman.policy_file import locate
 from steersman.report import seen
 from steersman.rollout import attempt
 
@@ -23,11 +28,11 @@ BASE = configuration("drive", ["pid"], {"path": "circle", "duration": 5})
 
 
 @contextmanager
-def serving(port, folder):
+def serving(port, folder, training=None):
     uvicorn = pytest.importorskip("uvicorn", reason="the extra live has uvicorn")
     server = pytest.importorskip("steersman.live.server")
-    address = server.LiveAddress(port, TOKEN)
-    app = server.live_app(BASE, address, str(folder))
+    address = LiveAddress(port, TOKEN)
+    app = server.live_app(BASE, address, str(folder), training)
     config = uvicorn.Config(
         app, host=server.HOST, port=port, log_level="error", ws="none", lifespan="off"
     )
@@ -114,6 +119,44 @@ def test_a_map_drives_disturbed(address):
         status, text = ask(address, "/map", given | wrong, **token)
         assert status == 422
         assert words in json.loads(text)["error"]
+
+
+def test_a_training_is_followed(browser, port, tmp_path):
+    runs, ask = tmp_path / "runs", "() => document.querySelector('#training .legend').textContent"
+
+    def record(seed, count):
+        (runs / f"seed_{seed}").mkdir(parents=True, exist_ok=True)
+        lines = [f"{k},{100 / (k + seed + 1)}" for k in range(count)]
+        text = "\n".join(["steps,validation_error_mm", *lines]) + "\n"
+        (runs / f"seed_{seed}" / "progress.csv").write_text(text)
+
+    record(0, 1)
+    with serving(port, tmp_path, runs) as address:
+        page = browser.new_page()
+        page.goto(address.url)
+        until(page, f"() => ({ask})().includes('seed_0')")
+        assert page.locator("#newest").is_disabled()
+        record(1, 3)
+        for suffix in (".onnx", ".json"):
+            shutil.copy(locate("precision").with_suffix(suffix), runs / f"policy{suffix}")
+        until(page, f"() => ({ask})().includes('median and range of 2 seeds')")
+        assert page.locator("#training canvas").count() == 1
+        page.click("#newest")
+        until(page, "() => document.getElementById('command').textContent.includes('policy.onnx')")
+        page.close()
+
+
+def test_a_file_that_changes_is_driven_again(tmp_path):
+    file, cache = tmp_path / "road.csv", DriveCache(BASE)
+    run = LiveRun(name="now", choices=Choices(parts={"path": ChosenPart(word=str(file))}))
+    ends = []
+    for length in (30, 60):
+        file.write_text("x,y\n" + "".join(f"{x},0\n" for x in range(length)))
+        os.utime(file, (length, length))
+        answer = cache.answer([run])
+        assert cache.answer([run])["figures"] == answer["figures"]
+        ends.append(answer["figures"]["rows"][0]["cells"][0]["text"])
+    assert ends == ["end of path", "duration"]
 
 
 def test_choices_are_the_configuration():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import webbrowser
+from pathlib import Path as FilePath
 from typing import Annotated
 
 import typer
@@ -15,7 +16,8 @@ EXAMPLES = (
     "Examples:\n"
     "  steersman live\n"
     "  steersman live tuned/lqr path=monza speed=constant_speed speed.speed=15\n"
-    "  steersman live vehicle=my_car.yaml path=track.csv --no-browser"
+    "  steersman live vehicle=my_car.yaml path=track.csv --no-browser\n"
+    "  steersman live path=monza --training runs/agent"
 )
 
 
@@ -34,6 +36,10 @@ def live(
     out: Annotated[
         str, typer.Option("--out", metavar="DIR", help="Folder for what is driven by hand.")
     ] = "runs/live",
+    training: Annotated[
+        str | None,
+        typer.Option("--training", metavar="DIR", help="Folder of a training to follow."),
+    ] = None,
 ) -> None:
     """Choose on a page what to drive; every change drives again, within a moment.
 
@@ -41,12 +47,13 @@ def live(
     """
     from steersman.api import driving
     from steersman.live import server
+    from steersman.live.page import LiveAddress
 
     server.require()
     config = driving.configure("drive", *(words or []))
-    address = server.LiveAddress(server.free_port(port), token or server.new_token())
+    address = LiveAddress(server.free_port(port), token or server.new_token())
     note(f"{address.url}\nCtrl-C ends it")
     tell_compiling()
     if browser:
         webbrowser.open(address.url)
-    server.serve(config, address, out)
+    server.serve(config, address, out, None if training is None else FilePath(training))

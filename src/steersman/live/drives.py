@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path as FilePath
 from typing import Any
 
 from pydantic import BaseModel
 
-from steersman.config import to_yaml
+from steersman.config import dump, to_yaml
 from steersman.episode import Episode
 from steersman.errors import ConfigError
 from steersman.live.form import Choices
@@ -53,7 +54,7 @@ class DriveCache:
         first = runs[0].choices
         config = first.config(self._base)
         shown = [self._run(run.name, run.choices.config(self._base)) for run in runs]
-        error = self._known[config.model_dump_json()].error
+        error = self._known[_key(config)].error
         return {
             **scene(shown),
             "figures": _figures(shown),
@@ -63,7 +64,7 @@ class DriveCache:
         }
 
     def _run(self, name: str, config: RunConfig) -> ReportRun:
-        key = config.model_dump_json()
+        key = _key(config)
         if key not in self._known:
             if (config.duration or 0.0) > LONGEST:
                 raise ConfigError(
@@ -75,6 +76,26 @@ class DriveCache:
         for old in list(self._known)[:-KEPT]:
             del self._known[old]
         return _run_of(name, self._known[key].episode)
+
+
+def _key(config: RunConfig) -> str:
+    """Changes with the configuration, and with the files that it names."""
+    names = {v for name, v in _leaves(dump(config)) if name == "file" and isinstance(v, str)}
+    files = [FilePath(name) for name in sorted(names)]
+    stamps = [file.stat().st_mtime_ns for file in files if file.is_file()]
+    return f"{config.model_dump_json()} {stamps}"
+
+
+def _leaves(tree: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """Names and values of a tree."""
+    if isinstance(tree, Mapping):
+        for key, value in tree.items():
+            yield from _leaves(value, str(key))
+    elif isinstance(tree, list):
+        for value in tree:
+            yield from _leaves(value, name)
+    else:
+        yield name, tree
 
 
 def _run_of(name: str, episode: Episode) -> ReportRun:

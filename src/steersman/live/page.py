@@ -24,16 +24,20 @@ class LiveAddress(NamedTuple):
         return f"http://{HOST}:{self.port}/?token={self.token}"
 
 
-def live_page(first: Choices, offered: dict[str, Any], address: LiveAddress) -> str:
+def live_page(
+    first: Choices, offered: dict[str, Any], address: LiveAddress, training: str = ""
+) -> str:
     """The page as text.
 
     Args:
         first: what is chosen at first.
         offered: of :func:`steersman.live.form.form`, and ``axes`` of the map of failures.
         address: port, and the token that its requests carry.
+        training: folder of the training that is followed; empty: none.
     """
     script = web.script("live")
     given = {"form": offered, "first": first.model_dump(), "token": address.token}
+    given["training"] = training
     given["again"] = f"steersman live --port {address.port} --token {address.token}"
     return web.template("live.html.j2").render(
         style=web.resource("page.css") + web.resource("live.css"),

@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import secrets
 import socket
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from pydantic import TypeAdapter, ValidationError
@@ -17,6 +20,7 @@ from steersman.live.drives import DriveCache, LiveRun
 from steersman.live.failure_map import MapRequest, axes, map_cells
 from steersman.live.form import chosen, form
 from steersman.live.page import HOST, LiveAddress, live_page
+from steersman.live.training import FollowedTraining, TrainingRequest
 from steersman.live.wheel import WheelDrive, WheelInput
 from steersman.rollout import RunConfig
 
@@ -38,13 +42,19 @@ def new_token() -> str:
     return secrets.token_urlsafe(18)
 
 
-def live_app(base: RunConfig, address: LiveAddress, recordings: str = "runs/live") -> Starlette:
+def live_app(
+    base: RunConfig,
+    address: LiveAddress,
+    recordings: str = "runs/live",
+    training: FilePath | None = None,
+) -> Starlette:
     """The application.
 
     Args:
         base: what the page shows first.
         address: port and token.
         recordings: folder for what is driven by hand.
+        training: folder of a training that the page follows.
 
     Raises:
         SteersmanError: the extra ``live`` is not installed.
@@ -56,8 +66,7 @@ def live_app(base: RunConfig, address: LiveAddress, recordings: str = "runs/live
     from starlette.responses import HTMLResponse, JSONResponse, Response
     from starlette.routing import Route
 
-    cache, own = DriveCache(base), f"http://{HOST}:{address.port}"
-    wheel = WheelDrive(base, recordings)
+    own = f"http://{HOST}:{address.port}"
 
     async def guard(request: Request, call_next: Any) -> Response:
         given = request.headers.get(TOKEN) or request.query_params.get("token", "")
@@ -76,30 +85,37 @@ def live_app(base: RunConfig, address: LiveAddress, recordings: str = "runs/live
         return found
 
     def page(_: Request) -> Response:
-        return HTMLResponse(live_page(chosen(base), {**form(), "axes": axes()}, address))
-
-    async def drive(request: Request) -> Any:
-        return await _answered(request, list[LiveRun], lambda runs: cache.answer(runs[:MOST_RUNS]))
-
-    async def hand(request: Request) -> Any:
-        return await _answered(request, WheelInput, wheel.answer)
-
-    async def cells(request: Request) -> Any:
-        return await _answered(request, MapRequest, lambda given: map_cells(base, given))
+        return HTMLResponse(
+            live_page(chosen(base), {**form(), "axes": axes()}, address, str(training or ""))
+        )
 
     def alive(_: Request) -> Response:
         return JSONResponse({"alive": True})
 
+    answers = _answers(base, recordings, training)
+    posts = [
+        Route(place, partial(_answered, cls=cls, answer=answer), methods=["POST"])
+        for place, (cls, answer) in answers.items()
+    ]
     return Starlette(
-        routes=[
-            Route("/", page),
-            Route("/alive", alive),
-            Route("/drive", drive, methods=["POST"]),
-            Route("/map", cells, methods=["POST"]),
-            Route("/wheel", hand, methods=["POST"]),
-        ],
+        routes=[Route("/", page), Route("/alive", alive), *posts],
         middleware=[Middleware(BaseHTTPMiddleware, dispatch=guard)],
     )
+
+
+def _answers(
+    base: RunConfig, recordings: str, training: FilePath | None
+) -> dict[str, tuple[Any, Callable[[Any], dict[str, Any]]]]:
+    """What is asked for at each place, and the function that answers."""
+    cache, wheel = DriveCache(base), WheelDrive(base, recordings)
+    out: dict[str, tuple[Any, Callable[[Any], dict[str, Any]]]] = {
+        "/drive": (list[LiveRun], lambda runs: cache.answer(runs[:MOST_RUNS])),
+        "/map": (MapRequest, partial(map_cells, base)),
+        "/wheel": (WheelInput, wheel.answer),
+    }
+    if training is not None:
+        out["/training"] = TrainingRequest, FollowedTraining(training).answer
+    return out
 
 
 async def _answered(request: Request, cls: Any, answer: Any) -> Any:
@@ -150,9 +166,11 @@ def free_port(port: int) -> int:
         return int(probe.getsockname()[1])
 
 
-def serve(base: RunConfig, address: LiveAddress, recordings: str) -> None:
+def serve(
+    base: RunConfig, address: LiveAddress, recordings: str, training: FilePath | None = None
+) -> None:
     """Serve the page until Ctrl-C."""
-    app = live_app(base, address, recordings)
+    app = live_app(base, address, recordings, training)
     import uvicorn
 
     uvicorn.run(app, host=HOST, port=address.port, log_level="warning", ws="none")

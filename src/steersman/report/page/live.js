@@ -51,6 +51,13 @@ class LiveForm {
     return element("fieldset", {}, element("legend", {}, name), select, element("details", { open: name === "controller" ? "" : null }, element("summary", {}, "fields"), fields));
   }
 
+  // Another component, from elsewhere than the list; it may be a file that was written anew.
+  take(name, part) {
+    this.chosen.parts[name] = part;
+    this.node.replaceChild(this.family(name), this.node.children[Object.keys(this.form.families).indexOf(name)]);
+    this.changed();
+  }
+
   disturbances() {
     const words = this.form.disturbances;
     const rows = Object.keys(words).map((word) => {
@@ -259,6 +266,41 @@ class FailureMap {
   }
 }
 
+// The curves of a training, as they grow, and its newest policy at the wheel.
+class LiveTraining {
+  constructor(given, drive) {
+    Object.assign(this, { token: given.token, drive, seen: 0, section: byId("training") });
+    if (!given.training) return;
+    this.section.hidden = false;
+    this.section.querySelector("[data-word=folder]").textContent = given.training;
+    byId("newest").addEventListener("click", () => this.drive(this.policy));
+    this.ask();
+  }
+
+  async ask() {
+    setTimeout(() => this.ask(), 2 * WAIT);
+    // Where the server is gone, the next drive says so.
+    const found = await send(this.token, "/training", { seen: this.seen }).catch(() => ({ seen: 0 }));
+    if (found.error) complain(found.error);
+    else if (found.seen > this.seen) this.show(found);
+  }
+
+  show({ seen, training, policy }) {
+    Object.assign(this, { seen, policy });
+    byId("newest").disabled = !policy;
+    if (!training) return;
+    const old = this.section.querySelector(".log");
+    const log = old.cloneNode();
+    log.checked = old.checked;
+    old.replaceWith(log);
+    const chips = training.runs.map((run, k) => element("button", { type: "button", class: "chip", "data-run": String(k), "aria-pressed": "true" }, lineSample({ color: run.color, dash: DASHES[run.dash] || [] }), run.name));
+    this.section.querySelector(".legend").replaceChildren(...chips);
+    this.section.querySelector(".curves").replaceChildren();
+    startTraining(this.section, training);
+    if (log.checked) log.dispatchEvent(new Event("change"));
+  }
+}
+
 class LivePage {
   constructor(given) {
     this.given = given;
@@ -278,6 +320,7 @@ class LivePage {
     for (const name of ["command", "yaml"]) {
       byId(`copy-${name}`).addEventListener("click", () => navigator.clipboard.writeText(byId(name).textContent));
     }
+    this.training = new LiveTraining(given, (policy) => this.form.take("controller", policy));
     byId("wheel").addEventListener("click", () => this.hand.drive(this.form.chosen));
     this.drive();
   }
@@ -299,8 +342,11 @@ class LivePage {
     if (this.last && !same(this.last)) this.before = { ...this.last, name: "before" };
     const runs = [now, ...[this.before].filter((one) => one && !same(one)), ...this.pins];
     const begun = performance.now();
-    try {
-      const found = await send(this.given.token, "/drive", runs);
+    const found = await send(this.given.token, "/drive", runs).catch(() => null);
+    if (!found) {
+      complain(`The server does not answer. Start it again with: ${this.given.again}`);
+      setTimeout(() => this.drive(), WAIT);
+    } else {
       complain(found.error || found.note || "");
       if (!found.error) {
         this.last = now;
@@ -308,10 +354,6 @@ class LivePage {
         const took = Math.round(performance.now() - begun);
         byId("took").textContent = `driven and shown in ${took} ms`;
       }
-    } catch (error) {
-      if (!(error instanceof TypeError)) throw error;
-      complain(`The server does not answer. Start it again with: ${this.given.again}`);
-      setTimeout(() => this.drive(), WAIT);
     }
     this.busy = false;
     byId("unpin").disabled = !this.pins.length;
