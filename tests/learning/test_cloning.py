@@ -120,16 +120,16 @@ def test_the_same_data_give_the_same_clone(
 def test_which_action_is_learned(dataset: FilePath) -> None:
     stored = store.read(str(dataset))
     one = stored.trajectories[0]
-    shown = samples(stored.problem, one, "demonstrated").actions
-    done = samples(stored.problem, one, "executed").actions
+    shown = samples(stored.problem, one, "demonstrated").actions[:, 0]
+    done = samples(stored.problem, one, "executed").actions[:, 0]
     assert shown == pytest.approx(one.demonstrated_steer, abs=1e-7)
     assert done == pytest.approx(one.steer, abs=1e-7)
     assert np.std(shown - done) > 0.01
     nobody = one._replace(demonstrated_steer=np.full(one.steps, np.nan))
-    assert np.array_equal(samples(stored.problem, nobody, "demonstrated").actions, done)
+    assert np.array_equal(samples(stored.problem, nobody, "demonstrated").actions[:, 0], done)
     # The same drive in terms of another action and another encoding.
     indirect = config(problem={"action": "rate", "encoding": "waypoints"}).problem
-    rates = samples(indirect, one, "executed").actions
+    rates = samples(indirect, one, "executed").actions[:, 0]
     last = np.concatenate((one.rows[:1, 5], one.steer[:-1]))
     wanted = np.clip((one.steer - last) / (0.05 * indirect.rate_limit), -1.0, 1.0)
     assert rates == pytest.approx(wanted, abs=1e-7)

@@ -12,7 +12,8 @@ import pytest
 import torch
 from stable_baselines3 import DDPG, SAC, TD3
 
-from steersman.config import build
+from steersman import core_yaml
+from steersman.config import build, dump
 from steersman.errors import ConfigError, DataError
 from steersman.kernels import observe
 from steersman.kernels import vehicle as car
@@ -20,7 +21,7 @@ from steersman.learning.datasets.recorder import Recorder
 from steersman.learning.datasets.store import Stored, write
 from steersman.learning.datasets.trajectory import transitions
 from steersman.learning.ddpg_update import CompiledDDPG
-from steersman.learning.demonstration import Demonstration, ImitationLoss, Takeover
+from steersman.learning.demonstration import Demonstration, ImitationLoss, Takeover, WarmStart
 from steersman.learning.imitation.driving import demonstrate
 from steersman.learning.imitation_loss import imitate
 from steersman.learning.off_policy import OffPolicySteering, steering
@@ -417,3 +418,12 @@ def test_a_privileged_demonstrator_resumes_to_the_bit() -> None:
         assert np.array_equal(a, b)
         for env in made:
             env.step(a[:, None])
+
+
+def test_the_page_has_the_defaults() -> None:
+    page = FilePath(__file__).parents[2] / "docs" / "demonstration.md"
+    text = page.read_text(encoding="utf-8").split("```yaml\n")[1].split("```")[0]
+    given = core_yaml.load(text)["problem"]["demonstration"]
+    warm = {**(dump(WarmStart(steps=1)) or {}), "steps": 0}
+    groups = {"takeover": dump(Takeover()), "warm_start": warm, "loss": dump(ImitationLoss())}
+    assert given == groups

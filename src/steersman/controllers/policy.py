@@ -283,6 +283,8 @@ def check_base(base: ControllerComponent) -> None:
 
 
 def _holds(data: Any, kind: str) -> bool:
+    if isinstance(data, list):
+        return any(_holds(each, kind) for each in data)
     if not isinstance(data, Mapping):
         return False
     return data.get("kind") == kind or any(_holds(each, kind) for each in data.values())

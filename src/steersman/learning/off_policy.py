@@ -105,7 +105,7 @@ class OffPolicySteering(SteeringAgent, OffPolicyAlgorithm):
             noise = given.warm_start.noise * self.demo_rng.standard_normal(own.shape)
             executed = np.clip(executed + noise, -1.0, 1.0).astype(np.float32)
         self.demonstrated_steps += int(takes.sum())
-        return executed, own if given.store == "agent" else executed
+        return executed, own if given.store == "agent" and not shows else executed
 
     def _takes(self, env: PathFollowingVecEnv, gap: Any) -> Any:
         """Where the demonstrator acts, (n,): by chance, or since the car is unsafe."""
