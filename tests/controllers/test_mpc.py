@@ -85,29 +85,31 @@ def test_condensed_prediction_is_the_simulation() -> None:
     assert free @ start + forced @ steering == pytest.approx(np.array(lateral), abs=1e-12)
 
 
-def cost(qp: MpcProblem, plan: FloatArray, r: float) -> float:
+def cost(qp: MpcProblem, plan: FloatArray, r: float, observation: Observation) -> float:
     weights = np.full(N, 1.0)
     weights[-1] += 2.0
-    error = qp.forced @ plan + qp._ref
+    error = qp.forced @ plan + qp.terms(observation)[1]
     return float(0.5 * (weights * error**2).sum() + 0.5 * r * (plan**2).sum())
 
 
 def test_without_active_limits_the_plan_is_the_unconstrained_one() -> None:
     qp = problem()
     for observation in scenes(largest=0.1):
-        plan = qp.solve(observation._replace(yaw_rate=0.1), 0.0)
+        turning = observation._replace(yaw_rate=0.1)
+        plan = qp.solve(turning, 0.0)
         assert plan is not None
         assert abs(plan).max() < CAR.max_wheel_angle
-        assert plan == pytest.approx(-np.linalg.solve(qp.hessian, qp._f), abs=1e-8)
+        linear, _ = qp.terms(turning)
+        assert plan == pytest.approx(-np.linalg.solve(qp.hessian, linear), abs=1e-8)
 
 
 def test_the_plan_minimises_the_cost_as_documented() -> None:
     qp, rng = problem(), np.random.default_rng(5)
     plan = qp.solve(scene(0.2, 0.01), 0.0)
     assert plan is not None
-    best = cost(qp, plan, 0.05)
+    best = cost(qp, plan, 0.05, scene(0.2, 0.01))
     for _ in range(50):
-        assert cost(qp, plan + rng.normal(0.0, 0.01, N), 0.05) > best
+        assert cost(qp, plan + rng.normal(0.0, 0.01, N), 0.05, scene(0.2, 0.01)) > best
 
 
 def least_distance(h: FloatArray, f: FloatArray, g: FloatArray, bound: FloatArray) -> FloatArray:
@@ -123,8 +125,9 @@ def least_distance(h: FloatArray, f: FloatArray, g: FloatArray, bound: FloatArra
     return answer
 
 
-def reference(qp: MpcProblem, last_angle: float) -> FloatArray:
+def reference(qp: MpcProblem, observation: Observation, last_angle: float) -> FloatArray:
     """The QP as the documentation states it, solved by other means."""
+    linear, ref = qp.terms(observation)
     eye, bounds = np.eye(N), [np.full(2 * N, qp.max_angle)]
     rows = [eye, -eye]
     if qp.max_step is not None:
@@ -134,7 +137,7 @@ def reference(qp: MpcProblem, last_angle: float) -> FloatArray:
         bounds += [qp.max_step + first, qp.max_step - first]
     hard, limit = np.vstack(rows), np.concatenate(bounds)
     if qp.corridor is None:
-        return least_distance(qp.hessian, qp._f, hard, limit)
+        return least_distance(qp.hessian, linear, hard, limit)
     # One slack for each soft row. DAQP scales rows by their size in the metric of the Hessian.
     size = np.linalg.norm(
         solve_triangular(np.linalg.cholesky(qp.hessian), qp.forced.T, lower=True), axis=0
@@ -143,8 +146,8 @@ def reference(qp: MpcProblem, last_angle: float) -> FloatArray:
     h = np.block([[qp.hessian, zero], [zero, np.diag(1e6 / size**2)]])
     soft = np.block([[qp.forced, -eye], [-qp.forced, -eye]])
     g = np.vstack([np.hstack([hard, np.zeros_like(hard)]), soft])
-    limit = np.concatenate([limit, qp.corridor - qp._ref, qp.corridor + qp._ref])
-    return least_distance(h, np.concatenate([qp._f, np.zeros(N)]), g, limit)[:N]
+    limit = np.concatenate([limit, qp.corridor - ref, qp.corridor + ref])
+    return least_distance(h, np.concatenate([linear, np.zeros(N)]), g, limit)[:N]
 
 
 @pytest.mark.parametrize("name", LIMITS)
@@ -155,8 +158,8 @@ def test_with_active_limits_the_plan_is_the_reference_solvers(name: str) -> None
         last = 0.02 * (i - 10)
         plan = qp.solve(observation, last)
         assert plan is not None
-        assert plan == pytest.approx(reference(qp, last), abs=tolerance)
-        free = -np.linalg.solve(qp.hessian, qp._f)
+        assert plan == pytest.approx(reference(qp, observation, last), abs=tolerance)
+        free = -np.linalg.solve(qp.hessian, qp.terms(observation)[0])
         active += bool(abs(free - plan).max() > 1e-3)
     assert active >= 10
 
@@ -180,11 +183,11 @@ def test_karush_kuhn_tucker(name: str) -> None:
         assert room.min() > -1e-6
         active = room < 1e-7
         signed = g[active] * np.sign(g[active] @ plan - mid[active])[:, None]
-        gradient = qp.hessian @ plan + qp._f
+        gradient = qp.hessian @ plan + qp.terms(observation)[0]
         multipliers, rest = nnls(signed.T, -gradient) if active.any() else ((), 0.0)
         if not active.any():
             rest = float(np.linalg.norm(gradient))
-        assert rest < 1e-6 * max(1.0, np.linalg.norm(qp._f)), multipliers
+        assert rest < 1e-6 * max(1.0, np.linalg.norm(qp.terms(observation)[0])), multipliers
 
 
 @pytest.mark.parametrize("name", LIMITS)
@@ -220,7 +223,8 @@ def test_corridor_is_kept_where_steering_can() -> None:
     tight, loose = problem(r=5.0, corridor=0.05), problem(r=5.0)
     observation = scene(0.0, 0.02, v=8.0)
     plans = [qp.solve(observation, 0.0) for qp in (tight, loose)]
-    worst = [abs(tight._ref + tight.forced @ p).max() for p in plans if p is not None]
+    _, ref = tight.terms(observation)
+    worst = [abs(ref + tight.forced @ p).max() for p in plans if p is not None]
     assert worst[0] < 0.051 < worst[1]
 
 
@@ -270,12 +274,11 @@ def test_failing_from_the_start_drives_by_pid(monkeypatch: pytest.MonkeyPatch) -
 
 def test_unsolved_number_is_never_used() -> None:
     """DAQP's iteration limit, infeasibility and friends have other exit flags than solved."""
-    qp = problem()
-    for flag in (-6, -4, -1, 0):
-        broken = MpcProblem(**{**vars(qp), "_model": Stub(flag, 0.1)})
-        assert broken.solve(scene(0.1), 0.0) is None
-    broken = MpcProblem(**{**vars(qp), "_model": Stub(1, math.nan)})
-    assert broken.solve(scene(0.1), 0.0) is None
+    qp = problem(corridor=0.5)
+    assert qp.soft is not None
+    for flag, value in ((-6, 0.1), (-4, 0.1), (-1, 0.1), (0, 0.1), (1, math.nan)):
+        qp.soft.model = Stub(flag, value)
+        assert qp.solve(scene(0.1), 0.0) is None
 
 
 class Stub:

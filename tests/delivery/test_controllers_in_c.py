@@ -45,7 +45,10 @@ def test_the_vector_runs_under_sanitisers(tmp_path: FilePath) -> None:
 
 
 @needs_compiler
-@pytest.mark.parametrize(("word", "single"), [("tuned/lqr", True), ("tuned/stanley_cm", False)])
+@pytest.mark.parametrize(
+    ("word", "single"),
+    [("tuned/lqr", True), ("tuned/stanley_cm", False), ("tuned/mpc_pid_scheduled", False)],
+)
 def test_drawn_observations_and_a_drive(word: str, single: bool, tmp_path: FilePath) -> None:
     setting = made(word, tmp_path, single=single)
     code = bench.compiled(setting, tmp_path, (COMPILER, "-O1"))

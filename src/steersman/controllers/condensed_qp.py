@@ -1,4 +1,4 @@
-"""Linear MPC of the single-track model, condensed to a small QP and solved by DAQP.
+"""Linear MPC of the single-track model, condensed to a small QP.
 
 State [y, beta, psi, psi_dot] at one speed v0 (Rajamani, Vehicle Dynamics and Control, 2nd ed.,
 sec. 2.3, with beta = v_y / v), discretised exactly for a steering that is held over a control
@@ -16,7 +16,9 @@ from typing import Any
 import numpy as np
 from scipy.linalg import toeplitz
 
+from steersman.controllers.quadratic import within
 from steersman.controllers.single_track import single_track, zero_order_hold
+from steersman.kernels import active_set
 from steersman.kernels import condensed_qp as kernel
 from steersman.types import FloatArray, Observation
 from steersman.vehicles import Vehicle
@@ -32,25 +34,37 @@ def predict(a: FloatArray, b: FloatArray, horizon: int) -> tuple[FloatArray, Flo
     return free, toeplitz(impulse, np.zeros(horizon))
 
 
+# DAQP's kind of a soft constraint, and its exit flags for "solved".
+_SOFT, _SOLVED = 8, (1, 2)
+
+
 class QpSolver:
     """DAQP with a QP set up; a copy is set up anew, since its workspace cannot be copied."""
 
     def __init__(self, *terms: Any) -> None:
-        """Set up ``terms``, as ``daqp.Model.setup`` takes them."""
+        """Set up ``terms``, as ``daqp.Model.setup`` takes them; the last one has the kinds."""
         import daqp
 
         self._terms = tuple(np.copy(term) for term in terms)
-        model = daqp.Model()
-        model.setup(*terms)
-        self.update, self.solve = model.update, model.solve
+        self.model = daqp.Model()
+        # Soft constraints need their own memory in the workspace, so DAQP has to know them now.
+        self.model.setup(*terms)
 
     def __reduce__(self) -> tuple[type[QpSolver], tuple[Any, ...]]:
         return type(self), self._terms
 
+    def optimum(
+        self, linear: FloatArray, lower: FloatArray, upper: FloatArray
+    ) -> FloatArray | None:
+        """The solution with another linear term and other limits; None if DAQP finds none."""
+        self.model.update(f=linear, bupper=upper, blower=lower, sense=self._terms[-1].copy())
+        plan, _, flag, _ = self.model.solve()
+        return plan if flag in _SOLVED and kernel.all_finite(plan) else None
+
 
 @dataclass(frozen=True, eq=False)
 class MpcProblem:
-    """The constant part of the QP, and the solver's workspace.
+    """The constant part of the QP.
 
     The solver starts cold at every call, so a plan depends on its observation alone and one
     problem may serve several vehicles in turn.
@@ -65,57 +79,54 @@ class MpcProblem:
     max_angle: float
     max_step: float | None
     corridor: float | None
-    _model: QpSolver
-    _upper: FloatArray
-    _lower: FloatArray
-    _sense: Any
-    _f: FloatArray
-    _ref: FloatArray
+    inverse: FloatArray
+    """Of ``active_set.inverse_root`` of the Hessian."""
+    rows: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    soft: QpSolver | None
+    """DAQP with soft limits, where there is a corridor."""
 
     def solve(self, observation: Observation, last_angle: float) -> FloatArray | None:
-        """The optimal wheel angles over the horizon [rad]; None if DAQP does not say "solved".
+        """The optimal wheel angles over the horizon [rad]; None if there are none.
 
         ``last_angle`` is the present wheel angle, from which a rate limit counts.
         """
-        o = observation
-        v = max(o.v_x, 0.5)
+        linear, ref = self.terms(observation)
+        lower, upper = self.lower, self.upper
+        if self.max_step is not None or self.corridor is not None:
+            lower, upper = self._limits(last_angle, ref)
+        if self.soft is not None:
+            return self.soft.optimum(linear, lower, upper)
+        return within(self.inverse, linear, self.rows, lower, upper)
+
+    def terms(self, observation: Observation) -> tuple[FloatArray, FloatArray]:
+        """The linear term (N,), and the free response minus the reference (N,) [m]."""
+        o, v = observation, max(observation.v_x, 0.5)
+        ref, linear = np.empty(self.horizon), np.empty(self.horizon)
         kernel.gradient(
-            o.preview,
-            o.spacing,
-            v * self.dt,
-            o.v_y / v,
-            o.yaw_rate,
-            self.free,
-            self.weight,
-            self._ref,
-            self._f,
-        )
-        if self.max_step is None and self.corridor is None:
-            self._model.update(f=self._f, sense=self._sense)
-        else:
-            self._limits(last_angle)
-            self._model.update(f=self._f, bupper=self._upper, blower=self._lower, sense=self._sense)
-        plan: FloatArray
-        plan, _, flag, _ = self._model.solve()
-        if flag not in (1, 2) or not kernel.all_finite(plan):
-            return None
-        return plan
+            o.preview, o.spacing, v * self.dt, o.v_y / v, o.yaw_rate, self.free, self.weight, ref,
+            linear,
+        )  # fmt: skip
+        return linear, ref
 
     def turn(self, observation: Observation) -> FloatArray:
         """The wheel angles [rad] of the shortest turn towards the road's direction."""
         return np.full(self.horizon, -math.copysign(self.max_angle, observation.heading_error))
 
-    def _limits(self, last_angle: float) -> None:
+    def _limits(self, last_angle: float, ref: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper limits; ``ref`` holds the free response minus the reference."""
         n, row = self.horizon, self.horizon
+        lower, upper = self.lower.copy(), self.upper.copy()
         if self.max_step is not None:
-            self._upper[row : row + n], self._lower[row : row + n] = self.max_step, -self.max_step
-            self._upper[row] += last_angle
-            self._lower[row] += last_angle
+            upper[row : row + n], lower[row : row + n] = self.max_step, -self.max_step
+            upper[row] += last_angle
+            lower[row] += last_angle
             row += n
         if self.corridor is not None:
-            # self._ref holds the free response minus the reference.
-            self._upper[row : row + n] = self.corridor - self._ref
-            self._lower[row : row + n] = -self.corridor - self._ref
+            upper[row : row + n] = self.corridor - ref
+            lower[row : row + n] = -self.corridor - ref
+        return lower, upper
 
 
 def build_problem(  # noqa: PLR0913 - one argument for each term of the optimisation
@@ -156,11 +167,14 @@ def build_problem(  # noqa: PLR0913 - one argument for each term of the optimisa
     matrix = np.vstack(rows) if rows else np.zeros((0, horizon))
     count = horizon + len(matrix)
     upper = np.full(count, max_angle)
-    sense = np.zeros(count, dtype=np.int32)
+    inverse = np.empty_like(hessian)
+    if not active_set.inverse_root(hessian, inverse):
+        raise np.linalg.LinAlgError("the Hessian is not positive definite")
+    soft = None
     if corridor is not None:
-        sense[-horizon:] = 8
-    # Soft constraints need their own memory in the workspace, so DAQP has to know them now.
-    model = QpSolver(hessian, np.zeros(horizon), matrix, upper, -upper, sense)
+        sense = np.zeros(count, dtype=np.int32)
+        sense[-horizon:] = _SOFT
+        soft = QpSolver(hessian, np.zeros(horizon), matrix, upper, -upper, sense)
     return MpcProblem(
         horizon,
         dt,
@@ -171,10 +185,9 @@ def build_problem(  # noqa: PLR0913 - one argument for each term of the optimisa
         max_angle,
         vehicle.steer_rate_up * vehicle.max_wheel_angle * dt if rate_limit else None,
         corridor,
-        model,
-        upper,
+        inverse,
+        matrix,
         -upper,
-        sense,
-        np.zeros(horizon),
-        np.zeros(horizon),
+        upper,
+        soft,
     )

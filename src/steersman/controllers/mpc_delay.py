@@ -22,9 +22,9 @@ class MpcDelay(DelayMpc):
     """Predicts the car through the steering delay, then plans along the road's curvature.
 
     Error dynamics of the present speed; the plan is the infinite-horizon optimum while no limit is
-    active, and DAQP's while one is. If DAQP does not solve, that optimum is forced into the limits
-    and marked as a fallback. Where the car turned out to have less grip than its nominal tyres, the
-    plan is one iteration of ``nmpc``'s, with tyres up to that grip.
+    active, and a quadratic program's while one is. If that has no solution, the optimum is forced
+    into the limits and marked as a fallback. Where the car turned out to have less grip than its
+    nominal tyres, the plan is one iteration of ``nmpc``'s, with tyres up to that grip.
     """
 
     def plan(

@@ -1,6 +1,6 @@
 """The plan of the delay-aware MPC: its model's tables over speed, and one optimisation.
 
-The plan is the optimum that no limit bounds, or DAQP's within the limits.
+The plan is the optimum that no limit bounds, or the one within the limits.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from steersman.controllers.motion_estimate import SLOWEST
+from steersman.controllers.quadratic import optimum
 from steersman.controllers.single_track import ErrorModel, discrete, error_model, steady_state
 from steersman.kernels import mpc_delay as kernel
 from steersman.types import FloatArray, Observation, Status
@@ -21,8 +22,6 @@ from steersman.vehicles import Vehicle
 
 # Speeds of the tables [m/s]; between them everything is linear, beyond them held.
 SPEED_STEP, N_SPEEDS = 0.5, 79
-# DAQP's exit flags for "solved".
-SOLVED = (1, 2)
 # As in the kernel: half-way to the centre of curvature and beyond, errors mean little.
 _NEAREST = 0.2
 
@@ -65,7 +64,7 @@ class Tables:
     """Control period [s]."""
     horizon: int
     weights: Weights
-    _models: dict[int, Model] = field(default_factory=dict, repr=False)
+    _models: list[Model | None] = field(default_factory=lambda: [None] * N_SPEEDS, repr=False)
 
     def at(self, v: float) -> Model:
         """The model at speed ``v`` [m/s]."""
@@ -82,7 +81,7 @@ class Tables:
         return self
 
     def _model(self, i: int) -> Model:
-        found = self._models.get(i)
+        found = self._models[i]
         if found is None:
             v = SLOWEST + SPEED_STEP * i
             found = build_model(self.vehicle, self.dt, self.horizon, self.weights, v)
@@ -225,9 +224,7 @@ def free_plan(problem: PlanProblem, before: float) -> FloatArray:
 def limited_plan(
     problem: PlanProblem, weights: Weights, before: float, steady: FloatArray, last_angle: float
 ) -> FloatArray | None:
-    """The optimum (N,) that keeps angle and rate; None if DAQP does not say "solved"."""
-    import daqp
-
+    """The optimum (N,) that keeps angle and rate; None if there is none."""
     p, n = problem, len(steady)
     hessian, linear = condensed(p, weights, before)
     changes = np.eye(n) - np.eye(n, k=-1)
@@ -235,11 +232,7 @@ def limited_plan(
     steady_changes[0] -= last_angle
     upper = np.concatenate([p.most - steady, p.step - steady_changes])
     lower = np.concatenate([-p.most - steady, -p.step - steady_changes])
-    plan: FloatArray
-    plan, _, flag, _ = daqp.solve(hessian, linear, changes, upper, lower)
-    if flag not in SOLVED or not np.isfinite(plan).all():
-        return None
-    return plan
+    return optimum(hessian, linear, changes, lower, upper)
 
 
 def condensed(
@@ -266,6 +259,6 @@ def condensed(
     linear += end.T @ m.terminal @ np.append(free, 0.0)
     changes = np.eye(n) - np.eye(n, k=-1)
     hessian += weights.change * changes.T @ changes
-    hessian[range(n - 1), range(n - 1)] += weights.angle
+    hessian += weights.angle * np.diag(np.arange(n) < n - 1)
     linear[0] -= weights.change * before
     return hessian, linear

@@ -28,7 +28,7 @@ class MpcState(NamedTuple):
     """One for the tuned speed, or one for each speed of the grid."""
     pid: PidState = PidState()
     plan: FloatArray | None = None
-    """Last plan of wheel angles that DAQP solved [rad]."""
+    """Last plan of wheel angles that was an optimum [rad]."""
     age: int = 0
     """How many steps ago that was."""
     angle: float = 0.0
@@ -43,7 +43,7 @@ class MpcState(NamedTuple):
 class Mpc(ControllerComponent):
     """The linear MPC of MPC-PID without its PID.
 
-    If DAQP does not solve, the last plan shifted by one step per failure stands in; when that is
+    If the QP has no solution, the last plan shifted by one step per failure stands in; when that is
     used up, the wheels point straight ahead. A car that drives the road the wrong way or across it
     turns round at full lock. All of these are marked as a fallback.
     """
@@ -117,7 +117,7 @@ class Mpc(ControllerComponent):
 class MpcPid(Mpc):
     """u = c_mpc u_MPC + c_pid u_PID: a linear MPC at one tuned speed, corrected by a PID.
 
-    If DAQP does not solve, the last plan shifted by one step per failure stands in for u_MPC;
+    If the QP has no solution, the last plan shifted by one step per failure stands in for u_MPC;
     when that is used up, the PID steers alone; against the road the car turns round. All of these
     are marked as a fallback. When ``scheduled``, the PID fades above v0 as (v0 / v)^2.
     """

@@ -13,7 +13,7 @@ class Nmpc(DelayMpc):
     """Predicts the car through the steering delay, then plans with tyres up to their grip.
 
     Each decision improves the last one's plan by Gauss-Newton steps. Where a step breaks a limit on
-    wheel angle, steering rate or the front tyres' grip, DAQP solves its QP; if that fails, the plan
+    wheel angle, steering rate or the front tyres' grip, its QP is solved; if that fails, the plan
     of one period ago goes on, marked as a fallback.
     """
 

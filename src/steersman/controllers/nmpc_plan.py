@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from steersman.controllers.motion_estimate import MotionEstimate
-from steersman.controllers.mpc_delay_plan import SOLVED, Tables, Weights, largest_step
+from steersman.controllers.mpc_delay_plan import Tables, Weights, largest_step
+from steersman.controllers.quadratic import optimum
 from steersman.kernels import mpc_delay as delay_kernel
 from steersman.kernels import nmpc as kernel
 from steersman.kernels.nmpc_model import N_STATES, SLOWEST
@@ -154,14 +155,12 @@ def linearised(nlp: Nlp, plan: FloatArray) -> Step:
 
 
 def improved(s: Step, limits: Limits) -> FloatArray | None:
-    """The plan (N,) after a full step within the limits; None if DAQP does not say "solved"."""
+    """The plan (N,) after a full step within the limits; None if there is none."""
     change = np.empty_like(s.plan)
     if kernel.descend(s.hessian, s.linear, np.empty_like(s.hessian), change):
         plan = s.plan + change
         if kernel.keeps_limits(plan, s.low, s.high, *limits):
             return plan
-    import daqp
-
     n, (last, step) = len(s.plan), limits
     rows = np.eye(n) - np.eye(n, k=-1)
     moved = np.diff(s.plan, prepend=last)
@@ -170,11 +169,8 @@ def improved(s: Step, limits: Limits) -> FloatArray | None:
     low, high = np.minimum(s.low, last + ramp), np.maximum(s.high, last - ramp)
     upper = np.concatenate([high - s.plan, step - moved])
     lower = np.concatenate([low - s.plan, -step - moved])
-    solved: FloatArray
-    solved, _, flag, _ = daqp.solve(s.hessian, s.linear, rows, upper, lower)
-    if flag not in SOLVED or not np.isfinite(solved).all():
-        return None
-    return s.plan + solved
+    solved = optimum(s.hessian, s.linear, rows, lower, upper)
+    return None if solved is None else s.plan + solved
 
 
 def iterated(

@@ -238,7 +238,7 @@ def _fields(value: Value, start: Value | None) -> Iterator[StateField]:
             numbers = np.zeros(value.size) if known is None else np.asarray(known).ravel()
             yield StateField(text.removeprefix("state->"), value.kind, value.size, tuple(numbers))
         case Maybe(there, item):
-            missing = isinstance(start, Static) and start.value is None
+            missing = isinstance(start, Static) and (known is None or np.size(known) == 0)
             yield StateField(
                 there.text.removeprefix("state->"), "bool", None, (float(not missing),)
             )

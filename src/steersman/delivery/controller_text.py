@@ -15,12 +15,13 @@ from steersman.delivery import c_text
 from steersman.delivery.c_text import fill
 from steersman.delivery.controller import Setting, Translated, described
 from steersman.delivery.observations import Row, observations
-from steersman.delivery.translate.emitter import c_type, indented, without_unused
+from steersman.delivery.translate.emitter import c_type
+from steersman.delivery.translate.lines import indented, without_unused
 from steersman.delivery.translate.program import Parameter
 from steersman.types import Decision
 
 # How far the steering in C may be from Python's.
-TOLERANCE = {False: 1e-12, True: 2e-5}
+TOLERANCE = {False: 1e-9, True: 1e-5}
 COLUMNS = ("index", "name", "unit", "minimum", "maximum", "value", "meaning")
 
 

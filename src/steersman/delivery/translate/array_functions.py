@@ -8,7 +8,7 @@ from functools import reduce
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from steersman.delivery.translate import arrays
-from steersman.delivery.translate.values import REAL, Array, Bundle, Scalar, Static, Value
+from steersman.delivery.translate.values import INT, REAL, Array, Bundle, Scalar, Static, Value
 
 if TYPE_CHECKING:
     from steersman.delivery.translate.expressions import Expressions
@@ -78,6 +78,18 @@ def square(out: Expressions, given: list[Value], _: Named) -> Value:
         assert isinstance(one, Scalar)
         return Scalar(f"({one.text} * {one.text})", REAL)
     return arrays.elementwise(out, given, lambda x: f"{x[0].text} * {x[0].text}")
+
+
+def searchsorted(out: Expressions, given: list[Value], _: Named) -> Value:
+    """How many numbers of a rising array are smaller."""
+    wanted = out.local(out.number(given[1]))
+    whole = out.array(given[0])
+    count = out.fresh("count_store")
+    out.lines.append(f"int {count} = 0;")
+    indices = out.loops(whole.shape)
+    out.lines.append(f"{count} += {whole.element(*indices)} < {out.real(wanted)} ? 1 : 0;")
+    out.ended(indices)
+    return Scalar(count, INT)
 
 
 def concatenate(out: Expressions, given: list[Value], _: Named) -> Value:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from steersman.delivery.translate.lines import bare
 from steersman.delivery.translate.values import (
     BOOL,
     INT,
@@ -25,6 +25,7 @@ from steersman.delivery.translate.values import (
     Type,
     Value,
     converted,
+    holds_reals,
     leaves,
     scalar_kind,
 )
@@ -33,9 +34,6 @@ if TYPE_CHECKING:
     from steersman.delivery.translate.program import Program
 
 _ATOM = re.compile(r"[A-Za-z_]\w*|\d+")
-_LOCAL = re.compile(r"\s*(?:const )?(?:real|int) (\w+)(?:\[\d+\])?(?: = (?!.*/\* kept \*/).*)?;")
-_STORED = re.compile(r"\s*(\w+) = (?!.*\b\1\b).*;")
-_NAME = re.compile(r"[A-Za-z_]\w*")
 
 
 def c_type(kind: str) -> str:
@@ -132,6 +130,18 @@ class Emitter:
             return tuple(self.static(each) for each in value.items)
         raise NotTranslatable(f"{value} where a constant is expected")
 
+    def fixed(self, value: Value) -> bool:
+        """Whether a value is known and no parameter."""
+        return isinstance(value, Static) and not (
+            self.program.is_parameter(value.path) and holds_reals(value.value)
+        )
+
+    def known(self, value: Value) -> bool:
+        """Whether Python can compute with it: known, and without parameters in it."""
+        return isinstance(value, Static) and (
+            value.path is None or (self.fixed(value) and scalar_kind(value.value) is not None)
+        )
+
     def local(self, value: Value, hint: str = "t") -> Value:
         """The value at this moment: its numbers in local constants."""
         match value:
@@ -185,7 +195,13 @@ class Emitter:
             case "maybe":
                 there = self.storage(Type("scalar", BOOL), f"{hint}_there", lines)
                 assert isinstance(there, Scalar)
-                return Maybe(there, self.storage(wanted.parts[0], hint, lines))
+                item = self.storage(wanted.parts[0], hint, lines)
+                for part in leaves(item):
+                    if isinstance(part, Array):  # it may be copied while there is nothing in it
+                        size = f"{part.text}[{max(part.size, 1)}]"
+                        at = next(i for i, each in enumerate(lines) if size in each)
+                        lines[at] = lines[at].replace(f"{size};", f"{size} = {{0}};")
+                return Maybe(there, item)
         raise NotTranslatable(f"a variable {hint} without a value")
 
     def store(self, target: Value, value: Value, wanted: Type) -> None:
@@ -244,43 +260,6 @@ class Emitter:
         self.lines.extend("}" for _ in indices)
 
 
-def bare(text: str) -> str:
-    """An expression without the brackets around it."""
-    depth = 0
-    for i, each in enumerate(text):
-        depth += (each == "(") - (each == ")")
-        if depth == 0 and i < len(text) - 1:
-            return text
-    return text[1:-1] if text.startswith("(") else text
-
-
 def texts(value: Value) -> list[str]:
     """The text of each leaf."""
     return [each.text for each in leaves(value)]
-
-
-def without_unused(lines: list[str]) -> list[str]:
-    """The lines without local variables that nothing reads."""
-    while True:
-        count = Counter(name for each in lines for name in _NAME.findall(each))
-        written = Counter(m[1] for each in lines if (m := _STORED.fullmatch(each)))
-        declared = {m[1] for each in lines if (m := _LOCAL.fullmatch(each))}
-        unread = {name for name in declared if count[name] == 1 + written[name]}
-        kept = [
-            each
-            for each in lines
-            if not any((m := form.fullmatch(each)) and m[1] in unread for form in (_LOCAL, _STORED))
-        ]
-        if len(kept) == len(lines):
-            return kept
-        lines = kept
-
-
-def indented(lines: list[str]) -> list[str]:
-    """Lines indented by their braces."""
-    out, depth = [], 1
-    for each in lines:
-        depth -= each.startswith("}")
-        out.append(f"{'    ' * depth}{each}")
-        depth += each.endswith("{")
-    return out

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
 import inspect
 from collections.abc import Sequence
 from typing import Any
@@ -22,6 +23,9 @@ from steersman.delivery.translate.values import (
     Scalar,
     Static,
     Value,
+    field_names,
+    key,
+    may_be_written,
     opened,
 )
 
@@ -88,6 +92,21 @@ class Expressions(Operators):
     def _binop(self, node: ast.BinOp) -> Value:
         return self.operate(type(node.op), self.value(node.left), self.value(node.right))
 
+    def _one_of(self, place: Scalar, known: Sequence[Any]) -> Value:
+        """One of several known objects of a class: their arrays on a stack, the rest alike."""
+        fields: list[Value] = []
+        for name in field_names(type(known[0])):
+            each = [getattr(one, name) for one in known]
+            if all(key(one) == key(each[0]) for one in each):
+                fields.append(Static(each[0]))
+            else:
+                fields.append(arrays.at(self, self.array(Static(np.stack(each))), [place]))
+        return Bundle(type(known[0]), tuple(fields))
+
+    def counted(self, there: Scalar, count: int) -> Scalar:
+        """How many rows an array has that may be empty."""
+        return Scalar(f"({there.text} ? {count} : 0)", INT)
+
     def _chosen(self, place: Scalar, items: Sequence[Value]) -> Value:
         """One of several numbers."""
         kinds = {self.number(each).kind for each in items}
@@ -103,23 +122,25 @@ class Expressions(Operators):
     def attribute(self, owner: Value, name: str) -> Value:
         """A field, a property or a constant."""
         match owner:
+            case Maybe(there, Array(_, shape)) if name == "shape":
+                return Bundle(tuple, (self.counted(there, shape[0]), *map(Static, shape[1:])))
             case Maybe():
                 return self.attribute(owner.item, name)
             case Static():
-                found = inspect.getattr_static(type(owner.value), name, None)
-                if isinstance(found, property) and owner.path is not None:
-                    return self.call(found.fget, [owner])
-                path = None if owner.path is None else f"{owner.path}.{name}".lstrip(".")
-                return Static(getattr(owner.value, name), path)
+                return self._part_of(owner, name)
+            case Bundle() if name in field_names(owner.cls):
+                return owner[name]
             case Bundle():
-                if name in getattr(owner.cls, "_fields", ()):
-                    return owner[name]
-                found = inspect.getattr_static(owner.cls, name)
-                if isinstance(found, property):
-                    return self.call(found.fget, [owner])
-            case Array():
-                return arrays.attribute(owner, name)
-        raise NotTranslatable(f"{name} of {owner}")
+                return self.call(inspect.getattr_static(owner.cls, name).fget, [owner])
+        return arrays.attribute(self.array(owner), name)
+
+    def _part_of(self, owner: Static, name: str) -> Value:
+        """What is known of something known; properties of what has parameters are computed in C."""
+        found = inspect.getattr_static(type(owner.value), name, None)
+        if isinstance(found, property) and owner.path is not None:
+            return self.call(found.fget, [owner])
+        path = None if owner.path is None else f"{owner.path}.{name}".lstrip(".")
+        return Static(getattr(owner.value, name), path)
 
     def _subscript(self, node: ast.Subscript) -> Value:
         owner = opened(self.value(node.value))
@@ -132,10 +153,15 @@ class Expressions(Operators):
             return self._element(owner, places)
         place = self.place(places[0])
         if isinstance(owner, Static):
+            if isinstance(place, Scalar):
+                return self._one_of(place, owner.value)
             return Static(owner.value[self.static(place)])
         if not isinstance(owner, Bundle):
             raise NotTranslatable(ast.unparse(node))
         if isinstance(place, Scalar):
+            whole = [each for each in owner.items if isinstance(each, Static)]
+            if whole and dataclasses.is_dataclass(whole[0].value):
+                return self._one_of(place, [each.value for each in whole])
             return self._chosen(place, owner.items)
         at = self.static(place)
         return Bundle(tuple, owner.items[at]) if isinstance(at, slice) else owner.items[at]
@@ -208,12 +234,16 @@ class Expressions(Operators):
             given = self.values(node.args)
             if isinstance(owner, Static) and hasattr(owner.value, "_fields"):
                 owner = opened(owner)
-            if not isinstance(owner, Static):
-                return self.method(owner, node.func.attr, given, named)
-            function = inspect.getattr_static(type(owner.value), node.func.attr, None)
+            name, known = node.func.attr, isinstance(owner, Static)
+            if arrays.is_array(owner) and (name == "copy" or not self.fixed(owner)):
+                known = False  # what is copied is written to
+            if not known:
+                return self.method(owner, name, given, named)
+            assert isinstance(owner, Static)
+            function = inspect.getattr_static(type(owner.value), name, None)
             if inspect.isfunction(function):
                 return self.call(function, [owner, *given], named)
-            return self.call(getattr(owner.value, node.func.attr), given, named)
+            return self.call(getattr(owner.value, name), given, named)
         function = self.static(self.value(node.func))
         return self.call(function, self.values(node.args), named)
 
@@ -243,7 +273,9 @@ class Expressions(Operators):
             known = [each.value for each in given if isinstance(each, Static)]
             more = {k: v.value for k, v in named.items() if isinstance(v, Static)}
             with np.errstate(all="ignore"):
-                return Static(function(*known, **more))
+                made = function(*known, **more)
+            if not (hasattr(function, "cache_info") and may_be_written(made)):
+                return Static(made)
         if special is not None:
             return special.write(self, given, named)
         if isinstance(function, type):

@@ -150,6 +150,8 @@ def _tuple(out: Expressions, given: list[Value], _: Named) -> Value:
 
 def _len(out: Expressions, given: list[Value], _: Named) -> Value:
     whole = opened(given[0])
+    if isinstance(whole, Maybe) and isinstance(whole.item, Array):
+        return out.counted(whole.there, whole.item.shape[0])
     whole = whole.item if isinstance(whole, Maybe) else whole
     if isinstance(whole, Static):
         return Static(len(whole.value))
@@ -205,7 +207,7 @@ def _register() -> dict[Any, Special]:
         math.isnan: _isnan, sum: more.sum, all: _all, any: _any, map: _map, zip: _zip,
         enumerate: _enumerate, reversed: _reversed, tuple: _tuple, list: _tuple, len: _len,
         isinstance: _isinstance, np.asarray: more.given, np.ascontiguousarray: more.given,
-        np.square: more.square, np.where: more.where,
+        np.searchsorted: more.searchsorted, np.square: more.square, np.where: more.where,
     }  # fmt: skip
     fresh: dict[Any, Callable[[Expressions, list[Value], Named], Value]] = {
         np.array: more.array, np.concatenate: more.concatenate, np.append: more.append,

@@ -34,6 +34,8 @@ class Loops(Expressions):
     """Loops of a function. ``over``: what follows is never reached."""
 
     over: bool
+    read: frozenset[tuple[str, int]] = frozenset()
+    """Names that are read, with their lines."""
     _loop: _Loop | None
 
     @abstractmethod
@@ -81,18 +83,22 @@ class Loops(Expressions):
             if isinstance(each, ast.Name) and isinstance(each.ctx, ast.Store)
         }
         types = {k: type_of(self.names[k]) for k in sorted(changed) if k in self.names}
+        later = changed & {name for name, line in self.read if line > (node.end_lineno or 0)}
         before, outer = dict(self.names), self._loop
         for _ in range(_PASSES):
             top, names = list(self.top), self._names
             with self.collected():
                 found = self._turn(node, types, given, test).found
+            new = (later - types.keys()) & self.names.keys()
+            found |= {k: type_of(self.names[k]) for k in sorted(new)}
             self.top[:], self._names, self.names, self.over = top, names, dict(before), False
             if found == types:
                 break
             types = found
         targets = {k: self.storage(t, k) for k, t in types.items()}
         for name, wanted in types.items():
-            self.store(targets[name], before[name], wanted)
+            if name in before:
+                self.store(targets[name], before[name], wanted)
         with self.collected() as lines:
             self._turn(node, types, given, test, targets)
         self.lines += [head, *lines, "}"]

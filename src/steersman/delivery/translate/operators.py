@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from steersman.delivery.translate import arrays
-from steersman.delivery.translate.emitter import Emitter, bare
+from steersman.delivery.translate.emitter import Emitter
+from steersman.delivery.translate.lines import bare
 from steersman.delivery.translate.values import (
     BOOL,
     INT,
@@ -22,7 +23,6 @@ from steersman.delivery.translate.values import (
     Scalar,
     Static,
     Value,
-    holds_reals,
     join,
     opened,
     same,
@@ -52,18 +52,6 @@ class Operators(Emitter):
     def items(self, value: Value) -> list[Value]:
         """What a loop over it meets, one after the other."""
 
-    def fixed(self, value: Value) -> bool:
-        """Whether a value is known and no parameter."""
-        return isinstance(value, Static) and not (
-            self.program.is_parameter(value.path) and holds_reals(value.value)
-        )
-
-    def known(self, value: Value) -> bool:
-        """Whether Python can compute with it: known, and without parameters in it."""
-        return isinstance(value, Static) and (
-            value.path is None or (self.fixed(value) and scalar_kind(value.value) is not None)
-        )
-
     def operate(self, op: type, a: Value, b: Value) -> Value:
         """An operator between two values."""
         sign, compute = _OPERATORS[op]
@@ -73,6 +61,12 @@ class Operators(Emitter):
                 return Static(compute(_known(a), _known(b)))
         if isinstance(a, Bundle) and isinstance(b, Bundle) and op is ast.Add:
             return Bundle(tuple, (*a.items, *b.items))
+        a, b = (
+            arrays.from_items(self, one)
+            if isinstance(one, Bundle) and arrays.is_array(other)
+            else one
+            for one, other in ((a, b), (b, a))
+        )
         if op is ast.MatMult:
             return arrays.product(self, a, b)
         if arrays.is_array(a) or arrays.is_array(b):
@@ -131,7 +125,8 @@ class Operators(Emitter):
         if len(node.ops) == 1:
             right = self.value(node.comparators[0])
             op: type = type(node.ops[0])
-            if arrays.is_array(left) or arrays.is_array(right):
+            ordered = op not in {ast.Is, ast.IsNot, ast.In, ast.NotIn}
+            if ordered and (arrays.is_array(left) or arrays.is_array(right)):
                 return arrays.elementwise(
                     self, [left, right], lambda x: self._compared_text(op, x[0], x[1]), INT
                 )

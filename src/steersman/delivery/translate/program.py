@@ -12,8 +12,10 @@ import numpy as np
 
 from steersman.delivery import c_text
 from steersman.delivery.translate import arguments
-from steersman.delivery.translate.emitter import c_type, indented, texts, without_unused
+from steersman.delivery.translate.emitter import c_type, texts
 from steersman.delivery.translate.expressions import Expressions
+from steersman.delivery.translate.helpers import HELPER_NAMES, HELPERS
+from steersman.delivery.translate.lines import indented, without_unused
 from steersman.delivery.translate.statements import Statements
 from steersman.delivery.translate.values import (
     NEVER,
@@ -32,33 +34,6 @@ from steersman.delivery.translate.values import (
 )
 
 _PASSES = 4
-_HELPERS = {
-    "least": "static real least(real a, real b)\n{\n    return b < a ? b : a;\n}\n",
-    "most": "static real most(real a, real b)\n{\n    return b > a ? b : a;\n}\n",
-    "least_int": "static int least_int(int a, int b)\n{\n    return b < a ? b : a;\n}\n",
-    "most_int": "static int most_int(int a, int b)\n{\n    return b > a ? b : a;\n}\n",
-    "to_int": (
-        "/* Towards zero; numbers that no int can hold become the nearest one, NaN 0. */\n"
-        "static int to_int(real x)\n{\n"
-        "    if (x != x) {\n        return 0;\n    }\n"
-        "    if (x >= (real)2.0e9) {\n        return 2000000000;\n    }\n"
-        "    return x <= (real)-2.0e9 ? -2000000000 : (int)x;\n}\n"
-    ),
-    "floor_div": (
-        "static int floor_div(int a, int b)\n{\n"
-        "    return a / b - (a % b != 0 && (a < 0) != (b < 0) ? 1 : 0);\n}\n"
-    ),
-    "floor_mod": (
-        "static int floor_mod(int a, int b)\n{\n"
-        "    return a % b + (a % b != 0 && (a < 0) != (b < 0) ? b : 0);\n}\n"
-    ),
-    "finite": "static int finite_number(real x)\n{\n    return isfinite(x) ? 1 : 0;\n}\n",
-    "copied": (
-        "static void copied(real *to, const real *from, int count)\n{\n    int i;\n\n"
-        "    for (i = 0; i < count; ++i) {\n        to[i] = from[i];\n    }\n}\n"
-    ),
-}
-_NAMES = {"finite": "finite_number"}
 
 
 class Parameter(NamedTuple):
@@ -123,8 +98,8 @@ class Program:
 
     def helper(self, name: str) -> str:
         """A small function that is written once."""
-        self.helpers[name] = _HELPERS[name]
-        return _NAMES.get(name, name)
+        self.helpers[name] = HELPERS[name]
+        return HELPER_NAMES.get(name, name)
 
     def is_parameter(self, path: str | None) -> bool:
         """Whether what has this path can be changed without compiling."""
@@ -164,13 +139,25 @@ class Program:
     ) -> Value:
         """Call a Python function from C code that is being written."""
         values = arguments.bound(function, given, named)
+        parts = [leaf for each in values.values() for leaf in leaves(each)]
         values = {k: arguments.dense(out, v) for k, v in values.items()}
         made = self.function(function, values)
         words = ["p", *(text for each in values.values() for text in texts(each))]
-        roots = [leaf for each in values.values() for leaf in leaves(each)]
-        for leaf, written in zip(roots, made.written, strict=True):
-            if written and isinstance(leaf, Array):
-                leaf.root.written = True
+        given_parts = [leaf for each in values.values() for leaf in leaves(each)]
+        changed: list[tuple[Array, Array]] = []
+        for part, leaf, written in zip(parts, given_parts, made.written, strict=True):
+            if written and isinstance(leaf, Array) and isinstance(part, Array):
+                part.root.written = leaf.root.written = True
+                if part.text != leaf.text:
+                    changed.append((part, leaf))
+        result = self._called(out, made, words)
+        for part, leaf in changed:  # numbers with gaps between them went as a copy
+            out.copy(part, leaf)
+        return result
+
+    @staticmethod
+    def _called(out: Expressions, made: Function, words: list[str]) -> Value:
+        """Write the call; its result."""
         if made.result.form == "static" or not list(leaves(arguments.example(made.result))):
             if any(made.written):
                 out.lines.append(f"{made.name}({', '.join(words)});")
@@ -258,6 +245,11 @@ class Program:
         names = {k: arguments.formal(writer, k, v) for k, v in values.items()}
         formals = [leaf for each in names.values() for leaf in leaves(each)]
         writer.names = dict(names)
+        writer.read = frozenset(
+            (each.id, each.lineno)
+            for each in ast.walk(tree)
+            if isinstance(each, ast.Name) and isinstance(each.ctx, ast.Load)
+        )
         targets = None
         if result.form not in {"never", "static", "scalar"}:
             targets = arguments.pointers(writer.storage(result, "out", []))
@@ -286,4 +278,4 @@ class Program:
 
 
 _RESERVED = {"parameters", "real", "step", "init", "reset", "copied", "least", "most", "finite",
-             "executed", "to_int", "hold", "signal", "slew"} | set(_HELPERS)  # fmt: skip
+             "executed", "to_int", "hold", "signal", "slew"} | set(HELPERS)  # fmt: skip

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from steersman.delivery.translate import arrays
-from steersman.delivery.translate.emitter import bare
+from steersman.delivery.translate.lines import bare
 from steersman.delivery.translate.loops import Loops
 from steersman.delivery.translate.values import (
     NEVER,

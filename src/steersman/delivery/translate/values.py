@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import enum
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -86,6 +87,13 @@ class Array:
         return f"{self.text}[{' + '.join(each for each in terms if each != '0') or '0'}]"
 
 
+def field_names(cls: type) -> tuple[str, ...]:
+    """Names of what a named tuple, or a dataclass, holds."""
+    if dataclasses.is_dataclass(cls):
+        return tuple(each.name for each in dataclasses.fields(cls))
+    return tuple(getattr(cls, "_fields", ()))
+
+
 def row_by_row(shape: tuple[int, ...]) -> tuple[int, ...]:
     """Strides of numbers without gaps."""
     return tuple(int(np.prod(shape[i + 1 :], dtype=int)) for i in range(len(shape)))
@@ -100,7 +108,7 @@ class Bundle:
 
     def __getitem__(self, name: str) -> Value:
         """The field of that name."""
-        return self.items[self.cls._fields.index(name)]  # type: ignore[attr-defined]
+        return self.items[field_names(self.cls).index(name)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +194,13 @@ def holds_reals(value: Any) -> bool:
     return scalar_kind(value) == REAL or (isinstance(value, np.ndarray) and value.dtype.kind == "f")
 
 
+def may_be_written(value: Any) -> bool:
+    """Whether it is, or holds, an array that is no constant."""
+    if isinstance(value, tuple):
+        return any(may_be_written(each) for each in value)
+    return isinstance(value, np.ndarray) and value.flags.writeable
+
+
 def join(a: Type, b: Type) -> Type:
     """The type that holds values of both.
 
@@ -199,16 +214,24 @@ def join(a: Type, b: Type) -> Type:
     for one, other in ((a, b), (b, a)):
         if one.form == "static" and one.example.value is None:
             return other if other.form == "maybe" else Type("maybe", None, (_loose(other),))
+    if a.form == b.form == "static" and _empty(a) and _empty(b) and a.detail[0] == b.detail[0]:
+        return type_of(Static(a.example.value))  # whatever it is called
     if "maybe" in {a.form, b.form}:
-        inside = (each.parts[0] if each.form == "maybe" else each for each in (a, b))
-        return Type("maybe", None, (join(*inside),))
+        inside = join(*(each.parts[0] if each.form == "maybe" else each for each in (a, b)))
+        return inside if inside.form == "maybe" else Type("maybe", None, (inside,))
     return _joined(_loose(a), _loose(b))
+
+
+def _empty(given: Type) -> bool:
+    return isinstance(given.example.value, np.ndarray) and given.example.value.size == 0
 
 
 def _joined(a: Type, b: Type) -> Type:
     """The type of values that are there, known or not."""
     if a == b:
         return a
+    if a.form == b.form == "array" and 0 in {*a.detail[0], *b.detail[0]}:  # none, until there are
+        return Type("maybe", None, (b if 0 in a.detail[0] else a,))
     if a.form == b.form == "scalar":
         order = (BOOL, INT, REAL)
         return Type("scalar", max(a.detail, b.detail, key=order.index))
@@ -253,8 +276,8 @@ def converted(value: Value, wanted: Type) -> Value:
     A missing item of a ``maybe`` stays ``Static(None)``, for which nothing is stored.
     """
     if wanted.form == "maybe":
-        if isinstance(value, Static) and value.value is None:
-            return Maybe(Scalar("0", BOOL), value)
+        if isinstance(value, Static) and (value.value is None or np.size(value.value) == 0):
+            return Maybe(Scalar("0", BOOL), Static(None))
         if not isinstance(value, Maybe):
             value = Maybe(Scalar("1", BOOL), value)
         return Maybe(value.there, converted(value.item, wanted.parts[0]))

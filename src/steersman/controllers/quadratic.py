@@ -1,0 +1,34 @@
+"""The optimum of a small quadratic program, for plans that are condensed anew at every step."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from steersman.kernels import active_set
+from steersman.kernels.condensed_qp import all_finite
+from steersman.types import FloatArray
+
+
+def optimum(
+    hessian: FloatArray, linear: FloatArray, rows: FloatArray, lower: FloatArray, upper: FloatArray
+) -> FloatArray | None:
+    """The x (n,) that minimises x' H x / 2 + linear' x with lower <= [x, rows x] <= upper.
+
+    None if the Hessian is not positive definite, the limits contradict each other, or the method's
+    largest number of steps is not enough.
+    """
+    inverse = np.empty_like(hessian)
+    if not active_set.inverse_root(hessian, inverse):
+        return None
+    return within(inverse, linear, rows, lower, upper)
+
+
+def within(
+    inverse: FloatArray, linear: FloatArray, rows: FloatArray, lower: FloatArray, upper: FloatArray
+) -> FloatArray | None:
+    """The same from ``active_set.inverse_root`` of the Hessian."""
+    n = len(linear)
+    out = np.empty(n)
+    work = np.empty((2 * n + active_set.ROWS, n))
+    steps = active_set.solve(inverse, linear, rows, lower, upper, out, work)
+    return out if steps >= 0 and all_finite(out) else None
