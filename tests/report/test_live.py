@@ -175,6 +175,7 @@ def test_choices_are_the_configuration():
     assert "controller=tuned/lqr controller.q_lateral=0.5" in more.command()
     own = configuration("drive", ["tuned/pid", "path=figure_eight", "path.radius=30"])
     assert chosen(own).config(BASE).controller == own.controller
+    assert chosen(own).parts["controller"] == ChosenPart(word="tuned/pid")
     words = shlex.split(more.command())[2:]
     assert configuration("drive", words) == config.model_copy(update={"duration": None})
 

@@ -51,6 +51,7 @@ def live(
 
     server.require()
     config = driving.configure("drive", *(words or []))
+    driving.announce_drive(config, words or [], note)
     address = LiveAddress(server.free_port(port), token or server.new_token())
     note(f"{address.url}\nCtrl-C ends it")
     tell_compiling()

@@ -94,10 +94,15 @@ def chosen(config: RunConfig) -> Choices:
 
 
 def _part(component: Component) -> ChosenPart:
+    """By the word with the fewest fields that differ: gains of the package by their name."""
     given = _flat(dump(component) or {})
-    plain = _flat(_default(component.family, component.kind))
-    differ = {name: v for name, v in given.items() if name != "kind" and plain.get(name) != v}
-    return ChosenPart(word=component.kind, fields=differ)
+    found = []
+    for word in [component.kind, *words.known(component.family)]:
+        plain = _flat(_default(component.family, word))
+        if word == component.kind or plain.get("kind") == component.kind:
+            differ = {k: v for k, v in given.items() if k != "kind" and plain.get(k) != v}
+            found.append(ChosenPart(word=word, fields=differ))
+    return min(found, key=lambda part: len(part.fields))
 
 
 def _flat(tree: Mapping[str, Any], before: str = "") -> dict[str, Any]:
