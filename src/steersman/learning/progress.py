@@ -138,7 +138,7 @@ def chosen_words(result: TrainResult) -> str:
     """Which of the validated policies of a training is the exported one."""
     policy, steps = result.policy, result.card.training["steps"]
     if steps == 0:
-        return f"{policy}: the base alone; no correction was better in validation"
+        return f"{policy}: the base alone; nothing later was better in validation"
     return f"{policy}: after {steps} of {result.config.steps} steps, the best in validation"
 
 
