@@ -37,7 +37,7 @@ def test_the_kernel_drives_as_a_rollout_does() -> None:
     for name in ("side_wind", "icy_edge", "mixed_1"):
         one = whole[f"clothoid_0/changing/{name}/carla_model3/0"]
         one = one._replace(run=one.run.model_copy(update={"duration": 6.0}))
-        search = searched(one, LQR.controller)
+        search = searched(one.run, LQR.controller)
         search.held = 0  # periods that are only shifted in time
         own = search.first["lateral_error"]
         assert search.replayed()[: len(own)] == pytest.approx(own, abs=1e-9)

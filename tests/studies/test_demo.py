@@ -45,16 +45,23 @@ def test_the_paper_stands_beside_its_throttles_and_speeds() -> None:
 
 def test_rows_are_what_the_episodes_say(rows: list[dict[str, Any]], tmp_path: FilePath) -> None:
     assert [r["driver"] for r in rows] == [
-        *(demo.AGENT, demo.MPC_PID, demo.SCHEDULED, demo.BEST, demo.PAPER),
-        *(demo.AGENT, demo.MPC_PID, demo.SCHEDULED, demo.BEST),
+        *(demo.AGENT, demo.MPC_PID, demo.SCHEDULED, demo.BEST, demo.ORACLE, demo.PAPER),
+        *(demo.AGENT, demo.MPC_PID, demo.SCHEDULED, demo.BEST, demo.ORACLE),
     ]
     episodes = sorted((tmp_path / "out" / "episodes").rglob("*.npz"))
-    assert len(episodes) == 8
+    assert len(episodes) == 10
     by_driver = {(r["test"], r["driver"]): r for r in rows}
     episode = load_episode(tmp_path / "out" / "episodes" / "r50_throttle_0.4" / "mpc-pid.npz")
     row = by_driver["R50, throttle 0.4", demo.MPC_PID]
     assert row["ale_mm"] == pytest.approx(1e3 * abs(episode["lateral_error"]).mean())
     assert row["end"] == episode.end
+
+
+def test_no_drive_has_less_error_than_the_oracle(rows: list[dict[str, Any]]) -> None:
+    for test in {row["test"] for row in rows}:
+        errors = {r["driver"]: r["ale_mm"] for r in rows if r["test"] == test}
+        assert errors[demo.ORACLE] == min(errors.values())
+        assert errors[demo.ORACLE] < 0.01
 
 
 def test_files_can_be_read_back(rows: list[dict[str, Any]], tmp_path: FilePath) -> None:
@@ -63,5 +70,5 @@ def test_files_can_be_read_back(rows: list[dict[str, Any]], tmp_path: FilePath) 
     lines = (out / "table.md").read_text().splitlines()
     assert len(lines) == len(rows) + 2
     assert {line.replace(r"\|", "").count("|") for line in lines} == {len(demo.COLUMNS) + 1}
-    assert sum(run.episode is not None for run in load_runs([out])) == 8
+    assert sum(run.episode is not None for run in load_runs([out])) == 10
     assert [len(cells) for cells in demo.cells(rows)] == [len(demo.COLUMNS)] * len(rows)

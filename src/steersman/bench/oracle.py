@@ -21,6 +21,7 @@ from steersman.bench.drive import digest
 from steersman.bench.suite import Scenario
 from steersman.controllers.base import ControllerComponent
 from steersman.disturbances import FrictionPatch
+from steersman.episode import Episode
 from steersman.kernels import observe as obs
 from steersman.kernels import optimal as kernel
 from steersman.kernels import vehicle as car
@@ -29,7 +30,8 @@ from steersman.plants.wind import Gusts
 from steersman.rollout import RunConfig, RunningDrive, attempt
 from steersman.sensing import WaypointSensor
 from steersman.stored import SourcedResult
-from steersman.types import FloatArray
+from steersman.types import FloatArray, Observation, Status
+from steersman.vehicles import Vehicle
 
 PRICE = 0.05
 """Of the RMS steering rate, in lateral error [m s]."""
@@ -99,17 +101,17 @@ def oracle(scenario: Scenario, start: ControllerComponent) -> OracleCost | None:
         scenario: what is driven, in the embedded simulator.
         start: the controller from whose drive the optimisation starts; it knows the true car.
     """
-    return searched(scenario, start).result()
+    return searched(scenario.run, start).result()
 
 
-def searched(scenario: Scenario, start: ControllerComponent) -> DriveSearch:
-    """The optimisation of a scenario's drive, to be begun.
+def searched(run: RunConfig, start: ControllerComponent) -> DriveSearch:
+    """The optimisation of a drive, to be begun.
 
     Args:
-        scenario: what is driven, in the embedded simulator.
+        run: what is driven, in the embedded simulator.
         start: the controller from whose drive the optimisation starts; it knows the true car.
     """
-    run, plant = scenario.run, scenario.run.plant
+    plant = run.plant
     assert isinstance(plant, SimulatorConfig)
     held, late = divmod(plant.delay_of(run.vehicle), plant.substeps())
     exact: dict[str, Any] = {
@@ -123,6 +125,21 @@ def searched(scenario: Scenario, start: ControllerComponent) -> DriveSearch:
         "vehicle": run.vehicle.replace(steer_delay=0.0),
     }
     return DriveSearch(run.model_copy(update=exact), held, late)
+
+
+class Played(ControllerComponent):
+    """Sends commands that are given before the drive, one in each control period."""
+
+    commands: tuple[float, ...]
+    """Normalised steering; the last is held."""
+
+    def init(self, vehicle: Vehicle, dt: float) -> int:
+        """The number of commands sent."""
+        return 0
+
+    def decide(self, state: int, observation: Observation) -> tuple[float, Status, int]:
+        """The next command."""
+        return self.commands[min(state, len(self.commands) - 1)], Status.SOLVED, state + 1
 
 
 class DriveSearch:
@@ -160,6 +177,12 @@ class DriveSearch:
         steps, _ = self._drive(0.0)
         errors: FloatArray = self._trails[1].tracking[:steps, obs.D].copy()
         return errors
+
+    def episode(self) -> Episode:
+        """The drive with the cheapest steering found so far, without whole periods of delay."""
+        commands = tuple(self._trails[0].command[self.held :, 0].tolist())
+        played = self._run.model_copy(update={"controller": Played(commands=commands)})
+        return attempt(played).of_controller()
 
     def _drive(self, share: float) -> tuple[int, OracleCost]:
         """Drive from the first trail's steering to the second trail."""

@@ -65,10 +65,12 @@ COLUMNS = {
     "end": "ended by",
 }
 TITLE = (
-    "Agent, MPC-PID and the best classical controller on roads that none was trained or tuned on, "
-    "beside the paper's agent"
+    "Agent, MPC-PID, the best classical controller and the oracle on roads that none was trained "
+    "or tuned on, beside the paper's agent"
 )
 AGENT, MPC_PID, SCHEDULED, PAPER = "agent", "MPC-PID", "MPC-PID sched.", "paper's agent"
+ORACLE = "oracle"
+"""The best steering for the true plant, its future known (:mod:`steersman.bench.oracle`)."""
 # The least error of the classical controllers of results/bench in a typical scenario.
 BEST = "mpc_delay est."
 
@@ -107,7 +109,8 @@ def tests() -> list[Test]:
 def drive_tests(
     policy: FilePath, out: FilePath, progress: Callable[[str], None] | None = None
 ) -> list[dict[str, Any]]:
-    """Drive every test with the policy, both kinds of MPC-PID and the best classical controller.
+    """Drive every test with the policy, both kinds of MPC-PID, the best classical controller and
+    the oracle.
 
     Returns the rows of the table.
 
@@ -121,11 +124,17 @@ def drive_tests(
     }
     rows: list[dict[str, Any]] = []
     for test in tests():
-        for name, controller in controllers.items():
+        drives = {
+            name: build(RunConfig, test.config | {"controller": controller})
+            for name, controller in controllers.items()
+        }
+        for name in (*drives, ORACLE):
             if progress is not None:
                 progress(f"{test.name}: {name}")
-            config = build(RunConfig, test.config | {"controller": controller})
-            episode = attempt(config).of_controller()
+            if name == ORACLE:
+                episode = _oracle(drives[AGENT], drives[BEST])
+            else:
+                episode = attempt(drives[name]).of_controller()
             folder = make_folder(out / "episodes" / _slug(test.name))
             episode.save(folder / f"{_slug(name)}.npz")
             rows.append(_row(test, name, episode))
@@ -135,6 +144,17 @@ def drive_tests(
     write_text(out / "table.json", json.dumps(table, indent=1, allow_nan=False) + "\n")
     write_text(out / "table.md", markdown(rows))
     return rows
+
+
+def _oracle(*drives: RunConfig) -> Episode:
+    """The drive of the oracle, searched from the first of these drives that stays on the road."""
+    from steersman.bench.oracle import searched
+
+    for drive in drives:
+        search = searched(drive, drive.controller)
+        if search.result() is not None:
+            break
+    return search.episode()
 
 
 def _slug(name: str) -> str:
@@ -154,7 +174,7 @@ def _row(test: Test, driver: str, episode: Episode) -> dict[str, Any]:
         "aoe_deg": m["mean_abs_heading_error_deg"],
         "speed": m["mean_speed_m_s"],
         "a_y": m["max_lateral_acceleration_m_s2"],
-        "time_us": m["control_time_us_p50"],
+        "time_us": None if driver == ORACLE else m["control_time_us_p50"],
         "end": episode.end,
         "completed": episode.completed,
         "duration_s": m["duration_s"],
