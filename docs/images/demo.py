@@ -18,6 +18,8 @@ STYLES = {
     "mpc_delay est.": ("#CC79A7", "v", "mpc_delay behind the estimator"),
     "agent": ("#009E73", "o", "Steersman's agent"),
 }
+# Of the axis: errors of the oracle are no more than rounding.
+LEAST_MM = 1e-3
 
 
 def main() -> None:
@@ -37,7 +39,11 @@ def main() -> None:
                 fill = colour if row["completed"] else "white"
                 axis.plot(speed, row[key], marker, color=colour, mfc=fill, ms=8)
             axis.plot([], [], "-", marker=marker, color=colour, label=label + rolled, ms=8)
+    oracle = max(r["ale_mm"] for r in rows if r["driver"] == "oracle")
     left.set(yscale="log", xlabel="speed [m/s]", ylabel="mean |lateral error| [mm]")
+    left.set_ylim(bottom=LEAST_MM)
+    below = f"oracle: at most {oracle:.0e} mm, below the axis"
+    left.text(0.02, 0.02, below, transform=left.transAxes, fontsize=10)
     right.set(yscale="log", xlabel="speed [m/s]", ylabel="SD of normalised steering")
     left.set_title("Circle of radius 50 m, 60 s", loc="left")
     right.set_title("Steering that should be constant", loc="left")

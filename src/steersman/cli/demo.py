@@ -36,7 +36,8 @@ heading error [deg], nearly all of it the car's own side-slip. a_y: largest
 lateral acceleration [m/s^2]. The paper gives no speeds; 9.9 to 24.2 m/s are
 inferred from its heading errors. MPC-PID is tuned for 30 km/h; sched. has a
 model for each speed. mpc_delay est. is estimated/tuned/mpc_delay, the classical
-controller with the least error in a typical scenario of results/bench.
+controller with the least error in a typical scenario of results/bench. oracle:
+the best steering for the true car when the whole drive is known beforehand.
 """
 
 
@@ -63,8 +64,9 @@ def demo(
     """Train an agent and compare it with classical controllers where none of them has been.
 
     Trains a few minutes, drives the circle of radius 50 m and a lap of Monza with the agent, with
-    MPC-PID and with the best classical controller, prints the table beside the paper's figures, and
-    writes policy, resolved configuration, episodes and report.html.
+    MPC-PID, with the best classical controller and with the best steering that an optimisation
+    finds, prints the table beside the paper's figures, and writes policy, resolved configuration,
+    episodes and report.html.
     """
     from steersman.commands import existing
 

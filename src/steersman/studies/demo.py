@@ -109,8 +109,7 @@ def tests() -> list[Test]:
 def drive_tests(
     policy: FilePath, out: FilePath, progress: Callable[[str], None] | None = None
 ) -> list[dict[str, Any]]:
-    """Drive every test with the policy, both kinds of MPC-PID, the best classical controller and
-    the oracle.
+    """Drive every test with the policy, three classical controllers and the oracle.
 
     Returns the rows of the table.
 
