@@ -43,7 +43,7 @@ def main() -> None:
     left.set(yscale="log", xlabel="speed [m/s]", ylabel="mean |lateral error| [mm]")
     left.set_ylim(bottom=LEAST_MM)
     below = f"oracle: at most {oracle:.0e} mm, below the axis"
-    left.text(0.02, 0.02, below, transform=left.transAxes, fontsize=10)
+    left.text(0.98, 0.03, below, transform=left.transAxes, fontsize=10, ha="right")
     right.set(yscale="log", xlabel="speed [m/s]", ylabel="SD of normalised steering")
     left.set_title("Circle of radius 50 m, 60 s", loc="left")
     right.set_title("Steering that should be constant", loc="left")
