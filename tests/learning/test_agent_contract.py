@@ -25,11 +25,11 @@ def test_what_does_otherwise_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
         def make(self, config: Any, env: Any) -> Any:
             made = super().make(config, env)
             made.actor_net().flat[:] += np.random.default_rng().normal(size=1).astype(np.float32)
-            made.act = lambda features: np.full(len(features), 2.0)  # type: ignore[method-assign]
+            made.act = lambda features: np.full((len(features), 1), 2.0)  # type: ignore[method-assign]
             return made
 
     Careless.kind = "td3"
     found = [text.partition(": ")[2] for text in check(Careless)]
-    assert "act gives no actions (n,) in [-1, 1]" in found
+    assert "act gives no actions (n, m) in [-1, 1]" in found
     assert "act and predict(deterministic=True) differ" in found
     assert "the same seed gives other weights" in found
