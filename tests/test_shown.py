@@ -137,7 +137,7 @@ def test_the_metrics_of_an_episode(episode):
 
 
 def test_other_endings_are_refused(episode, tmp_path):
-    with pytest.raises(sm.DataError, match=r"'\.xlsx' is no ending .*\.csv, \.mat, \.mcap"):
+    with pytest.raises(sm.DataError, match=r"'\.xlsx' is no ending .*\.csv, \.gif, \.mat, \.mcap"):
         episode.save(tmp_path / "x.xlsx")
     assert not list(tmp_path.iterdir())
 
