@@ -46,8 +46,14 @@ CONTROLLERS = (
 )  # fmt: skip
 DRIVE = 30
 ROUNDS = 9
+BUILDS = ("gcc -O2", "gcc -O3", "clang -O2", "clang -O3")
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-pedantic", "-Wshadow")
 PORTABLE = "-ffp-contract=off"
+M4 = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16", "-O2")
+QEMU = (
+    "-M", "mps2-an386", "-nographic", "-icount", "shift=0",
+    "-semihosting-config", "enable=on,target=native",
+)  # fmt: skip
 
 
 class InC(ControllerComponent):
@@ -200,7 +206,32 @@ def microseconds(code: InC, setting: Setting) -> dict[str, float]:
     return {"c": found["c"] - found["call"], "python": found["python"]}
 
 
-def measured(word: str, count: int) -> dict[str, Any]:
+def cortex_m4(setting: Setting, folder: Path) -> dict[str, int] | None:
+    """On a Cortex-M4F under QEMU, in float: sizes [bytes], instructions a step, parity; if there.
+
+    Instructions are the mean over 200 steps of a drive; ``steering_e9`` is 1e9 times the largest
+    distance of the steering from Python's.
+    """
+    if not all(map(shutil.which, ("arm-none-eabi-gcc", "qemu-system-arm"))):
+        return None
+    here, name = Path(__file__).parent / "cortex_m4", setting.prefix.removeprefix("steersman_")
+    text = (here / "main.c.in").read_text(encoding="ascii")
+    text = text.replace("@NAME@", name).replace("@PREFIX@", setting.prefix)
+    write_text(folder / "main.c", text)
+
+    def call(*words: str) -> str:
+        done = subprocess.run(words, check=True, cwd=folder, capture_output=True, text=True)
+        return done.stdout + done.stderr  # QEMU writes what the program says to the latter
+
+    script = ("-nostartfiles", "-T", str(here / "mps2.ld"))
+    call("arm-none-eabi-gcc", *M4, *STRICT, PORTABLE, "-c", f"{setting.prefix}.c", "-o", "code.o")
+    rom = int(call("arm-none-eabi-size", "code.o").splitlines()[1].split()[0])
+    call("arm-none-eabi-gcc", *M4, *script, "main.c", "code.o", "-lm", "-o", "m4")
+    said = call("qemu-system-arm", *QEMU, "-kernel", "m4")
+    return {"rom": rom} | {k: int(v) for k, v in (line.split() for line in said.splitlines())}
+
+
+def measured(word: str, count: int, builds: Sequence[str]) -> dict[str, Any]:
     """Everything of one controller."""
     found: dict[str, Any] = {}
     for single_ in (False, True):
@@ -212,17 +243,39 @@ def measured(word: str, count: int) -> dict[str, Any]:
             write_controller(setting, folder)
             lines = (folder / f"{setting.prefix}.c").read_text().count("\n")
             figures: dict[str, Any] = {"lines": lines}
-            for compiler in filter(shutil.which, ("gcc", "clang")):
-                for level in ("-O2", "-O3"):
-                    code = compiled(setting, folder, (compiler, level))
-                    at = f"{compiler} {level}"
-                    figures[at] = parity(setting, code, rows, known)._asdict()
-                    if not single_ and level == "-O2":
-                        figures[at]["drive"] = drive_difference(word, code)
-                    if compiler == "gcc" and level == "-O2":
-                        figures["us"] = microseconds(code, setting)
+            for build in builds:
+                code = compiled(setting, folder, build.split())
+                figures[build] = parity(setting, code, rows, known)._asdict()
+                if build == builds[0]:
+                    figures["us"] = microseconds(code, setting)
+                    if not single_:
+                        figures[build]["drive"] = drive_difference(word, code)
+            if single_:
+                figures["cortex_m4"] = cortex_m4(setting, folder)
         found[name] = figures
     return found
+
+
+def table(found: dict[str, dict[str, Any]]) -> str:
+    """The figures as a table: sizes and instructions of float on the Cortex-M4F."""
+    lines = [
+        "| controller | lines | ROM [B] | RAM [B] | stack [B] | instructions a step | us here: C, "
+        "Python | double from Python | drive | float from Python | statuses that differ |",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for word, both in found.items():
+        double, single_ = both["double"], both["single"]
+        m4 = single_["cortex_m4"] or dict.fromkeys(("rom", "ram", "stack", "instructions"), "-")
+        builds = {k: [v for n, v in both[k].items() if "-O" in n] for k in both}
+        worst = {k: max(each["steering"] for each in v) for k, v in builds.items()}
+        drives = max(each.get("drive", 0.0) for each in builds["double"])
+        other = sum(each["other_statuses"] for v in builds.values() for each in v)
+        us = f"{double['us']['c']:.1f}, {double['us']['python']:.0f}"
+        sizes = [double["lines"], *(m4[k] for k in ("rom", "ram", "stack", "instructions"))]
+        apart = [f"{x:.1e}" for x in (worst["double"], drives, worst["single"])]
+        cells = [word, *sizes, us, *apart, other]
+        lines.append(f"| {' | '.join(map(str, cells))} |")
+    return "\n".join(lines) + "\n"
 
 
 def main() -> None:
@@ -231,14 +284,17 @@ def main() -> None:
     parser.add_argument("controllers", nargs="*", default=CONTROLLERS)
     parser.add_argument("--count", type=int, default=100_000)
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--builds", nargs="+", default=BUILDS, help="compilers with their level")
     arguments = parser.parse_args()
+    builds = [each for each in arguments.builds if shutil.which(each.split()[0])]
+    found = {}
     for word in arguments.controllers:
-        found = measured(word, arguments.count)
-        print(word, json.dumps(found))  # noqa: T201 - its output
-        if arguments.out is not None:
-            record = {"controller": word, "count": arguments.count, **found, **provenance()}
-            file = arguments.out / f"{short(word)}.json"
-            write_text(file, json.dumps(record, indent=1) + "\n")
+        found[word] = measured(word, arguments.count, builds)
+        print(word, json.dumps(found[word]))  # noqa: T201 - its output
+        if arguments.out is not None:  # what is measured is kept, whatever comes after it
+            record = {"count": arguments.count, "controllers": found, **provenance()}
+            write_text(arguments.out / "controllers.json", json.dumps(record, indent=1) + "\n")
+            write_text(arguments.out / "table.md", table(found))
 
 
 if __name__ == "__main__":
