@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from steersman import presets
 from steersman.config import components, dump, resolve
 from steersman.contracts.scenes import CAR, DT
 from steersman.controllers.adaptive import Adaptive
@@ -18,6 +19,7 @@ from steersman.controllers.policy import Policy
 from steersman.errors import ConfigError
 from steersman.kernels import vehicle as car
 from steersman.kernels import world
+from steersman.learning.config import load_preset, train_config
 from steersman.learning.fleet import FleetDriver
 from steersman.learning.train import train
 from steersman.learning.validate import Validator
@@ -232,6 +234,27 @@ def test_any_controller_drives_on_under_changing_parameters(kind: str) -> None:
         now = now.executed(decision.steer)
         assert abs(decision.steer) <= 1.0
         assert decision.status is not Status.FALLBACK
+
+
+@pytest.mark.parametrize(
+    "name", [n for n in presets.names() if "parameters" in load_preset(n)["problem"]]
+)
+def test_every_parameter_of_a_preset_changes_the_steering(name: str) -> None:
+    task = train_config(load_preset(name)).problem
+    assert task.base is not None
+    chosen = task.adjustments()
+    adjuster = Adjuster(task.base, chosen, CAR, DT)
+    for i in range(len(chosen)):
+        drives = []
+        for end in (-1.0, 1.0):
+            now, steer = adjuster.begin(), []
+            action = np.array([each.action(task.base) for each in chosen])
+            action[i] = end
+            for seen in scenes(Posed(), 0.05):
+                decision, now = adjuster.adjust(now, action).step(seen)
+                steer.append(decision.steer)
+            drives.append(steer)
+        assert not np.allclose(*drives, atol=1e-9), chosen[i].name
 
 
 def test_what_was_learned_while_driving_stays() -> None:
