@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import tempfile
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -25,9 +26,12 @@ from .problems import problem, tiny
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
-    """Folder of a small training."""
-    folder = tmp_path_factory.mktemp("train")
-    assert train(tiny(), folder).policy == folder / "policy.onnx"
+    """Folder of a small training, which leaves nothing elsewhere."""
+    folder, elsewhere = tmp_path_factory.mktemp("train"), tmp_path_factory.mktemp("elsewhere")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tempfile, "tempdir", str(elsewhere))
+        assert train(tiny(), folder).policy == folder / "policy.onnx"
+    assert not list(elsewhere.iterdir())
     return folder
 
 

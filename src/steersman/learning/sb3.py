@@ -12,6 +12,8 @@ from typing import Any, ClassVar
 
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import Logger
 from torch import nn
 
 from steersman.learning import networks
@@ -54,6 +56,11 @@ class SteeringAgent(BaseAlgorithm):
     )
     _n_updates: int
     _actor: Net | None = None
+
+    def _setup_learn(self, *words: Any, **named: Any) -> tuple[int, BaseCallback]:
+        # Stable-Baselines3 would log to a folder of its own among the system's temporary ones.
+        self.set_logger(Logger(folder=None, output_formats=[]))
+        return super()._setup_learn(*words, **named)
 
     def current_rate(self) -> float:
         """Learning rate of the next update."""
