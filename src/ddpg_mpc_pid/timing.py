@@ -102,7 +102,7 @@ def _policies(
     rng = np.random.default_rng(0)
     features = rng.uniform(-1.0, 1.0, (len(seen), state.features))
     raw = (features / weights["scale"]).astype(np.float32)
-    gap = max(abs(state.run(x[None]) - network(x[None])) for x in raw[:200])
+    gap = max(float(abs(state.run(x[None]) - network(x[None]))[0]) for x in raw[:200])
     predict = sb3_predict(state.features, [len(weights["b1"]), len(weights["b2"])])
     some = raw[: min(plan.timed_steps, 3000)] * weights["scale"].astype(np.float32)
     onnx, ours = _controller(controller, config, seen), state._replace(run=network)
@@ -134,14 +134,14 @@ def read_weights(data: bytes) -> dict[str, NDArray[np.float32]]:
     return {array.name: onnx.numpy_helper.to_array(array) for array in graph.initializer}
 
 
-def compiled(weights: dict[str, NDArray[np.float32]]) -> Callable[[Any], float]:
-    """The exported network as one compiled function that maps features (1, n) to an action."""
+def compiled(weights: dict[str, NDArray[np.float32]]) -> Callable[[Any], NDArray[np.float64]]:
+    """The exported network as one compiled function from features (1, n) to the action (1,)."""
     names = ("scale", "low", "high", "w1", "b1", "w2", "b2", "w3", "b3")
     arrays = tuple(np.ascontiguousarray(weights[name].T, np.float32) for name in names)
     forward = _forward()
 
-    def run(x: Any) -> float:
-        return math.tanh(float(forward(x, arrays)))
+    def run(x: Any) -> NDArray[np.float64]:
+        return np.array([math.tanh(float(forward(x, arrays)))])
 
     return run
 

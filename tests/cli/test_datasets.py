@@ -120,7 +120,7 @@ def test_a_recording_of_others(steersman: Steersman, tmp_path: FilePath) -> None
         ("export folder --to minari --out o", "folder: neither a drive (episode.npz) nor a train"),
         ("export bad.mcap --to minari --out o", "bad.mcap: cannot be read as a ROS 2 recording"),
         ("export tiny.yaml --to minari --out full", "full/tiny-v0: is there already; remove it"),
-        ("export run.mcap --to minari --out o", "run.mcap: does not say which vehicle was driven"),
+        ("export run.mcap --to minari --out o", "run.mcap: the episode does not say which vehicle"),
         ("imitate tiny.yaml data=no --out o", "data: learning from data is behaviour cloning"),
         ("imitate tiny.yaml data=no method=bc --out o", "no: no Minari dataset, neither a folder"),
         ("imitate tiny.yaml data=bad.mcap method=bc --out o", "bad.mcap: cannot be read as a ROS"),
