@@ -79,6 +79,15 @@ def test_every_page_of_the_repository_is_built(site: FilePath) -> None:
     assert (site / "changelog.html").is_file()
 
 
+def test_a_notebook_is_a_page_with_its_code_and_its_file(site: FilePath) -> None:
+    for source in (ROOT / "docs" / "notebooks").glob("*.ipynb"):
+        text = (site / "notebooks" / f"{source.stem}.html").read_text(encoding="utf-8")
+        assert (site / "notebooks" / source.name).is_file()
+        assert re.findall(r'href="([^"]*\.ipynb)"', text) == [source.name]
+        code = source.read_text(encoding="utf-8").count('"cell_type": "code"')
+        assert text.count('<div class="highlight">') == code > 3
+
+
 def test_no_formula_is_left_as_it_was_written(site: FilePath) -> None:
     count = 0
     for page in own_pages(site):
