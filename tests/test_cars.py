@@ -8,9 +8,11 @@ from pathlib import Path as FilePath
 import pytest
 
 import steersman as sm
+from steersman.api.cars import tuned_on
 from steersman.api.driving import announce_drive
 from steersman.config import dump
 from steersman.vehicles import CarlaModel3V1, VehicleFile
+from steersman.words import _AROUND
 
 MINE = "base: carla_model3\nmass: 2100\nc_f: 120000\n"
 
@@ -81,3 +83,30 @@ def test_gains_tuned_for_this_car_say_nothing(mine: FilePath) -> None:
     assert "was tuned for carla_model3_v1" in told("runs", f"vehicle={mine}")[-1]
     (folder / "result.json").write_text("[1]", encoding="utf-8")
     assert len(told("runs", f"vehicle={mine}")) == 1
+
+
+@pytest.mark.parametrize("prefix", [f"{word}/" for word in _AROUND] + ["estimated/predicted/"])
+def test_gains_of_another_car_say_so_behind_every_prefix(mine: FilePath, prefix: str) -> None:
+    assert told(f"{prefix}tuned/lqr") == []
+    line = told(f"{prefix}tuned/lqr", f"vehicle={mine}")[-1]
+    assert line.startswith("controller: tuned/lqr was tuned for carla_model3_v1 (mass 1845, here ")
+    assert "'steersman tune lqr --car mine.yaml'" in line
+    line = told(f"{prefix}precision", "vehicle=bmw_320i")[-1]
+    assert line.startswith("controller: precision was trained for carla_model3")
+
+
+def test_the_car_of_a_tuning_is_known_without_its_file(mine: FilePath) -> None:
+    folder = FilePath("runs")
+    folder.mkdir()
+    car = dump(VehicleFile(file=str(mine)))
+    suite = [{"vehicle": car}, {"vehicle": {**(car or {}), "mass": 2500}}, {"vehicle": car}]
+    (folder / "result.json").write_text(json.dumps({"suite": suite}), encoding="utf-8")
+    found = tuned_on("runs")
+    assert found is not None
+    assert (found[1].kind, found[1].mass) == ("file", 2100.0)
+    (folder / "config.yaml").write_text(json.dumps({"vehicle": car}), encoding="utf-8")
+    mine.unlink()
+    found = tuned_on("runs/tuned.yaml")
+    assert found is not None
+    assert (found[0], found[1].mass) == (str(folder / "config.yaml"), 2100.0)
+    assert tuned_on("tuned/lqr") is None

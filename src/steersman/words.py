@@ -115,6 +115,21 @@ def around(word: str) -> tuple[str, str]:
     return (outer, inner) if slash and outer in _AROUND else ("", word)
 
 
+def bare(word: str) -> str:
+    """The word for the controller itself, without what is put around it.
+
+    >>> bare("estimated/predicted/tuned/lqr")
+    'tuned/lqr'
+    """
+    outer, inner = around(word)
+    return bare(inner) if outer else word
+
+
+def wrapped() -> dict[str, str]:
+    """Of each kind that a word puts around a controller, the field with that controller."""
+    return {fields["kind"]: field for field, fields in _AROUND.values()}
+
+
 def _by_suffix(family: str, suffix: str) -> str | None:
     """The kind of the family that reads files with this ending."""
     found = (k for k, cls in components(family).items() if suffix and suffix in cls.suffixes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path as FilePath
@@ -123,3 +124,28 @@ def test_wrong_words_for_a_controller(
     assert result.exit_code == 2
     assert message in result.stderr
     assert not (tmp_path / "o").exists()
+
+
+def test_what_a_tuning_found_is_designed_for_its_car(
+    steersman: Steersman, tmp_path: FilePath
+) -> None:
+    (tmp_path / "mine.yaml").write_text("base: bmw_320i\nmass: 2000\n")
+    folder = tmp_path / "tune"
+    folder.mkdir()
+    (folder / "tuned.yaml").write_text("controller: {kind: lqr}\n")
+    car = {"kind": "file", "file": "mine.yaml"}
+    (folder / "result.json").write_text(json.dumps({"suite": [{"vehicle": car}]}))
+    (folder / "config.yaml").write_text(json.dumps({"vehicle": car}))
+    found = steersman("export", "tune", "--to", "c", "--out", "a")
+    assert f"vehicle: mine.yaml, the car of the tuning ({FilePath('tune', 'config.yaml')})" in (
+        found.stderr
+    )
+    assert "was tuned for" not in found.stderr
+    same = steersman("export", "tune", "--to", "c", "--out", "b", "nominal=mine.yaml")
+    assert "the car of the tuning" not in same.stderr
+    other = steersman("export", "tune", "--to", "c", "--out", "o", "vehicle=carla_model3")
+    assert "controller: tune was tuned for mine.yaml (mass 2000, here 1" in other.stderr
+    tables = [read_table(tmp_path / name / "tune.csv") for name in ("a", "b", "o")]
+    assert tables[0] == tables[1] != tables[2]
+    foreign = steersman("export", "tuned/lqr", "--to", "c", "--out", "f", "nominal=mine.yaml")
+    assert "controller: tuned/lqr was tuned for carla_model3_v1" in foreign.stderr

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from steersman import tuned
+from steersman import words as words_
 from steersman.config import build, lookup, resolve
 from steersman.core_yaml import read_yaml
 from steersman.errors import ConfigError, DataError
@@ -77,21 +79,61 @@ def made_for_another(
         words: of the command, which name the file of the gains.
         vehicle: what it drives.
     """
-    name, cars = _cars_of(controller, words)
+    steers = _inside(controller)
+    name, cars = _cars_of(steers, words)
     if not cars or any(_alike(car, vehicle) for car in cars):
         return None
-    car, trained = cars[0], controller.kind in LEARNED
+    car, trained = cars[0], steers.kind in LEARNED
     apart = [
         f"{field} {getattr(car, field):.4g}, here {getattr(vehicle, field):.4g}"
         for field in _different(car, vehicle)[:_SHOWN]
     ]
     ours = getattr(vehicle, "file", vehicle.kind)
-    kind = getattr(controller, "inner", controller).kind
-    cure = f"train PRESET problem.vehicle={ours}" if trained else f"tune {kind} --car {ours}"
+    cure = f"train PRESET problem.vehicle={ours}" if trained else f"tune {steers.kind} --car {ours}"
     return (
         f"{name} was {'trained' if trained else 'tuned'} for {car.title}"
         f" ({'; '.join(apart)}); 'steersman {cure}' makes one for this car"
     )
+
+
+def tuned_on(word: str) -> tuple[str, Vehicle] | None:
+    """The file that says for which car a tuning was made, and the car.
+
+    None if the word names no tuning, or one on several cars of which none is the most frequent.
+
+    Args:
+        word: for a controller: the folder of a tuning, or the file with its gains.
+    """
+    result = _result(words_.bare(word))
+    if result is None:
+        return None
+    config = result.with_name("config.yaml")
+    try:
+        chosen = _vehicles([read_yaml(config).get("vehicle")]) if config.is_file() else []
+    except DataError:
+        chosen = []
+    if chosen:
+        return str(config), chosen[0]
+    cars = [(car, car.model_dump_json()) for car in _of_tuning(result)]
+    most = Counter(text for _, text in cars).most_common(2)
+    if not most or (len(most) > 1 and most[0][1] == most[1][1]):
+        return None
+    return str(result), next(car for car, text in cars if text == most[0][0])
+
+
+def _inside(controller: ControllerComponent) -> ControllerComponent:
+    """The controller that a supervisor, an estimator or a predictor is put around."""
+    field = words_.wrapped().get(controller.kind)
+    return controller if field is None else _inside(getattr(controller, field))
+
+
+def _result(name: str) -> FilePath | None:
+    """The result of the tuning that a folder, or a file with gains, belongs to."""
+    place = FilePath(name)
+    if not (place.is_dir() or place.suffix in words_.YAML):
+        return None
+    result = (place if place.is_dir() else place.parent) / "result.json"
+    return result if result.is_file() else None
 
 
 def _cars_of(
@@ -101,16 +143,21 @@ def _cars_of(
     if controller.kind in LEARNED:
         return _of_policy(str(getattr(controller, "file", "")))
     for word in words:
-        if not isinstance(word, str) or ("=" in word and not word.startswith("controller=")):
+        if not isinstance(word, str) or ("=" in word and not _names_controller(word)):
             continue
-        name = word.removeprefix("controller=").removeprefix("supervised/")
+        name = words_.bare(word.partition("=")[2].strip() if "=" in word else word)
         if name in tuned.names():
             return name, [CarlaModel3V1()]
-        place = FilePath(name)
-        result = (place if place.is_dir() else place.parent) / "result.json"
-        if (place.suffix in {".yaml", ".yml"} or place.is_dir()) and result.is_file():
+        result = _result(name)
+        if result is not None:
             return name, _of_tuning(result)
     return controller.kind, []
+
+
+def _names_controller(assignment: str) -> bool:
+    """Whether it sets the controller, or the one inside: controller.inner=tuned/lqr."""
+    first, *more = assignment.partition("=")[0].strip().split(".")
+    return first == "controller" and set(more) <= set(words_.wrapped().values())
 
 
 def _of_policy(file: str) -> tuple[str, Sequence[Vehicle]]:
@@ -137,11 +184,23 @@ def _vehicles(given: Sequence[Any]) -> Sequence[Vehicle]:
     for fields in given:
         try:
             car = resolve("vehicle", fields, optional=True)
-        except (ConfigError, DataError):
-            continue  # its file is gone, or a plug-in's
+        except (ConfigError, DataError):  # its file is gone, or a plug-in's
+            car = _written(fields)
         if isinstance(car, Vehicle):
             found.append(car)
     return found
+
+
+def _written(fields: Any) -> Vehicle | None:
+    """The car of a file that is gone, from the figures that were written down beside its name."""
+    if not isinstance(fields, dict) or "mass" not in fields:
+        return None
+    figures = {name: value for name, value in fields.items() if name not in {"kind", "file"}}
+    try:
+        found = build(lookup("vehicle", "custom"), figures)
+    except ConfigError:
+        return None
+    return found if isinstance(found, Vehicle) else None
 
 
 def _alike(car: Vehicle, other: Vehicle) -> bool:

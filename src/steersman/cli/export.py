@@ -29,6 +29,8 @@ EXAMPLES = (
     "  steersman export precision --to c --out build/precision\n"
     "  steersman export tuned/lqr --to c --precision single\n"
     "  steersman export tuned/lqr --to c --parameters lqr.csv sensor.count=20\n"
+    "  steersman export runs/tune --to c                   (for the car of the tuning)\n"
+    "  steersman export tuned/lqr --to c nominal=my_car.yaml\n"
     "  steersman export runs/agent/policy.onnx --to onnx --out delivery\n"
     "  steersman export runs/monza --to mcap\n"
     "  steersman export demo --to minari --out datasets\n"
@@ -93,6 +95,7 @@ def _setting(wanted: ToExport) -> Setting | None:
         return None
     if words.fields_of(family, wanted.run)["kind"] == "policy":
         return None
+    from steersman.api.cars import made_for_another, tuned_on
     from steersman.commands import configuration
     from steersman.delivery.controller import DESIGN, Setting
     from steersman.delivery.controller_package import read_table
@@ -100,11 +103,24 @@ def _setting(wanted: ToExport) -> Setting | None:
     table = {} if wanted.parameters is None else read_table(wanted.parameters)
     made = {name: value for name, value in table.items() if name.startswith(DESIGN)}
     changed = [f"{family}.{name}={value!r}" for name, value in table.items() if name not in made]
-    config = configuration("drive", [f"{family}={wanted.run}", *wanted.words, *changed])
+    named = f"{family}={wanted.run}"
+    config = configuration("drive", [named, *wanted.words, *changed])
+    if not {"nominal", "vehicle"} & config.model_fields_set:
+        found = tuned_on(wanted.run)
+        if found is not None:
+            config = config.model_copy(update={"vehicle": found[1]})
+            note(
+                f"vehicle: {getattr(found[1], 'file', found[1].kind)}, the car of the tuning"
+                f" ({found[0]}); nominal=CAR designs for another"
+            )
+    car = config.nominal or config.vehicle
+    other = made_for_another(config.controller, [named], car)
+    if other is not None:
+        note(f"controller: {other}")
     return Setting(
         words.short(wanted.run),
         config.controller,
-        config.nominal or config.vehicle,
+        car,
         config.plant.dt,
         config.sensor.count,
         config.sensor.spacing,
