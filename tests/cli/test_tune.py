@@ -50,9 +50,9 @@ def test_the_files_and_the_last_lines(
 def test_one_line_for_ones_own_car_and_road(steersman: Steersman, tmp_path: FilePath) -> None:
     (tmp_path / "my_car.yaml").write_text("base: bmw_320i\n")
     rows = "\n".join(f"{5 * k},{0.001 * (5 * k) ** 2}" for k in range(8))
-    (tmp_path / "my_track.csv").write_text(f"x,y\n{rows}\n")
+    (tmp_path / "my_track.csv").write_text(f"east,north\n{rows}\n")
     words = ("tune", "lqr", "--car", "my_car.yaml", "--road", "my_track.csv", "--trials", "1")
-    result = steersman(*words, "seeds=0..1", "--out", "t")
+    result = steersman(*words, "road.columns=x=east,y=north", "seeds=0..1", "--out", "t")
     assert result.exit_code == 0, result.stderr
     assert "warning" not in result.stderr
     assert "seed_1: Trial 0 of lqr was chosen" in result.stderr

@@ -222,6 +222,26 @@ def test_cloning_and_updates_before_the_training(kind: str) -> None:
     assert fits[1] < 0.5 * fits[0]
 
 
+def test_a_validation_at_the_end_of_the_warm_start_judges_the_cloned_policy(
+    tmp_path: FilePath,
+) -> None:
+    """In the middle of a training, and where the warm start is all of it."""
+    for steps in (800, 400):
+        errors = []
+        for cloning in (0, 3000):
+            warm = {"steps": 400, "cloning": cloning}
+            config = tiny(
+                problem={"demonstration": {**TEACHER, "warm_start": warm}},
+                validation={"interval": 400},
+                steps=steps,
+                checkpoint_interval=steps,
+            )
+            result = train(config, tmp_path / f"{steps}_{cloning}")
+            assert [row.steps for row in result.rows] == list(range(400, steps + 1, 400))
+            errors.append(result.rows[0].validation_error_mm)
+        assert errors[1] < 0.95 * errors[0]
+
+
 def test_demonstrations_stay_and_have_their_share() -> None:
     warm = {"warm_start": {"steps": 200, "share": 0.25}}
     made, _ = driven(800, agent={"buffer": 600}, demonstration=warm)

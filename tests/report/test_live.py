@@ -180,6 +180,15 @@ def test_choices_are_the_configuration():
     assert configuration("drive", words) == config.model_copy(update={"duration": None})
 
 
+def test_the_command_is_one_for_a_shell_with_a_car_of_a_file_too(tmp_path):
+    (tmp_path / "my car.yaml").write_text("base: bmw_320i\nmass: 1500\n")
+    own = configuration("drive", [f"vehicle={tmp_path / 'my car.yaml'}"])
+    words = shlex.split(chosen(own).command())[2:]
+    assert configuration("drive", words).vehicle.model_dump(exclude={"kind", "file"}) == (
+        own.vehicle.model_dump(exclude={"kind", "file"})
+    )
+
+
 def test_every_word_of_the_form_can_be_driven():
     found = form()
     assert {"lqr", "tuned/lqr"} <= set(found["families"]["controller"])

@@ -55,7 +55,7 @@ def tune(
     given = {"vehicle": car, "road": road, "trials": trials}
     seeds, others = split_seeds(words or [])
     more = [f"{name}={value}" for name, value in given.items() if value is not None]
-    config = sm.configure("tune", *others, *more)
+    config = sm.configure("tune", *more, *others)
     total = config.trials * len(seeds or (0,))
     driven = False
     said: list[str] = []

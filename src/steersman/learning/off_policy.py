@@ -78,13 +78,22 @@ class OffPolicySteering(SteeringAgent, OffPolicyAlgorithm):
         """The replay buffer."""
         return cast(DemonstrationBuffer, self.replay_buffer)
 
+    def opens(self) -> bool:
+        """Whether a stage of the warm start is due before the next step."""
+        return self.opening is not None and self.opening.due(self)
+
+    def open(self) -> None:
+        """Do what the warm start has due."""
+        if self.opening is not None:
+            self.opening.advance(self)
+
     def _sample_action(
         self, learning_starts: int, action_noise: ActionNoise | None = None, n_envs: int = 1
     ) -> tuple[Any, Any]:
         """Executed and stored actions (n_envs, m), the agent's or the demonstrator's."""
         shows = False
         if self.opening is not None:
-            self.opening.advance(self)
+            self.open()
             shows, learning_starts = self.opening.demonstrates(self.num_timesteps), 0
         own = self._own_action(learning_starts, action_noise, n_envs)
         self.sampled_steps += n_envs

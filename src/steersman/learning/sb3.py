@@ -62,6 +62,13 @@ class SteeringAgent(BaseAlgorithm):
         self.set_logger(Logger(folder=None, output_formats=[]))
         return super()._setup_learn(*words, **named)
 
+    def opens(self) -> bool:
+        """Whether a stage of a warm start is due before the next step."""
+        return False
+
+    def open(self) -> None:
+        """Do what a warm start has due."""
+
     def current_rate(self) -> float:
         """Learning rate of the next update."""
         return self._rate(self.num_timesteps)

@@ -25,8 +25,6 @@ from steersman.learning.progress import (
 )
 from steersman.learning.snapshot import Tree
 
-# SB3's own log, which is not wanted: its interval in episodes.
-_NEVER = 2**62
 # What the loop itself counts, beside agent and environments.
 _COUNTERS = ("best", "next_validation", "next_checkpoint", "_marks", "_count")
 Reporter = Callable[[TrainRow], None]
@@ -149,9 +147,10 @@ class _Training:
             agent.learn(
                 self.config.steps - agent.num_timesteps,
                 callback=Hook(),
-                log_interval=_NEVER,
+                log_interval=2**62,  # SB3's own log, which is not wanted
                 reset_num_timesteps=False,
             )
+            agent.open()
             if not self.rows or self.rows[-1].steps < agent.num_timesteps:
                 self._validate()
             if self.keeper is not None:
@@ -193,6 +192,8 @@ class _Training:
 
     def _between_steps(self) -> None:
         """Before a step: the last one is stored and learned from, so the state is whole."""
+        self.agent.open()
+        self._validate_if_due()
         steps, self.env.driver.base_share = self.agent.num_timesteps, self._base_share()
         due, paused = steps >= self.next_checkpoint, self.until is not None and steps >= self.until
         if due:
@@ -220,7 +221,11 @@ class _Training:
         share = self.config.average
         if share is not None and steps > share * self.config.steps:
             self.average.add(self.agent.actor_net().flat)
-        if steps >= self.next_validation:
+        if not self.agent.opens():  # else after what the warm start has due
+            self._validate_if_due()
+
+    def _validate_if_due(self) -> None:
+        if self.agent.num_timesteps >= self.next_validation:
             self.next_validation += self.config.validation.interval
             self._validate()
 
@@ -235,7 +240,7 @@ class _Training:
         self.record.add(row)
         if self.reporter is not None:
             self.reporter(row)
-        self._alarm()
+        check_progress(self.config, self.rows, max(1.0, float(np.abs(self.env.largest_reward))))
         if score.total < self.best:
             self.best = score.total
             self._export(score)
@@ -275,20 +280,15 @@ class _Training:
         self._sums[:], self._count = 0.0, 0
         return TrainRow(**{name: float(value) for name, value in row.items()})
 
-    def _alarm(self) -> None:
-        largest = max(1.0, float(np.abs(self.env.largest_reward)))
-        check_progress(self.config, self.rows, largest)
-
     def _export(self, score: Any) -> None:
         from steersman.learning.export import export_policy
 
+        steps, driver = self.agent.num_timesteps, self.env.driver
         note = {
-            "steps": self.agent.num_timesteps,
+            "steps": steps,
             "updates": self.agent._n_updates,
-            "simulated_seconds": self.agent.num_timesteps
-            * self.config.problem.period
-            * self.env.driver.dt,
-            "plant": self.env.driver.source,
+            "simulated_seconds": steps * self.config.problem.period * driver.dt,
+            "plant": driver.source,
             "validation": score.rounded(),
         }
         net, operators = self.agent.actor_net(), self.config.agent.operators

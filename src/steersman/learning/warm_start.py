@@ -41,6 +41,11 @@ class Opening:
         """Whether the demonstrator drives all vehicles after so many environment steps."""
         return steps < self.steps / self._settings.rounds
 
+    def due(self, agent: OffPolicySteering) -> bool:
+        """Whether a stage is due before the next step of ``agent``."""
+        rounds, done = self._settings.rounds, agent.opened
+        return done == 0 or (done <= rounds and agent.num_timesteps >= done * self.steps / rounds)
+
     def advance(self, agent: OffPolicySteering) -> None:
         """Do what is due before the next step of ``agent``.
 
@@ -52,9 +57,8 @@ class Opening:
         if agent.opened == 0:
             self._load(agent)
             agent.opened = 1
-        while (done := agent.opened) <= settings.rounds:
-            if agent.num_timesteps < done * self.steps / settings.rounds:
-                return
+        while self.due(agent):
+            done = agent.opened
             first, last = ((done - k) * settings.cloning // settings.rounds for k in (1, 0))
             self._clone(agent, last - first)
             agent.opened += 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -68,9 +69,9 @@ class Choices(BaseModel):
             inner = [
                 ", ".join(f"{k}: {v}" for k, v in _tree(part).items()) for part in self.disturbances
             ]
-            given.append(f"'disturbances=[{', '.join(f'{{{one}}}' for one in inner)}]'")
+            given.append(f"disturbances=[{', '.join(f'{{{one}}}' for one in inner)}]")
         given += [f"{name}={value}" for name, value in self.settings.items()]
-        return " ".join(["steersman drive", *given])
+        return shlex.join(["steersman", "drive", *given])
 
 
 def _tree(part: ChosenPart) -> dict[str, Any]:
