@@ -66,6 +66,7 @@ ALL = {
     "tune": lambda: sm.load(RESULTS / "tune" / "lqr" / "result.json"),
     "bench": lambda: sm.load(RESULTS / "faults" / "results.json"),
     "compare": lambda: ScenarioCompareResult.read(RESULTS / "compare" / "core.json"),
+    "drives": lambda: sm.compare("tuned/lqr", "pid", path="circle", duration=4),
     "falsify": falsified,
     "search": searched,
     "train": lambda: training("runs/agent"),

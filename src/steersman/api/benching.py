@@ -6,10 +6,12 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
+from os import PathLike
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from steersman import files
+from steersman.api.compared import sorted_out
 from steersman.api.driving import Folder, announce, workers_for
 from steersman.command_table import build_for
 from steersman.commands import Notify, configuration, split, suite_settings
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from steersman.bench.maps import Map
     from steersman.bench.results import BenchResult
     from steersman.bench.suite import Suite
+    from steersman.episode import Episode
     from steersman.studies.compare.contestants import Contestant
     from steersman.studies.compare.results import AnyComparison
 
@@ -144,7 +147,7 @@ def _write_extras(
 
 
 def compare(
-    *contestants: str,
+    *contestants: str | PathLike[str] | Episode,
     suite: str | None = None,
     seeds: Sequence[int] | str | None = None,
     out: Folder | None = None,
@@ -152,17 +155,18 @@ def compare(
     jobs: int | None = None,
     progress: Progress | None = None,
     notify: Notify | None = None,
+    **settings: Any,
 ) -> AnyComparison:
     """Set drives, trainings, benchmarks or controllers side by side.
 
     ``sm.compare("tuned/lqr", "policy", "runs/agent", suite="quick")``;
-    ``sm.compare("tuned/lqr", "pid", "path=track.csv", "laps=1")``
+    ``sm.compare("tuned/lqr", "pid", path="track.csv", laps=1)``
 
     Args:
-        contestants: folders or ``.npz`` files of drives; folders of trainings, tunings or
-            benchmarks; controllers; each also as ``name=word``. The others are set against the
-            first. Also ``suite=...`` and settings of the suite; or settings of one drive
-            (``path=...``), which controllers and policies then all drive.
+        contestants: drives (``Episode``), their folders or ``.npz`` files; folders of trainings,
+            tunings or benchmarks; controllers; each word also as ``name=word``. The others are set
+            against the first. Also ``suite=...`` and settings of the suite; or settings of one
+            drive (``path=...``), which controllers and policies then all drive.
         suite: what controllers drive, ``quick`` by default.
         seeds: seeds of the suite, a list or ``"0..4"``.
         out: folder for ``compare.json``, ``report.html`` if its extra is installed, and the rows
@@ -171,19 +175,19 @@ def compare(
         jobs: drives at a time; None: one for each core.
         progress: called with the simulated seconds done and in all.
         notify: called with a sentence about the work that begins.
+        settings: of the suite, or of one drive, as keywords: ``path="circle"``.
 
     Raises:
         ConfigError: a word is unknown, or the contestants have nothing in common.
         DataError: a file is missing or malformed, or ``out`` cannot be written.
     """
-    from steersman.rollout import RunConfig
     from steersman.studies.compare.contestants import contestants as found_by
     from steersman.studies.compare.contestants import sort_of
     from steersman.studies.compare.drives import compare_drives
     from steersman.studies.compare.scenarios import compare_scenarios, plan
 
     tell = notify or (lambda _: None)
-    named, chosen = suite_settings(contestants, also={*RunConfig.model_fields} - {"controller"})
+    named, chosen = sorted_out(contestants, settings)
     if suite is not None:
         chosen["suite"] = f"suite={suite}"
     numbers = None if seeds is None else seed_list(seeds)

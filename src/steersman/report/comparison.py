@@ -162,8 +162,26 @@ def write_comparison(
 def shown_comparison(found: AnyComparison) -> ResultView:
     """What a comparison shows of itself: the page without drives."""
     if isinstance(found, DriveCompareResult):
-        return ResultView([], partial(render, _runs(found, {}), TITLE))
+        figures = _ratios(found)
+        return ResultView(figures, partial(render, _runs(found, {}), TITLE), len(figures))
     return article_view(_sections(found, ()), TITLE, _source(found))
+
+
+def _ratios(found: DriveCompareResult) -> list[IntervalPlot]:
+    """A chart for each drive that was compared with the first one, a row for each figure."""
+    out = []
+    a = found.contestants[0]
+    for b, compared in zip(found.contestants[1:], found.comparisons, strict=True):
+        figures = {} if compared.along is None else compared.along.figures
+        points = [
+            ShownEstimate(ALONG[name].label, one.ratio.value, one.ratio.low, one.ratio.high)
+            for name, one in figures.items()
+            if name in ALONG
+        ]
+        if any(point.value for point in points):
+            title = f"{b.letter} ({b.name}) over {a.letter} ({a.name})"
+            out.append(IntervalPlot(f"ratio_{b.letter}", title, "ratio", points))
+    return out
 
 
 def _source(found: ScenarioCompareResult) -> str:

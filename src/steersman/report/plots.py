@@ -32,10 +32,12 @@ def drawn(view: ResultView, names: Sequence[str]) -> PlotFigure:
     """The named figures below each other, by default those that are shown first.
 
     Raises:
-        ConfigError: there is no figure of a name.
+        ConfigError: there is no figure of a name, or none at all.
         SteersmanError: the extra ``notebook`` is not installed.
     """
     known = {figure.file: figure for figure in view.figures}
+    if not known:
+        raise ConfigError("this result has no figure", ("plot",))
     for name in names:
         if name not in known:
             raise ConfigError(f"no figure {name!r}{suggestion(name, known)}", ("plot",))

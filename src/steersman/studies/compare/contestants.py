@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Literal, NamedTuple
 
@@ -53,13 +53,14 @@ class SavedBenchmark(NamedTuple):
     result: BenchResult
 
 
-def contestants(words: Sequence[str]) -> list[Contestant]:
+def contestants(words: Sequence[str | Episode]) -> list[Contestant]:
     """All contestants, under names that differ.
 
     A word is ``[name=]`` and: the folder or ``.npz`` file of a drive; the folder of a training
     (its policy), of a tuning (the best controller), of either with several seeds (``seed_0``,
     ``seed_1`` and so on in it) or of a benchmark (every controller in it, or
     those after a colon: ``runs/bench:lqr,pid``); else a controller as ``steersman bench`` takes it.
+    A drive itself is called by what drove it.
 
     Raises:
         ConfigError: a controller is unknown, there are fewer than two or too many.
@@ -67,14 +68,16 @@ def contestants(words: Sequence[str]) -> list[Contestant]:
     """
     found = [one for word in words for one in _contestants(word)]
     if len(found) < 2:  # noqa: PLR2004 - one is compared with another
-        given = f"; given {words[0]}" if words else ""
-        raise ConfigError(f"two are needed to compare{given}")
+        given = [word if isinstance(word, str) else "one drive" for word in words[:1]]
+        raise ConfigError("; given ".join(["two are needed to compare", *given]))
     if len(found) > MOST:
         raise ConfigError(f"{len(found)} to compare; at most {MOST}")
     return _distinct(found)
 
 
-def _contestants(word: str) -> list[Contestant]:
+def _contestants(word: str | Episode) -> list[Contestant]:
+    if isinstance(word, Episode):
+        return [Contestant(_driver(word), "drive", "a drive in Python", episode=word)]
     name, sign, spec = word.partition("=")
     if not sign:
         name, spec = "", word
@@ -135,6 +138,14 @@ def _controller(folder: FilePath, file: str, sort: str, name: str) -> Contestant
 
 def _drive(file: FilePath, name: str) -> Contestant:
     return Contestant(name, "drive", str(file), episode=load_episode(file), folder=file.parent)
+
+
+def _driver(episode: Episode) -> str:
+    """The kind of what drove; ``drive`` where it is not recorded."""
+    config = episode.meta.get("config")
+    controller = config.get("controller") if isinstance(config, Mapping) else None
+    found = controller.get("kind") if isinstance(controller, Mapping) else None
+    return str(found or "drive")
 
 
 def _name(file: FilePath) -> str:

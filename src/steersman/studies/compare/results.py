@@ -52,6 +52,8 @@ class CompareResult(ShownResult, SourcedResult):
     """
 
     shown_by: ClassVar[str] = "steersman.report.comparison:shown_comparison"
+    rms: ClassVar[str]
+    """Name of the RMS error among the figures."""
 
     format: int = FORMAT
     sort: str
@@ -66,7 +68,7 @@ class CompareResult(ShownResult, SourcedResult):
         """The contestants, and their RMS errors over that of the first."""
         found = []
         for name, figures in self.contrasts():
-            ratio = figures["rms_m"].ratio.value if "rms_m" in figures else None
+            ratio = figures[self.rms].ratio.value if self.rms in figures else None
             found.append(f"{name} {'unknown' if ratio is None else f'{ratio:.3g}'}")
         base = self.contestants[0].name
         return f"{type(self).__name__}: RMS error over that of {base}: {', '.join(found)}"
@@ -83,6 +85,8 @@ class CompareResult(ShownResult, SourcedResult):
 
 class ScenarioCompareResult(CompareResult):
     """Controllers compared over the same scenarios."""
+
+    rms: ClassVar[str] = "rms_m"
 
     sort: Literal["scenarios"] = "scenarios"
     scenarios: str
@@ -119,6 +123,8 @@ class DriveComparison(StoredResult):
 
 class DriveCompareResult(CompareResult):
     """Drives compared place by place along their path."""
+
+    rms: ClassVar[str] = "rms_lateral_error_m"
 
     sort: Literal["drives"] = "drives"
     metrics: dict[str, dict[str, Any]]
