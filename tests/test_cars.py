@@ -56,8 +56,8 @@ def test_gains_of_another_car_say_so(mine: FilePath, word: str) -> None:
     assert told(word) == []
     line = told(word, f"vehicle={mine}")[-1]
     assert line.startswith("controller: tuned/lqr was tuned for carla_model3_v1 (mass 1845, here ")
-    assert line.endswith("'steersman tune lqr --car mine.yaml' makes one for this car")
-    assert sm.configure("tune", "lqr", vehicle="mine.yaml").vehicle.mass == 2100.0
+    assert line.endswith("'steersman tune tuned/lqr --car mine.yaml' makes one for this car")
+    assert sm.configure("tune", "tuned/lqr", vehicle="mine.yaml").vehicle.mass == 2100.0
 
 
 def test_a_policy_of_another_car_says_so(mine: FilePath) -> None:

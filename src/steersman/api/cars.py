@@ -89,7 +89,7 @@ def made_for_another(
         for field in _different(car, vehicle)[:_SHOWN]
     ]
     ours = getattr(vehicle, "file", vehicle.kind)
-    cure = f"train PRESET problem.vehicle={ours}" if trained else f"tune {steers.kind} --car {ours}"
+    cure = f"train PRESET problem.vehicle={ours}" if trained else f"tune {name} --car {ours}"
     return (
         f"{name} was {'trained' if trained else 'tuned'} for {car.title}"
         f" ({'; '.join(apart)}); 'steersman {cure}' makes one for this car"

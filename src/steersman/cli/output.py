@@ -146,7 +146,7 @@ def _listen_for_compiling() -> Any:
         def on_start(self, _: Any) -> None:
             if not self.told and sys.stderr.isatty():
                 self.told = True
-                note("compiling, once for this version: some ten seconds")
+                note("compiling, once for this version: up to a minute")
 
         def on_end(self, _: Any) -> None:
             pass
