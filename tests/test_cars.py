@@ -8,6 +8,7 @@ from pathlib import Path as FilePath
 import pytest
 
 import steersman as sm
+from steersman import tuned
 from steersman.api.cars import tuned_on
 from steersman.api.driving import announce_drive
 from steersman.config import dump
@@ -55,7 +56,7 @@ def test_what_a_car_leaves_to_its_base_is_listed_once(mine: FilePath) -> None:
 def test_gains_of_another_car_say_so(mine: FilePath, word: str) -> None:
     assert told(word) == []
     line = told(word, f"vehicle={mine}")[-1]
-    assert line.startswith("controller: tuned/lqr was tuned for carla_model3_v1 (mass 1845, here ")
+    assert line.startswith("controller: tuned/lqr was tuned for carla_model3 (mass 1845, here ")
     assert line.endswith("'steersman tune tuned/lqr --car mine.yaml' makes one for this car")
     assert sm.configure("tune", "tuned/lqr", vehicle="mine.yaml").vehicle.mass == 2100.0
 
@@ -89,8 +90,8 @@ def test_gains_tuned_for_this_car_say_nothing(mine: FilePath) -> None:
 def test_gains_of_another_car_say_so_behind_every_prefix(mine: FilePath, prefix: str) -> None:
     assert told(f"{prefix}tuned/lqr") == []
     line = told(f"{prefix}tuned/lqr", f"vehicle={mine}")[-1]
-    assert line.startswith("controller: tuned/lqr was tuned for carla_model3_v1 (mass 1845, here ")
-    assert "'steersman tune lqr --car mine.yaml'" in line
+    assert line.startswith("controller: tuned/lqr was tuned for carla_model3 (mass 1845, here ")
+    assert "'steersman tune tuned/lqr --car mine.yaml'" in line
     line = told(f"{prefix}precision", "vehicle=bmw_320i")[-1]
     assert line.startswith("controller: precision was trained for carla_model3")
 
@@ -110,3 +111,11 @@ def test_the_car_of_a_tuning_is_known_without_its_file(mine: FilePath) -> None:
     assert found is not None
     assert (found[0], found[1].mass) == (str(folder / "config.yaml"), 2100.0)
     assert tuned_on("tuned/lqr") is None
+
+
+def test_the_car_of_shipped_gains_is_the_one_that_their_file_names() -> None:
+    for name in tuned.names():
+        file = tuned.locate(name)
+        assert file is not None
+        old = "carla_model3_v1" in file.read_text(encoding="utf-8")
+        assert tuned.vehicle(name) == ("carla_model3_v1" if old else "carla_model3")

@@ -148,4 +148,4 @@ def test_what_a_tuning_found_is_designed_for_its_car(
     tables = [read_table(tmp_path / name / "tune.csv") for name in ("a", "b", "o")]
     assert tables[0] == tables[1] != tables[2]
     foreign = steersman("export", "tuned/lqr", "--to", "c", "--out", "f", "nominal=mine.yaml")
-    assert "controller: tuned/lqr was tuned for carla_model3_v1" in foreign.stderr
+    assert "controller: tuned/lqr was tuned for carla_model3 (" in foreign.stderr
