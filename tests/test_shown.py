@@ -116,6 +116,18 @@ def test_an_episode_in_every_format(episode, tmp_path):
         assert read_episode(tmp_path / "x.mcap")[name] == pytest.approx(values, abs=1e-8)
 
 
+def test_a_recording_is_loaded(episode, tmp_path):
+    episode.save(tmp_path / "x.mcap")
+    found = sm.load(tmp_path / "x.mcap")
+    assert isinstance(found, Episode)
+    assert found["lateral_error"].tolist() == episode["lateral_error"].tolist()
+
+
+def test_an_unknown_column_is_answered_with_the_nearest(episode):
+    with pytest.raises(sm.ConfigError, match="no column 'lateral_eror'; did you mean 'lateral_e"):
+        _ = episode["lateral_eror"]
+
+
 def test_figures_have_the_names_of_columns(episode):
     lines = [axes.lines[0] for axes in episode.plot("curvature", "lateral_error").axes]
     assert lines[0].get_ydata() == pytest.approx(episode["curvature"])

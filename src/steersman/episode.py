@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from steersman.bounds import MOST_ARRAYS, from_json, read_arrays
-from steersman.errors import DataError
+from steersman.errors import ConfigError, DataError, suggestion
 from steersman.files import replacing
 from steersman.shown import Shown
 from steersman.table_file import Columns
@@ -107,6 +107,8 @@ class Episode(Shown):
     fine: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
 
     def __getitem__(self, name: str) -> FloatArray:
+        if name not in self.columns:
+            raise ConfigError(f"no column {name!r}{suggestion(str(name), self.columns)}")
         return self.columns[name]
 
     def __len__(self) -> int:

@@ -207,6 +207,21 @@ def test_what_a_python_function_raises_comes_through() -> None:
     assert np.isfinite(run(PreciseTask())[0]).all()  # it is raised once
 
 
+@pytest.mark.parametrize("value", [None, "0.5", [1.0, 2.0]])
+def test_a_python_function_has_to_return_a_number(value: Any) -> None:
+    def odd(step: Judged) -> Any:
+        return value
+
+    with pytest.raises(ConfigError, match=r"reward: the function odd returned .*number is needed"):
+        run(PreciseTask(terms=(FunctionTerm(function=odd),)))
+
+
+@pytest.mark.parametrize("reward", [3, [abs]])
+def test_a_reward_is_one_function(reward: Any, tmp_path: FilePath) -> None:
+    with pytest.raises(ConfigError, match="reward: one function is needed, not "):
+        sm.train(tiny(steps=300), reward=reward, out=tmp_path / "none")
+
+
 def test_a_python_function_is_not_read_from_a_file() -> None:
     given_by_name = {"task": {"terms": [{"kind": "function", "function": "calm"}]}}
     with pytest.raises(ConfigError, match=r"task\.terms.*a file cannot hold a Python function"):

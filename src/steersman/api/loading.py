@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from steersman.api.driving import Folder
 from steersman.config import build, read_yaml, resolve
-from steersman.errors import DataError
+from steersman.errors import DataError, SteersmanError, how_to_install
 from steersman.files import read_json
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ def load(file: Folder) -> Any:
 
     Raises:
         DataError: there is no such file, or nothing of that sort can be loaded.
+        SteersmanError: an extra is not installed.
         ConfigError: the configuration in it is not valid today.
     """
     place = FilePath(file)
@@ -45,13 +46,21 @@ def load(file: Folder) -> Any:
         from steersman.episode import load_episode
 
         return load_episode(place)
+    if place.suffix == ".mcap":
+        try:
+            from steersman.logs.restore import read_episode
+
+            return read_episode(place)
+        except ModuleNotFoundError:
+            raise SteersmanError(f"{place}: it needs {how_to_install('logs')}") from None
     if place.suffix == ".onnx":
         return resolve("controller", {"kind": "policy", "file": str(place)})
     if place.suffix == ".json":
         return _from_json(place)
     if place.suffix in _YAML:
         return _from_yaml(place)
-    raise DataError(f"{place}: cannot be loaded; expected .npz, .onnx, .json, .yaml, or a folder")
+    expected = ".npz, .mcap, .onnx, .json, .yaml, or a folder"
+    raise DataError(f"{place}: cannot be loaded; expected {expected}")
 
 
 def _from_json(file: FilePath) -> Any:

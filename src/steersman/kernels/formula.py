@@ -25,7 +25,7 @@ from llvmlite import ir  # type: ignore[import-untyped]
 from numba import cfunc, types
 from numba.extending import intrinsic, overload
 
-from steersman.errors import ConfigError
+from steersman.errors import ConfigError, shortened
 from steersman.types import FloatArray
 
 _NUMBERS = types.CPointer(types.float64)  # type: ignore[no-untyped-call]
@@ -222,6 +222,17 @@ def from_python(function: Callable[[FloatArray], float], count: int) -> Formula:
     made = _CALL(call_back)
     _KEPT.append(made)
     return Formula(function, None, ctypes.cast(made, ctypes.c_void_p).value or 0)
+
+
+def called(function: Callable[[Any], Any], step: Any) -> float:
+    """What a user's reward function returns; a ConfigError with its name if that is no number."""
+    value = function(step)
+    with suppress(TypeError, ValueError):
+        if not isinstance(value, str | bytes):
+            return float(value)
+    name = getattr(function, "__name__", type(function).__name__)
+    told = f"the function {name} returned {shortened(repr(value))}; a number is needed"
+    raise ConfigError(told, ("reward",))
 
 
 def check() -> None:

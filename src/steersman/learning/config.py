@@ -10,7 +10,7 @@ from pydantic import field_validator, model_validator
 
 from steersman import presets
 from steersman.config import Of, Settings, build, merge, override, param, read_yaml
-from steersman.errors import ConfigError, suggestion
+from steersman.errors import ConfigError, shortened, suggestion
 from steersman.learning.algorithms.base import AgentComponent
 from steersman.learning.algorithms.ddpg import Ddpg
 from steersman.learning.problem import CARS_DIFFER, Problem
@@ -131,7 +131,14 @@ class TrainConfig(Settings):
         return {"agent.vehicles": (cars, 1), "agent.updates": (updates, fewer)}
 
     def rewarded(self, function: Callable[[Judged], float]) -> TrainConfig:
-        """The same training with a Python function as a further term of the reward."""
+        """The same training with a Python function as a further term of the reward.
+
+        Raises:
+            ConfigError: it is no function.
+        """
+        if not callable(function):
+            what = f"one function is needed, not {shortened(repr(function))}"
+            raise ConfigError(what, ("reward",))
         task = self.problem.task
         terms = (*task.terms, FunctionTerm(function=function))
         changed = {"task": task.model_copy(update={"terms": terms})}

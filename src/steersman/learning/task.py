@@ -19,6 +19,7 @@ from steersman.kernels import reward as kernel
 from steersman.kernels.formula import (
     Formula,
     Group,
+    called,
     check,
     compiled,
     from_python,
@@ -184,11 +185,10 @@ class FunctionTerm(RewardTerm):
 
     def formula(self) -> Formula:
         """The function behind an address."""
-
-        def value(step: FloatArray) -> float:
-            return self.weight * float(self.function(Judged(*step.tolist())))
-
-        return from_python(value, kernel.N_JUDGED)
+        return from_python(
+            lambda step: self.weight * called(self.function, Judged(*step.tolist())),
+            kernel.N_JUDGED,
+        )
 
 
 class TaskComponent(Component):
