@@ -109,7 +109,7 @@ def tuned_on(word: str) -> tuple[str, Vehicle] | None:
         return None
     config = result.with_name("config.yaml")
     try:
-        chosen = _vehicles([read_yaml(config).get("vehicle")]) if config.is_file() else []
+        chosen = cars_of([read_yaml(config).get("vehicle")]) if config.is_file() else []
     except DataError:
         chosen = []
     if chosen:
@@ -168,18 +168,19 @@ def _of_policy(file: str) -> tuple[str, Sequence[Vehicle]]:
     except DataError:
         return file, []  # loading it raises with the cause
     problem = card.training.get("config", {}).get("problem", {})
-    return file, _vehicles([problem.get("vehicle")])
+    return file, cars_of([problem.get("vehicle")])
 
 
 def _of_tuning(result: FilePath) -> Sequence[Vehicle]:
     try:
         suite = json.loads(result.read_text(encoding="utf-8")).get("suite", [])
-        return _vehicles([run.get("vehicle") for run in suite])
+        return cars_of([run.get("vehicle") for run in suite])
     except (OSError, ValueError, AttributeError, TypeError):
         return []  # another command's, or none of ours
 
 
-def _vehicles(given: Sequence[Any]) -> Sequence[Vehicle]:
+def cars_of(given: Sequence[Any]) -> Sequence[Vehicle]:
+    """Cars from their fields as files keep them; those that cannot be made are left out."""
     found = []
     for fields in given:
         try:
