@@ -109,6 +109,12 @@ def test_parameters_leave_and_come_back(steersman: Steersman, tmp_path: FilePath
         ("tuned/lqr --parameters bad.csv", "bad.csv: line 2: value 'x', expected a number"),
         ("tuned/lqr --parameters other.csv", "parameter 'design.gain[0]': unknown; did you mean"),
         ("tuned/lqr --parameters low.csv", "controller.preview_time: -1"),
+        ("tuned/lqr --parameters comma.csv", "comma.csv: line 2 (preview_time): 3 cells, expected"),
+        ("tuned/lqr --parameters few.csv", "few.csv: line 2 (preview_time): 1 cells, expected 2"),
+        ("tuned/lqr --parameters semi.csv", "semi.csv: its cells are separated by ';'"),
+        ("estimated/tuned/lqr", "a controller behind an estimator or predictor cannot be exported"),
+        ("predicted/tuned/lqr", "classical controller without one can (here lqr)"),
+        ("supervised/tuned/lqr", "a controller under a supervisor cannot be exported"),
         ("tuned/lqr sensor.count=3", "sensor.count: 3"),
         ("precision --precision single", "settings and parameters are for controllers in C"),
     ],
@@ -117,12 +123,15 @@ def test_wrong_words_for_a_controller(
     steersman: Steersman, tmp_path: FilePath, words: str, message: str
 ) -> None:
     for name, row in (
-        ("bad", "preview_time,x"), ("other", "design.gain[0],1.0"), ("low", "preview_time,-1")
+        ("bad", "preview_time,x"), ("comma", "preview_time,0,06"), ("few", "preview_time"),
+        ("other", "design.gain[0],1.0"), ("low", "preview_time,-1")
     ):  # fmt: skip
         (tmp_path / f"{name}.csv").write_text(f"name,value\n{row}\n")
+    (tmp_path / "semi.csv").write_text("name;value\npreview_time;0,06\n")
     result = steersman("export", *words.split(), "--to", "c", "--out", "o")
     assert result.exit_code == 2
     assert message in result.stderr
+    assert len(result.stderr.splitlines()) == 1
     assert not (tmp_path / "o").exists()
 
 

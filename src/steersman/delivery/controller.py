@@ -32,8 +32,10 @@ from steersman.errors import ConfigError
 from steersman.messages import field_unit
 from steersman.types import Observation
 from steersman.vehicles import Vehicle
+from steersman.words import wrapped
 
 _PASSES = 8
+_BEHIND = "behind an estimator or predictor"
 DESIGN = "design"
 """What the names of numbers begin with that the controller makes before the first step."""
 _NUMBERS = Observation._fields[:8]
@@ -121,9 +123,25 @@ def translated(setting: Setting) -> Translated:
     except NotTranslatable as error:
         where = re.sub(r".*/steersman/", "", getattr(error, "where", "?"))
         raise ConfigError(
-            f"no C code can be made of this controller: {error} ({where})", ("controller",)
+            f"{_around(setting.controller)}no C code can be made of this controller:"
+            f" {error} ({where})",
+            ("controller",),
         ) from None
     raise ConfigError("no C code can be made of this controller: its state keeps growing")
+
+
+def _around(controller: ControllerComponent) -> str:
+    """Why there is no C of a controller around another one, and of which there is."""
+    steers: Any = controller
+    while (field := wrapped().get(steers.kind)) is not None:
+        steers = getattr(steers, field)
+    if steers is controller:
+        return ""
+    where = "under a supervisor" if controller.kind == "supervisor" else _BEHIND
+    return (
+        f"a controller {where} cannot be exported to C yet; a policy or a classical controller"
+        f" without one can (here {steers.kind}); "
+    )
 
 
 def _changed(value: Any, path: str, values: Mapping[str, float]) -> Any:

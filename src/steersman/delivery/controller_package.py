@@ -82,16 +82,25 @@ def read_table(file: FilePath) -> dict[str, float]:
     """
     try:
         with file.open(encoding="utf-8", newline="") as stream:
-            rows = list(csv.DictReader(stream))
+            reader = csv.reader(stream)
+            rows = [(reader.line_num, cells) for cells in reader if cells]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise DataError(f"{file}: cannot be read: {error}") from None
-    if not rows or not {"name", "value"} <= rows[0].keys():
+    columns = rows[0][1] if rows else []
+    if {"name", "value"} <= set(";".join(columns).split(";")) and "name" not in columns:
+        raise DataError(f"{file}: its cells are separated by ';'; expected ',' and decimal points")
+    if len(rows) < 2 or not {"name", "value"} <= set(columns):  # noqa: PLR2004 - names and a row
         raise DataError(f"{file}: expected a table with the columns {', '.join(text.COLUMNS)}")
     out = {}
-    for line, row in enumerate(rows, 2):
+    for line, cells in rows[1:]:
+        row = dict(zip(columns, cells, strict=False))
+        if len(cells) != len(columns):
+            name = row.get("name", "?")
+            what = f"{len(cells)} cells, expected {len(columns)}; decimals need a point"
+            raise DataError(f"{file}: line {line} ({name}): {what}")
         try:
             out[row["name"]] = float(row["value"])
-        except (TypeError, ValueError):
+        except ValueError:
             what = f"value {row['value']!r}, expected a number"
             raise DataError(f"{file}: line {line}: {what}") from None
         if not math.isfinite(out[row["name"]]):

@@ -54,6 +54,8 @@ class Operators(Emitter):
 
     def operate(self, op: type, a: Value, b: Value) -> Value:
         """An operator between two values."""
+        if op not in _OPERATORS:
+            raise NotTranslatable(f"the operator {op.__name__}")
         sign, compute = _OPERATORS[op]
         a, b = (each.item if isinstance(each, Maybe) else each for each in (a, b))
         if self.fixed(a) and self.fixed(b):
@@ -74,6 +76,8 @@ class Operators(Emitter):
         return self._binary(op, a, b, sign)
 
     def _binary(self, op: type, a: Value, b: Value, sign: str = "") -> Scalar:
+        if op not in _OPERATORS:
+            raise NotTranslatable(f"the operator {op.__name__}")
         sign, compute = _OPERATORS[op]
         one, other = self.number(a), self.number(b)
         known, of = self._known_of(compute, one, other)
