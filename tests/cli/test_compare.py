@@ -279,7 +279,7 @@ def test_seeds_and_settings_of_one_drive_do_not_go_together(
 def test_gains_of_another_car_say_so(steersman: Steersman, tmp_path: FilePath) -> None:
     (tmp_path / "mine.yaml").write_text("base: carla_model3\nmass: 2600\n")
     one = ("pid", "a=predicted/tuned/lqr", "path=circle", "duration=1")
-    line = "controller: tuned/lqr was tuned for carla_model3_v1 (mass 1845, here 2600"
+    line = "controller: tuned/lqr was tuned for carla_model3 (mass 1845, here 2600"
     assert "was tuned for" not in steersman("compare", *one).stderr
     assert line in steersman("compare", *one, "vehicle=mine.yaml").stderr
     assert steersman(
