@@ -136,8 +136,9 @@ class TrainConfig(Settings):
         Raises:
             ConfigError: it is no function.
         """
-        if not callable(function):
-            what = f"one function is needed, not {shortened(repr(function))}"
+        given: Any = function
+        if not callable(given):
+            what = f"one function is needed, not {shortened(repr(given))}"
             raise ConfigError(what, ("reward",))
         task = self.problem.task
         terms = (*task.terms, FunctionTerm(function=function))
