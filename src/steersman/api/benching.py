@@ -11,8 +11,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from steersman import files
-from steersman.api.cars import cars_of, made_for_another
-from steersman.api.compared import sorted_out
+from steersman.api.compared import cars_driven, sorted_out, tell_cars
 from steersman.api.driving import Folder, announce, workers_for
 from steersman.command_table import build_for
 from steersman.commands import Notify, configuration, split, suite_settings
@@ -25,10 +24,8 @@ if TYPE_CHECKING:
     from steersman.bench.results import BenchResult
     from steersman.bench.suite import Suite
     from steersman.episode import Episode
-    from steersman.rollout import RunConfig
     from steersman.studies.compare.contestants import Contestant
     from steersman.studies.compare.results import AnyComparison
-    from steersman.vehicles import Vehicle
 
 Progress = Callable[[float, float], None]
 
@@ -205,7 +202,7 @@ def compare(
             raise ConfigError(
                 f"{what}: drives are compared on what they drove; it goes with controllers"
             )
-        _tell_cars(found, _cars_driven(found, drive), tell)
+        tell_cars(found, cars_driven(found, drive), tell)
         with kept(out) as folder:
             over_drives, episodes = compare_drives(found, drive)
             _write(over_drives, folder, out, tell, episodes=episodes)
@@ -215,7 +212,7 @@ def compare(
     engine, jobs = workers_for(over.suite.plant, engine, jobs)
     drivers = sum(len(one.drivers) for one in found)
     if over.suite.plant.computed:
-        _tell_cars(found, [*over.suite.vehicles.values()], tell)
+        tell_cars(found, [*over.suite.vehicles.values()], tell)
     with kept(out) as folder:
         if drivers:
             tell(f"{len(over.scenarios)} scenarios x {drivers} controllers")
@@ -224,25 +221,6 @@ def compare(
         )
         _write(result, folder, out, tell, cases=cases)
     return result
-
-
-def _cars_driven(found: Sequence[Contestant], drive: RunConfig | None) -> list[Vehicle]:
-    """The car of a drive that is to be driven, else of the first saved one, as far as is known."""
-    if drive is not None:
-        return [drive.vehicle] if drive.plant.computed else []
-    saved = next(one.episode for one in found if one.episode is not None)
-    config = saved.meta.get("config")
-    return [*cars_of([config.get("vehicle")])] if isinstance(config, dict) else []
-
-
-def _tell_cars(found: Sequence[Contestant], cars: Sequence[Vehicle], tell: Notify) -> None:
-    """Say which controllers, of those that are driven now, were made for another car."""
-    for one in found:
-        for driver in one.drivers:
-            told = [made_for_another(driver.controller, [one.source], car) for car in cars]
-            other = next((line for line in told if line is not None), None)
-            if other is not None:
-                tell(f"controller: {other}")
 
 
 def _one_drive(

@@ -1,4 +1,4 @@
-"""What a comparison is given in Python: words, drives, and settings as keywords."""
+"""What a comparison is given in Python, and which of it was made for another car."""
 
 from __future__ import annotations
 
@@ -10,12 +10,16 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel
 
 from steersman import core_yaml
-from steersman.commands import key, suite_settings
+from steersman.api.cars import cars_of, made_for_another
+from steersman.commands import Notify, key, suite_settings
 from steersman.config import dump
 from steersman.errors import ConfigError, suggestion
 
 if TYPE_CHECKING:
     from steersman.episode import Episode
+    from steersman.rollout import RunConfig
+    from steersman.studies.compare.contestants import Contestant
+    from steersman.vehicles import Vehicle
 
 
 def sorted_out(
@@ -62,3 +66,22 @@ def _assignment(name: str, value: Any) -> str:
         raise ConfigError(
             f"a value of type {type(value).__name__} is not allowed", (name,)
         ) from None
+
+
+def cars_driven(found: Sequence[Contestant], drive: RunConfig | None) -> list[Vehicle]:
+    """The car of a drive that is to be driven, else of the first saved one, as far as is known."""
+    if drive is not None:
+        return [drive.vehicle] if drive.plant.computed else []
+    saved = next(one.episode for one in found if one.episode is not None)
+    config = saved.meta.get("config")
+    return [*cars_of([config.get("vehicle")])] if isinstance(config, dict) else []
+
+
+def tell_cars(found: Sequence[Contestant], cars: Sequence[Vehicle], tell: Notify) -> None:
+    """Say which controllers, of those that are driven now, were made for another car."""
+    for one in found:
+        for driver in one.drivers:
+            told = [made_for_another(driver.controller, [one.source], car) for car in cars]
+            other = next((line for line in told if line is not None), None)
+            if other is not None:
+                tell(f"controller: {other}")
