@@ -38,7 +38,7 @@ _REFUSED, _NOT_ALLOWED, _TOO_LARGE = 403, 422, 413
 
 
 def new_token() -> str:
-    """Letters that nobody guesses."""
+    """A random token of the page's address."""
     return secrets.token_urlsafe(18)
 
 

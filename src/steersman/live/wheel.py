@@ -98,7 +98,7 @@ class WheelDrive:
         Raises:
             ConfigError: a word or a value is unknown or not allowed.
             DataError: a file is missing, or the record cannot be written.
-            SteersmanError: somebody else drives, or nobody does.
+            SteersmanError: another page drives, or no drive has begun.
         """
         running = self._thread is not None and self._thread.is_alive()
         if given.act == "start":
