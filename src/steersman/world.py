@@ -156,7 +156,8 @@ class Simulation:
 
     def look(self, i: int) -> None:
         """Measure vehicle ``i`` where it is."""
-        self._sense([i], np.array([self.time(i)]))
+        if self._watched:
+            self._sense([i], np.array([self.time(i)]))
         kernel.look(self.world, self.fleet, i)
 
     def measure(self, i: int, step: int, state: FloatArray, tracking: FloatArray) -> None:
@@ -212,6 +213,10 @@ class Simulation:
         row = self.fleet.rows[i].copy()  # controllers may keep it
         time = float(self._times[i, -1]) if self._watched else self.time(i)
         return to_observation(row, time, self.sensor.spacing)
+
+    def preview(self, i: int) -> FloatArray:
+        """The waypoints of that alone (count, 2), a view that the next measurement changes [m]."""
+        return self.fleet.rows[i, observe.O_PREVIEW :].reshape(-1, 2)
 
     def arrays(self) -> dict[str, Any]:
         """Every array that changes while driving."""

@@ -209,6 +209,7 @@ def until(page, words, arg=None):
         page.wait_for_timeout(20)
 
 
+FIRST_TO_LAST = ("pin", "figures", "choose", "replay", "failures")
 FIGURES = "() => document.querySelector('#figures tbody').textContent"
 
 
@@ -232,6 +233,9 @@ def test_in_a_browser(browser, port, tmp_path):
         page.on("console", lambda m: faults.append(m.text))
         page.goto(address.url)
         until(page, "() => Boolean(document.getElementById('took').textContent)")
+        tops = [page.locator(f"#{name}").bounding_box()["y"] for name in FIRST_TO_LAST]
+        assert tops == sorted(tops)  # the form beneath the figures, above the replay
+        page.locator("#choose > summary").click()
         return page
 
     with serving(port, tmp_path) as address:

@@ -12,11 +12,12 @@ from functools import lru_cache
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from scipy.linalg import solve_discrete_are
 
 from steersman.config import param, register
 from steersman.controllers.base import ControllerComponent
+from steersman.controllers.riccati import gain, riccati
 from steersman.controllers.single_track import (
+    ErrorModel,
     discrete,
     error_model,
     errors,
@@ -90,18 +91,14 @@ def gain_at(gains: FloatArray, v: float) -> tuple[float, float, float, float]:
 
 
 def lqr_gain(a: FloatArray, b: FloatArray, q: FloatArray, r: float) -> FloatArray:
-    """Gain (4,) of u = -K x that minimises the sum of x'qx + r u^2 for x(k+1) = a x + b u."""
-    b = b[:, None]
-    p = solve_discrete_are(a, b, q, np.array([[r]]))
-    gain: FloatArray = (b.T @ p @ a)[0] / (r + (b.T @ p @ b)[0, 0])
-    return gain
+    """Gain (..., 4) of u = -K x that minimises the sum of x'qx + r u^2 for x(k+1) = a x + b u."""
+    return gain(a, b, riccati(a, b, q, r), r)
 
 
 @lru_cache(maxsize=64)
 def _schedule(vehicle: Vehicle, dt: float, weights: tuple[float, ...], r: float) -> FloatArray:
-    gains = np.empty((len(_SPEEDS), 4))
-    for i, v in enumerate(_SPEEDS):
-        model = discrete(error_model(vehicle, v), dt)
-        gains[i] = lqr_gain(model.a, model.b, np.diag(weights), r)
+    each = zip(*(error_model(vehicle, v) for v in _SPEEDS), strict=True)
+    model = discrete(ErrorModel(*map(np.array, each)), dt)
+    gains = lqr_gain(model.a, model.b, np.diag(weights), r)
     gains.setflags(write=False)
     return gains

@@ -11,10 +11,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import solve_discrete_are
 
 from steersman.controllers.motion_estimate import SLOWEST
 from steersman.controllers.quadratic import optimum
+from steersman.controllers.riccati import gain, riccati
 from steersman.controllers.single_track import ErrorModel, discrete, error_model, steady_state
 from steersman.kernels import mpc_delay as kernel
 from steersman.types import FloatArray, Observation, Status
@@ -107,15 +107,13 @@ def build_model(vehicle: Vehicle, dt: float, horizon: int, weights: Weights, v: 
     a, b, e = np.eye(5), np.ones(5), np.zeros(5)
     a[:4, :4], a[:4, 4], b[:4] = model.a, model.b, model.b
     e[2] = steady[0, 0]
-    q = np.diag(weights[:5])
-    p = solve_discrete_are(a, b[:, None], q, np.array([[weights.change]]))
-    scale = weights.change + b @ p @ b
-    gain = (b @ p @ a) / scale
+    p = riccati(a, b, np.diag(weights[:5]), weights.change)
+    k, scale = gain(a, b, p, weights.change), weights.change + b @ p @ b
     ahead, costate = np.empty(horizon), p @ e
     for j in range(horizon):
         ahead[j] = b @ costate / scale
-        costate = (a - np.outer(b, gain)).T @ costate
-    return Model(model.a, model.b, steady, gain, ahead, p)
+        costate = (a - np.outer(b, k)).T @ costate
+    return Model(model.a, model.b, steady, k, ahead, p)
 
 
 def _steady(model: ErrorModel) -> FloatArray:

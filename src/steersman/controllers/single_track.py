@@ -39,23 +39,26 @@ def single_track(vehicle: Vehicle, v0: float) -> tuple[FloatArray, FloatArray]:
 
 
 def zero_order_hold(a: FloatArray, b: FloatArray, dt: float) -> tuple[FloatArray, FloatArray]:
-    """Exact discretisation for an input held over ``dt`` [s]: expm of the augmented matrix."""
-    n, m = b.shape
-    block = np.zeros((n + m, n + m))
-    block[:n, :n], block[:n, n:] = a, b
+    """Exact discretisation for inputs held over ``dt`` [s]: expm of the augmented matrix.
+
+    ``a`` is (..., n, n), ``b`` (..., n, m): a system in each leading place.
+    """
+    n, m = b.shape[-2:]
+    block = np.zeros((*b.shape[:-2], n + m, n + m))
+    block[..., :n, :n], block[..., :n, n:] = a, b
     exact = expm(block * dt)
-    return exact[:n, :n], exact[:n, n:]
+    return exact[..., :n, :n], exact[..., :n, n:]
 
 
 class ErrorModel(NamedTuple):
-    """xi' = a xi + b delta + g kappa at one speed."""
+    """xi' = a xi + b delta + g kappa at one speed, or at one in each leading place."""
 
     a: FloatArray
-    """(4, 4)"""
+    """(..., 4, 4)"""
     b: FloatArray
-    """(4,) effect of the wheel angle."""
+    """(..., 4) effect of the wheel angle."""
     g: FloatArray
-    """(4,) effect of the curvature."""
+    """(..., 4) effect of the curvature."""
 
 
 def error_model(vehicle: Vehicle, v: float) -> ErrorModel:
@@ -75,8 +78,8 @@ def error_model(vehicle: Vehicle, v: float) -> ErrorModel:
 
 def discrete(model: ErrorModel, dt: float) -> ErrorModel:
     """xi(k+1) = a xi(k) + b delta(k) + g kappa(k), exact for inputs held over ``dt`` [s]."""
-    a, inputs = zero_order_hold(model.a, np.stack([model.b, model.g], axis=1), dt)
-    return ErrorModel(a, inputs[:, 0].copy(), inputs[:, 1].copy())
+    a, inputs = zero_order_hold(model.a, np.stack([model.b, model.g], axis=-1), dt)
+    return ErrorModel(a, inputs[..., 0].copy(), inputs[..., 1].copy())
 
 
 def steady_state(model: ErrorModel) -> tuple[FloatArray, float]:

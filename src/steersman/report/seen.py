@@ -19,10 +19,11 @@ from steersman.config import build, resolve
 from steersman.episode import Episode
 from steersman.errors import SteersmanError
 from steersman.faults import Fault
+from steersman.kernels import vehicle as car
 from steersman.paths.base import PathComponent
 from steersman.plants.simulator import SimulatorConfig
 from steersman.profiles import stack_profiles
-from steersman.sensing import WaypointSensor, state_row
+from steersman.sensing import STATE_COLUMNS, WaypointSensor
 from steersman.speed import ConstantSpeed
 from steersman.types import FloatArray, Pose, VehicleState
 from steersman.vehicles import LONGEST_STEP, CarlaModel3, Vehicle
@@ -104,9 +105,9 @@ def waypoints(episode: Episode, path: PathComponent | None) -> FloatArray | None
         return None
     places = np.stack([episode[name] for name in _TRACKING], axis=1)
     out = np.empty((len(episode), sensor.count, 2))
-    for row, (vehicle, place) in enumerate(zip(_states(episode), places, strict=True)):
-        simulation.measure(0, row, state_row(vehicle), place)
-        out[row] = simulation.observation(0).preview
+    for row, (state, place) in enumerate(zip(_states(episode), places, strict=True)):
+        simulation.measure(0, row, state, place)
+        out[row] = simulation.preview(0)
     return out
 
 
@@ -144,8 +145,9 @@ def _sensing(
     return simulation
 
 
-def _states(episode: Episode) -> list[VehicleState]:
-    names = ("time", "x", "y", "psi", "v_x", "v_y", "yaw_rate", "a_x", "a_y", "steer",
-             "wheel_angle", "throttle", "brake")  # fmt: skip
-    table = np.stack([episode[name] for name in names], axis=1)
-    return [VehicleState(*row) for row in table.tolist()]
+def _states(episode: Episode) -> FloatArray:
+    """The rows of the states as kernels read them (rows, N_STATE), without the loads."""
+    names = VehicleState._fields[1:]  # all but the time
+    states = np.zeros((len(episode), car.N_STATE))
+    states[:, STATE_COLUMNS] = np.stack([episode[name] for name in names], axis=1)
+    return states

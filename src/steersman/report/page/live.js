@@ -401,6 +401,10 @@ class LivePage {
 
 async function start() {
   theme.start();
+  const wide = matchMedia("(min-width: 861px)");
+  const open = () => (byId("choose").open = wide.matches);
+  wide.addEventListener("change", open);
+  open();
   const given = JSON.parse(new TextDecoder().decode(await unpacked("given")));
   window.steersman = new LivePage(given);
 }
