@@ -22,6 +22,7 @@ from steersman.errors import ConfigError, DataError, SteersmanError, suggestion
 
 if TYPE_CHECKING:
     from steersman.delivery.controller import Setting
+    from steersman.delivery.fmu.model import FmuModel
 
 EXAMPLES = (
     "\b\n"
@@ -31,6 +32,8 @@ EXAMPLES = (
     "  steersman export tuned/lqr --to c --parameters lqr.csv sensor.count=20\n"
     "  steersman export runs/tune --to c                   (for the car of the tuning)\n"
     "  steersman export tuned/lqr --to c nominal=my_car.yaml\n"
+    "  steersman export tuned/mpc_delay --to fmu --fmi 3\n"
+    "  steersman export carla_model3 --to fmu path=monza speed=constant_speed\n"
     "  steersman export runs/agent/policy.onnx --to onnx --out delivery\n"
     "  steersman export runs/monza --to mcap\n"
     "  steersman export demo --to minari --out datasets\n"
@@ -38,7 +41,9 @@ EXAMPLES = (
     "\b\n"
 )
 STEERS = "a controller, or a policy"
+UNIT = "a controller, a policy, or a vehicle with its road"
 _PRECISIONS = ("single", "double")
+_FMI = (2, 3)
 POLICY = "a training's folder, a policy of the package, or an .onnx or .json file"
 DRIVE = "a folder of steersman drive --out, or an episode's .npz file"
 DATA = "a training's folder or preset (its demonstrator drives), a drive, or a ROS 2 recording"
@@ -55,6 +60,8 @@ class ToExport(NamedTuple):
     """Numbers in C are float; else double."""
     parameters: FilePath | None = None
     """A table with other values of a controller's parameters."""
+    fmi: int | None = None
+    """Version of an FMU's interface."""
 
 
 class Target(NamedTuple):
@@ -140,6 +147,35 @@ def _policy(wanted: ToExport) -> str:
     return wanted.run
 
 
+def _fmu(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
+    from steersman.delivery.fmu.archive import write_fmu
+
+    return write_fmu(_model(wanted), wanted.fmi or 2, folder, note)
+
+
+def _model(wanted: ToExport) -> FmuModel:
+    """What becomes an FMU: a vehicle on its road, a controller, or a policy."""
+    from steersman import words
+    from steersman.delivery.fmu import model
+
+    if words.means("vehicle", wanted.run):
+        from steersman.commands import configuration
+        from steersman.delivery.plant import translated_plant
+
+        _policy(wanted._replace(words=()))
+        config = configuration("drive", [f"vehicle={wanted.run}", *wanted.words])
+        return model.plant_model(translated_plant(words.short(wanted.run), config))
+    setting = _setting(wanted)
+    if setting is not None:
+        return model.controller_model(setting)
+    from steersman.delivery.c_source import parts
+    from steersman.delivery.graph import read_network
+    from steersman.delivery.source import read_source
+
+    source = read_source(_policy(wanted))
+    return model.policy_model(parts(source, read_network(source.data, str(source.file))))
+
+
 def _onnx(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
     from steersman.delivery.package import write_onnx
 
@@ -160,6 +196,7 @@ def _minari(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
 
 TARGETS = (
     Target("c", STEERS, "C99 source without dependencies, test vector, Makefile, card", _c),
+    Target("fmu", UNIT, "a unit for co-simulation (FMI 2.0, 3.0), binary and sources", _fmu),
     Target("onnx", POLICY, "the network as a checked ONNX file with its card", _onnx),
     Target("mcap", DRIVE, "a recording with ROS 2 messages", _mcap),
     Target("minari", DATA, "a dataset of what was seen and done", _minari, dataset_home),
@@ -188,7 +225,7 @@ def export(
         list[str] | None,
         typer.Argument(
             metavar="[KEY=VALUE]...",
-            help="Of a controller in C: settings of a drive (nominal, sensor, plant.dt ...).",
+            help="Of a controller or vehicle: settings of a drive (nominal, sensor, path ...).",
         ),
     ] = None,
     precision: Annotated[
@@ -199,6 +236,10 @@ def export(
         str | None,
         typer.Option("--parameters", metavar="FILE", help="Its parameters: a table, changed."),
     ] = None,
+    fmi: Annotated[
+        int | None,
+        typer.Option("--fmi", metavar="2|3", help="Version of an FMU's interface; else 2."),
+    ] = None,
     out: Annotated[
         str | None,
         typer.Option("--out", metavar="DIR", help="Folder to write into; else ./NAME_TARGET."),
@@ -206,18 +247,20 @@ def export(
 ) -> None:
     """Write a result in the format of another tool.
 
-    What is written is checked against what it was made from. The path of the main file is printed
-    on stdout.
+    What is written is checked against what it was made from (an FMU is compiled, not run). The
+    path of the main file is printed on stdout.
     """
     chosen = target(to)
     if precision not in _PRECISIONS:
         raise ConfigError(f"--precision: {precision!r} is not allowed; expected single or double")
+    if fmi is not None and (fmi not in _FMI or to != "fmu"):
+        raise ConfigError(f"--fmi: {fmi} is not allowed; expected 2 or 3, with --to fmu")
     if not run.strip():
         raise DataError("RUN: expected the name of what to export, given nothing")
     if out is None:
         out = chosen.home() or f"{FilePath(run).resolve().stem}_{to}"
     table = None if parameters is None else FilePath(parameters)
-    wanted = ToExport(run, words or [], precision == "single", table)
+    wanted = ToExport(run, words or [], precision == "single", table, fmi)
     was_there = FilePath(out).exists()
     folder = files.out_folder(out)
     try:

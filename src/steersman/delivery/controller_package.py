@@ -41,11 +41,12 @@ def write_controller(setting: Setting, folder: FilePath) -> Sequence[FilePath]:
     for each, content in contents.items():
         with replacing(folder / each) as stream:
             stream.write(content.encode())
-    write_text(folder / f"{name}.json", _card(made, contents))
+    write_text(folder / f"{name}.json", controller_card(made, contents))
     return [folder / each for each in (*contents, f"{name}.json")]
 
 
-def _card(made: Translated, contents: Mapping[str, str]) -> str:
+def controller_card(made: Translated, contents: Mapping[str, str]) -> str:
+    """What a controller in C was made from, with the SHA-256 of its files, as JSON."""
     s = made.setting
     card = {
         "name": s.name,

@@ -200,6 +200,7 @@ def _register() -> dict[Any, Special]:
         if hasattr(np, name):
             table[getattr(np, name)] = _of_real(name, getattr(math, name))
     table[np.arctan] = table[math.atan]
+    table[np.rint] = _of_real("rint", round)
     table |= {f: _whole(table[f]) for f in (math.floor, math.ceil)}
     plain: dict[Any, Callable[[Expressions, list[Value], Named], Value]] = {
         abs: _absolute, np.abs: _absolute, math.fabs: _absolute, round: _rounded, int: _int,
