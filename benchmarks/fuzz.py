@@ -247,10 +247,10 @@ def _request(name: str = "version", words: list[object] | None = None) -> bytes:
 
 
 def _wire(file: Path) -> object:
-    unpacker = wire.unpacker()
-    unpacker.feed(file.read_bytes())
+    incoming = wire.Incoming()
     try:
-        messages = list(unpacker)
+        incoming.feed(file.read_bytes())
+        messages = list(iter(incoming.message, None))
     except Exception as error:  # noqa: BLE001 - the server ends a connection for any of them
         raise wire.NotARequest(str(error).partition("\n")[0]) from None
     return [wire.request(message) for message in messages]

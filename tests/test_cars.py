@@ -9,10 +9,11 @@ import pytest
 
 import steersman as sm
 from steersman import tuned
-from steersman.api.cars import tuned_on
+from steersman.api.cars import implausible, tuned_on
 from steersman.api.driving import announce_drive
-from steersman.config import dump
-from steersman.vehicles import CarlaModel3V1, VehicleFile
+from steersman.config import dump, resolve
+from steersman.registry import components
+from steersman.vehicles import CarlaModel3V1, Vehicle, VehicleFile
 from steersman.words import _AROUND
 
 MINE = "base: carla_model3\nmass: 2100\nc_f: 120000\n"
@@ -50,6 +51,28 @@ def test_what_a_car_leaves_to_its_base_is_listed_once(mine: FilePath) -> None:
     figures = {name: value for name, value in whole.items() if name not in {"kind", "file"}}
     mine.write_text(json.dumps({"base": "custom", **figures}), encoding="utf-8")
     assert told("lqr", "vehicle=mine.yaml") == []
+
+
+@pytest.mark.parametrize(
+    ("word", "line"),
+    [
+        ("l_f=1168", "l_f is 1168 m, in cars it is 0.02 to 10"),
+        ("mass=1845000", "mass is 1.845e+06 kg"),
+        ("mass=1.845", "yaw_inertia / (mass l_f l_r) is 725.4"),
+        ("c_r=67.8", "c_r / (mass g) is 0.003746 /rad"),
+    ],
+)
+def test_figures_in_another_unit_are_told(word: str, line: str) -> None:
+    assert [one for one in told("pid", f"vehicle.{word}") if line in one]
+
+
+def test_no_known_car_is_implausible() -> None:
+    for kind in components("vehicle"):
+        if kind != "file":
+            assert implausible(resolve("vehicle", kind)) is None
+    scale = {"mass": 3.47, "yaw_inertia": 0.047, "l_f": 0.159, "l_r": 0.171, "track_width": 0.3}
+    small = {"height": 0.07, "c_f": 80.0, "c_r": 80.0, "width": 0.3, "body_length": 0.5}
+    assert implausible(Vehicle.model_validate(scale | small)) is None
 
 
 @pytest.mark.parametrize("word", ["tuned/lqr", "controller=tuned/lqr", "supervised/tuned/lqr"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path as FilePath
@@ -16,6 +17,9 @@ _DEFAULT = "StandInStraight"
 _FOLDER = "Carla/Maps/"
 # Distance of a spawn point from the beginning of its lane [m].
 _INTO_THE_LANE = 5.0
+# Elements of a client's map: nobody is served while it is read. Town07 of CARLA has
+# 17 454.
+_MOST_ELEMENTS = 50_000
 
 # A straight road of 1 km, one lane each way, on which an empty server starts.
 _STRAIGHT = """<?xml version="1.0"?>
@@ -76,8 +80,13 @@ def default_map() -> WorldMap:
     return WorldMap(_DEFAULT, _STRAIGHT)
 
 
-def read_map(name: str, text: str) -> WorldMap:
+def read_map(name: str, text: str, most: float = _MOST_ELEMENTS) -> WorldMap:
     """A map from a client's text, which is checked for being OpenDRIVE at all.
+
+    Args:
+        name: of the map.
+        text: OpenDRIVE.
+        most: elements that it may have.
 
     Raises:
         Refused: it is not.
@@ -86,8 +95,10 @@ def read_map(name: str, text: str) -> WorldMap:
     seen: list[str] = []
 
     def start(tag: str, _: object) -> None:
-        if tag == "road" or not seen:
-            seen.append(tag)
+        seen.append(tag)
+        if len(seen) > most:
+            cure = "put a larger map into the folder of steersman carla serve --maps"
+            raise Refused(f"OpenDRIVE: more than {most} elements; {cure}")
 
     def entity(*_: object) -> None:
         raise Refused("OpenDRIVE: entities are not allowed")
@@ -138,6 +149,6 @@ class MapLibrary:
                 f"there is no map {stem!r}{sm.suggestion(stem, [_DEFAULT, *self._files])}"
             )
         try:
-            return read_map(stem, self._files[stem].read_text(encoding="utf-8"))
+            return read_map(stem, self._files[stem].read_text(encoding="utf-8"), math.inf)
         except (OSError, UnicodeDecodeError) as error:
             raise Refused(f"{self._files[stem].name}: {error}") from None

@@ -5,8 +5,10 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
+import math
 import signal
 import struct
+import time
 from collections.abc import Callable
 from pathlib import Path as FilePath
 
@@ -17,13 +19,16 @@ from carla_standin.calls import Dispatcher
 from carla_standin.car import warm_up
 from carla_standin.maps import MapLibrary
 from carla_standin.streams import MAX_WAITING, Streams
-from carla_standin.wire import request, response, unpacker, warn_once
+from carla_standin.wire import Incoming, request, response, warn_once
 from carla_standin.world import StandinWorld
 
 HOST = "127.0.0.1"
 PORT = 2000
 # Connections at once, of each port.
 MAX_CLIENTS = 32
+# Silence after which a connection makes room for another if there are so many [s]: one that has
+# said nothing yet, and one that has called. One that listens to a stream stays.
+_MUTE, _SILENT = 1.0, 60.0
 # Replies to calls that ignore them are sent when there are so many [bytes].
 _REPLIES = 4096
 _STREAM_ID = struct.Struct("<I")
@@ -128,10 +133,14 @@ class StandinServer:
 
     def admit(self, session: ClientConnection) -> bool:
         """Whether there is room for one more connection; counts it if so."""
-        alike = sum(type(other) is type(session) for other in self.sessions)
-        if alike >= MAX_CLIENTS:
-            warn_once(f"stand-in: more than {MAX_CLIENTS} connections; one was refused")
-            return False
+        alike = [other for other in self.sessions if type(other) is type(session)]
+        if len(alike) >= MAX_CLIENTS:
+            least = max(alike, key=lambda other: other.spent)
+            if least.spent < 0.0:
+                warn_once(f"stand-in: more than {MAX_CLIENTS} connections; one was refused")
+                return False
+            least.reject(f"silent, and there are more than {MAX_CLIENTS} connections")
+            self.sessions.discard(least)
         self.sessions.add(session)
         return True
 
@@ -140,10 +149,21 @@ class ClientConnection(asyncio.Protocol):
     """A connection of either kind."""
 
     connection: asyncio.Transport
+    patience = _SILENT
 
     def __init__(self, server: StandinServer) -> None:
         """Of that server."""
         self.server = server
+        self._until = time.monotonic() + _MUTE
+
+    def hear(self) -> None:
+        """The client has said something."""
+        self._until = time.monotonic() + self.patience
+
+    @property
+    def spent(self) -> float:
+        """How long it has been silent for too long [s]; negative: it has not."""
+        return time.monotonic() - self._until
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """A client has connected."""
@@ -172,15 +192,16 @@ class CallConnection(ClientConnection):
         import msgpack
 
         self._calls = calls
-        self._unpacker = unpacker()
+        self.incoming = Incoming()
         self._pack = msgpack.Packer().pack
         self._replies = bytearray()
         self._paused = False
 
     def data_received(self, data: bytes) -> None:
         """Answer every call that is complete, in the order in which they came."""
+        self.hear()
         try:
-            self._unpacker.feed(data)
+            self.incoming.feed(data)
             self._work()
         except Exception as error:  # noqa: BLE001 - whatever garbage causes, the others go on
             self.reject(str(error) or type(error).__name__)
@@ -193,7 +214,7 @@ class CallConnection(ClientConnection):
         """
         awaited = False
         while not self._paused:
-            message = next(self._unpacker, None)
+            message = self.incoming.message()
             if message is None:
                 break
             call = request(message)
@@ -225,6 +246,8 @@ class CallConnection(ClientConnection):
 class StreamConnection(ClientConnection):
     """A client's subscription to one stream."""
 
+    patience = math.inf
+
     def __init__(self, server: StandinServer) -> None:
         """To a stream that it has yet to name."""
         super().__init__(server)
@@ -233,6 +256,7 @@ class StreamConnection(ClientConnection):
 
     def data_received(self, data: bytes) -> None:
         """The number of the stream; nothing may follow."""
+        self.hear()
         self._head += data[: _STREAM_ID.size + 1]
         if len(self._head) > _STREAM_ID.size:
             self.reject("a stream's client has nothing more to say than the stream's number")

@@ -13,6 +13,8 @@ from carla_standin.world import StreamMessage
 MAX_WAITING = 2**20
 # How long a client may take from asking where a stream is to listening to it [s].
 _UNDER_WAY = 10.0
+# Subscriptions under way at once, for each of which so much is kept.
+_MOST_UNDER_WAY = 32
 
 
 class Listener(Protocol):
@@ -47,6 +49,8 @@ class Streams:
     def expect(self, stream: int) -> None:
         """A client has asked where a stream is."""
         self._forget_the_late()
+        if sum(map(len, self._expected.values())) >= _MOST_UNDER_WAY:
+            return  # what it misses until it listens is lost
         self._expected.setdefault(stream, []).append(_Expected(self._clock() + _UNDER_WAY))
 
     def join(self, stream: int, listener: Listener) -> None:

@@ -24,9 +24,11 @@ _logged: set[str] = set()
 VERSION = "0.9.16-stand-in"
 
 # Largest request [bytes]; an OpenDRIVE map is the longest thing that a client sends.
-MAX_REQUEST = 32 * 2**20
-# Longest array within a request: a list is allocated before its elements have arrived.
+MAX_REQUEST = 8 * 2**20
+# Longest array within a request, as for a batch; and in one of more than so many bytes, which is
+# long for its text.
 MAX_ARRAY = 8192
+_LONG, _FEW = 2**20, 64
 # Farthest from the origin that anything is placed [m].
 _FARTHEST = 1e6
 # Longest name of a call and longest text in an answer about it [characters].
@@ -34,6 +36,7 @@ MAX_NAME = 64
 
 _REQUEST = 0
 _RESPONSE = 1
+_ARRAY_OF_FOUR = 0x94
 _TOKEN = struct.Struct("<IHBB16s")
 _TCP = 1
 _NO_ADDRESS = 0
@@ -113,16 +116,74 @@ class Transform(NamedTuple):
         )
 
 
-def unpacker() -> Any:
-    """A msgpack reader with limits, so that no message of a few bytes takes much memory."""
+class Incoming:
+    """The bytes of a client: a message is unpacked when it is whole, and no larger than its bytes.
+
+    An array is allocated at the length that it claims, so an unpacker that is fed as bytes come
+    takes 64 kB for three of them. Here nothing is allocated before all that was claimed is there.
+    """
+
+    def __init__(self) -> None:
+        """Without any."""
+        import msgpack
+
+        self._pending = bytearray()
+        self._begun = 0
+        self._reader = msgpack.Unpacker(max_buffer_size=MAX_REQUEST)
+        self._more, self._full = msgpack.OutOfData, msgpack.BufferFull
+
+    def feed(self, data: bytes) -> None:
+        """Take in what has come.
+
+        Raises:
+            NotARequest: it is not the beginning of a request, or longer than is allowed.
+        """
+        try:
+            self._reader.feed(data)
+        except self._full:
+            raise NotARequest(f"a request of more than {MAX_REQUEST} bytes") from None
+        self._pending += data
+        self._refuse_others()
+
+    def message(self) -> Any:
+        """The next message; None if it is not whole.
+
+        Raises:
+            ValueError: it is not what msgpack writes, or holds more than is allowed.
+        """
+        try:
+            self._reader.skip()
+        except self._more:
+            return None
+        size = self._reader.tell() - self._begun
+        data = bytes(self._pending[:size])
+        del self._pending[:size]
+        self._begun += size
+        self._refuse_others()
+        return _unpacked(data)
+
+    def _refuse_others(self) -> None:
+        if self._pending and self._pending[0] != _ARRAY_OF_FOUR:
+            raise NotARequest(f"not a request of CARLA's protocol: {bytes(self._pending[:9])!r}")
+
+
+def _unpacked(data: bytes) -> Any:
+    """A whole message; a long one may hold a long text, and little else."""
     import msgpack
 
-    return msgpack.Unpacker(
-        max_buffer_size=MAX_REQUEST,
-        max_array_len=MAX_ARRAY,
-        max_map_len=MAX_ARRAY,
-        unicode_errors="replace",
-    )
+    if len(data) <= _LONG:
+        limits: dict[str, Any] = {"max_array_len": MAX_ARRAY, "max_map_len": MAX_ARRAY}
+    else:
+        room = iter(range(MAX_ARRAY))
+
+        def counted(values: Any) -> Any:
+            if next(room, None) is None:
+                raise ValueError(f"a message of {len(data)} bytes has more than {MAX_ARRAY} lists")
+            return values
+
+        few = {"max_array_len": _FEW, "max_map_len": _FEW}
+        limits = {**few, "list_hook": counted, "object_hook": counted}
+    return msgpack.unpackb(data, unicode_errors="replace", **limits)
 
 
 def request(message: Any) -> Request:

@@ -17,6 +17,8 @@ from steersman.profiles import Profile, RoadSpeed, read_ggv, read_profile, stack
 from steersman.protocols import Path
 from steersman.types import FloatArray
 
+FASTEST = 150.0
+"""Highest speed that may be wanted of a car [m/s]."""
 # How often the driving cycle is repeated.
 _CYCLES = 20
 # Time for which stop and go is laid out [s].
@@ -44,7 +46,7 @@ class ConstantThrottle(SpeedComponent):
     """The throttle is held; speed is what the road makes of it."""
 
     throttle: float = param(0.4, "-", "Throttle position.", ge=0, le=1)
-    initial: float = param(5.0, "m/s", "Speed at the start.", ge=0)
+    initial: float = param(5.0, "m/s", "Speed at the start.", ge=0, le=FASTEST)
 
     def profile(self) -> Profile:
         """The demand, as the kernels read it."""
@@ -97,7 +99,7 @@ class SpeedTracking(SpeedComponent):
 class ConstantSpeed(SpeedTracking):
     """One speed for the whole run, which also starts at it."""
 
-    speed: float = param(10.0, "m/s", "Speed to hold.", ge=0)
+    speed: float = param(10.0, "m/s", "Speed to hold.", ge=0, le=FASTEST)
 
     def breakpoints(self) -> tuple[FloatArray, FloatArray]:
         """A single breakpoint."""
@@ -108,7 +110,7 @@ class ConstantSpeed(SpeedTracking):
 class StopAndGo(SpeedTracking):
     """The car stands, drives on, holds its speed and brakes to a stop, again and again."""
 
-    speed: float = param(10.0, "m/s", "Speed between the stops.", gt=0)
+    speed: float = param(10.0, "m/s", "Speed between the stops.", gt=0, le=FASTEST)
     stand: float = param(3.0, "s", "Standstill, also at the start.", gt=0)
     hold: float = param(10.0, "s", "Time at the speed.", gt=0)
     change: float = param(2.0, "m/s^2", "Acceleration, and deceleration to the stop.", gt=0)
@@ -168,8 +170,8 @@ class Nedc(SpeedTracking):
 class RandomProfile(SpeedTracking):
     """Speeds drawn anew for each training episode; a single run drives the draw of ``seed``."""
 
-    low: float = param(4.0, "m/s", "Lowest speed drawn.", gt=0)
-    high: float = param(25.0, "m/s", "Highest speed drawn.", gt=0)
+    low: float = param(4.0, "m/s", "Lowest speed drawn.", gt=0, le=FASTEST)
+    high: float = param(25.0, "m/s", "Highest speed drawn.", gt=0, le=FASTEST)
     interval: float = param(5.0, "s", "Time between breakpoints.", gt=0)
     change: float = param(2.0, "m/s^2", "Largest acceleration between breakpoints.", ge=0)
     cap_low: float = param(
@@ -229,7 +231,7 @@ class SpeedCsv(SpeedTracking):
 class RoadSpeedTracking(SpeedTracking):
     """Speeds that are given along the path, whatever the time."""
 
-    top: float = param(60.0, "m/s", "Highest speed.", gt=0)
+    top: float = param(60.0, "m/s", "Highest speed.", gt=0, le=FASTEST)
 
     def breakpoints(self) -> tuple[FloatArray, FloatArray]:
         """The highest speed at all times."""

@@ -76,6 +76,7 @@ def test_options_of_reset() -> None:
         ({"strat": 1.0}, r"options\.strat: unknown field; did you mean 'start'"),
         ({"path": "cirle"}, r"options\.path: .*did you mean 'circle'"),
         ({"speed": -1.0}, r"options\.speed: -1.0 is not allowed; must be greater than 0 \[m/s\]"),
+        ({"speed": 500.0}, r"options\.speed: 500.0 is not allowed; must be at most 150"),
         ({"start": 1e6}, r"options\.start\.s: 1e\+06 is not allowed; the path is 314.2 long"),
         ({"start": {"offset": 2.0}}, r"options\.start\.offset: 2 .* half width is 1.5 \[m\]"),
     ],

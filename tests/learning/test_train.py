@@ -144,8 +144,8 @@ def row(**changes: float) -> TrainRow:
     return calm._replace(**changes)
 
 
-def alarm(*history: TrainRow, gamma: float = 0.95) -> None:
-    check_progress(tiny(agent={"gamma": gamma}), history, 1.0)
+def alarm(*history: TrainRow, gamma: float = 0.95, reward: float = 1.0) -> None:
+    check_progress(tiny(agent={"gamma": gamma}), history, reward)
 
 
 @pytest.mark.parametrize("name", ["actor_loss", "critic_loss", "q_mean"])
@@ -167,6 +167,11 @@ def test_action_that_stays_on_its_limit_stops() -> None:
     alarm(row(), stuck, stuck)
     with pytest.raises(TrainingDiverged, match=r"95 % of the last 1500 steps"):
         alarm(stuck, stuck, stuck)
+
+
+def test_a_reward_that_is_not_finite_is_no_matter_of_the_learning_rate() -> None:
+    with pytest.raises(TrainingDiverged, match=r"a reward is nan; .* terms of problem\.task"):
+        alarm(row(updates=0, actor_loss=math.nan), reward=math.nan)
 
 
 def test_before_the_first_update_there_is_no_loss() -> None:

@@ -154,3 +154,12 @@ def test_a_fold_within_a_road_is_told_by_its_place(tmp_path: FilePath) -> None:
         with pytest.raises(DataError):
             _ = OpenDrivePath(file=file, **words).table  # type: ignore[arg-type]
     assert math.isfinite(fault.s or 0.0)
+
+
+def test_a_map_of_faults_is_told_in_a_thousand_lines(tmp_path: FilePath) -> None:
+    file = tmp_path / "many.xodr"
+    file.write_text(maps.whole(SOUND + "<road/>" * 1500))
+    network = read_network(file)
+    assert set(network.roads) == {"sound"}
+    assert len(network.left_out) == 1001
+    assert network.left_out[-1].text == "500 more elements left out"

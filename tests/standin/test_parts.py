@@ -19,7 +19,7 @@ from carla_standin.car import Car
 from carla_standin.maps import MapLibrary, default_map, read_map
 from carla_standin.settings import EpisodeSettings
 from carla_standin.streams import MAX_WAITING, Streams
-from carla_standin.wire import NotARequest, Transform, framed, request, shaped, unpacker
+from carla_standin.wire import Incoming, NotARequest, Transform, framed, request, shaped
 from carla_standin.world import StandinWorld, StreamMessage
 from steersman.plants.carla_frame import CarlaFrame
 from steersman.types import Pose
@@ -110,10 +110,10 @@ def test_boxes_that_only_cross_overlap() -> None:
 
 @given(st.binary(max_size=200))
 def test_any_bytes_are_a_request_or_a_value_error(data: bytes) -> None:
-    reader = unpacker()
-    reader.feed(data)
+    reader = Incoming()
     try:
-        for message in reader:
+        reader.feed(data)
+        while (message := reader.message()) is not None:
             assert request(message).number >= 0
     except (NotARequest, ValueError, msgpack.UnpackException):
         pass

@@ -103,10 +103,11 @@ GARBAGE = {
     "map": msgpack.packb({"jsonrpc": "2.0"}),
     "reserved byte": b"\xc1",
     "list of four billion": b"\xdd\xff\xff\xff\xff",
-    "map of four billion": b"\xdf\xff\xff\xff\xff",
-    "more text than is allowed": b"\xdb\xff\xff\xff\xff" + bytes(MAX_REQUEST + 2**20),
-    "nested for ever": b"\x91" * 100_000,
-    "nested lists": b"\xdc\x1f\xff" * 5000,
+    "more text than is allowed": b"\x94\x00\x01\xdb\xff\xff\xff\xff" + bytes(MAX_REQUEST + 2**20),
+    "nested for ever": b"\x94\x00\x01" + b"\x91" * 100_000,
+    "nested lists": b"\x94\x00\x01" + b"\xdc\x1f\xff" * 5000,
+    "more lists than a batch": b"\x94\x00\x01\xdd\x00\x00\x20\x01" + b"\x90" * 8195,
+    "a million lists": b"\x94\x00\x01\xdc\x00\x40" + (b"\xdc\x80\x00" + b"\x90" * 2**15) * 65,
 }
 
 
@@ -298,6 +299,24 @@ def test_there_is_a_limit_to_connections(server: Serving) -> None:
     for raw in many:
         raw.close()
     assert well(server)
+
+
+def test_connections_that_say_nothing_make_room_for_others(server: Serving) -> None:
+    mute = [Raw(server.port) for _ in range(MAX_CLIENTS)]
+    assert well(server)
+    for raw in mute:
+        raw.close()
+
+
+def test_questions_for_streams_and_a_map_of_little_cost_little(server: Serving, raw: Raw) -> None:
+    before = memory(server)
+    for _ in range(300):
+        raw.call("get_sensor_token", 1)
+    time.sleep(0.5)  # 25 snapshots, of which each question would keep its own
+    assert memory(server) < before + 10.0
+    text = "<OpenDRIVE>" + "<road/>" * 60_000 + "</OpenDRIVE>"
+    (answer,) = raw.call("copy_opendrive_to_file", text, [2.0, 50.0, 1.0, 0.6, True, True])
+    assert "more than 50000 elements" in answer[1][0]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")

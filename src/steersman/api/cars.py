@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from steersman import words as words_
 from steersman.config import build, lookup, resolve
 from steersman.core_yaml import read_yaml
 from steersman.errors import ConfigError, DataError
+from steersman.kernels.vehicle import GRAVITY
 from steersman.policy_file import LEARNED
 from steersman.vehicles import CarlaModel3V1, Vehicle, VehicleFile
 
@@ -24,6 +25,23 @@ _TOLD = {
     "friction": "friction ({friction:g}: vehicle.friction=0.9)",
     "steer_curve": "the steering curve (steer_curve_speed, steer_curve_factor)",
     "map_": "the throttle map (map_throttle, map_speed, map_acceleration)",
+}
+# What a figure, or a ratio of figures, has in cars from a scale model to a lorry. A wrong unit is a
+# factor of a thousand.
+_USUAL: dict[str, tuple[Callable[[Vehicle], float], float, float, str]] = {
+    "l_f": (lambda car: car.l_f, 0.02, 10.0, "m"),
+    "l_r": (lambda car: car.l_r, 0.02, 10.0, "m"),
+    "track_width": (lambda car: car.track_width, 0.02, 5.0, "m"),
+    "height": (lambda car: car.height, 0.0, 5.0, "m"),
+    "width": (lambda car: car.width, 0.02, 5.0, "m"),
+    "body_length": (lambda car: car.body_length, 0.05, 30.0, "m"),
+    "mass": (lambda car: car.mass, 0.1, 1e5, "kg"),
+    "yaw_inertia / (mass l_f l_r)": (
+        *(lambda car: car.yaw_inertia / (car.mass * car.l_f * car.l_r), 0.1, 10.0),
+        "",
+    ),
+    "c_f / (mass g)": (lambda car: car.c_f / (car.mass * GRAVITY), 0.2, 200.0, "/rad"),
+    "c_r / (mass g)": (lambda car: car.c_r / (car.mass * GRAVITY), 0.2, 200.0, "/rad"),
 }
 # Figures that decide what a command of steering does, and how much they may differ.
 _DECIDING = (
@@ -67,6 +85,18 @@ def inherited(vehicle: Vehicle) -> str | None:
         f"'steersman identify LOG --vehicle {vehicle.file}' measures them, "
         "'steersman show vehicle custom' lists them"
     )
+
+
+def implausible(vehicle: Vehicle) -> str | None:
+    """A sentence about the first figures that no car has, as if in another unit; None if none."""
+    for name, (figure, low, high, unit) in _USUAL.items():
+        value = figure(vehicle)
+        if not low <= value <= high:
+            return (
+                f"{name} is {value:.4g}{f' {unit}' if unit else ''}, in cars it is {low:g} to "
+                f"{high:g}; figures are in m, kg, kg m^2 and N/rad"
+            )
+    return None
 
 
 def made_for_another(

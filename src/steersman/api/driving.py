@@ -8,7 +8,7 @@ from os import PathLike
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from steersman.api.cars import inherited, made_for_another
+from steersman.api.cars import implausible, inherited, made_for_another
 from steersman.commands import Notify, Word, configuration
 from steersman.config import Component, dump, resolve
 from steersman.errors import ConfigError, DataError
@@ -170,7 +170,7 @@ def drive_metrics(episode: Episode) -> dict[str, Any]:
 def announce(plant: PlantComponent, notify: Notify | None, vehicle: Vehicle | None = None) -> None:
     """Notify about the plant, unless it is the embedded simulator; a stand-in is named as such.
 
-    And which figures the file of a vehicle leaves to another car.
+    And which figures the file of a vehicle leaves to another car, and which no car has.
 
     Raises:
         PlantError: the server does not answer.
@@ -179,8 +179,9 @@ def announce(plant: PlantComponent, notify: Notify | None, vehicle: Vehicle | No
         return
     if not plant.embedded:
         notify(f"driven on: {plant.source()}")
-    if vehicle is not None and (left := inherited(vehicle)) is not None:
-        notify(f"vehicle: {left}")
+    for line in () if vehicle is None else (inherited(vehicle), implausible(vehicle)):
+        if line is not None:
+            notify(f"vehicle: {line}")
 
 
 def announce_drive(config: RunConfig, words: Sequence[Word], notify: Notify | None) -> None:

@@ -11,7 +11,7 @@ from steersman.config import Of, Settings, param
 from steersman.errors import ConfigError
 from steersman.learning.fleet import FleetStart
 from steersman.paths.base import PathComponent, Start
-from steersman.speed import ConstantSpeed
+from steersman.speed import FASTEST, ConstantSpeed
 
 
 class EpisodeOptions(Settings):
@@ -21,7 +21,7 @@ class EpisodeOptions(Settings):
         None, "-", "Path of the episode; null: drawn from the problem's roads."
     )
     speed: float | None = param(
-        None, "m/s", "Speed to keep; null: drawn from the problem's sources.", gt=0
+        None, "m/s", "Speed to keep; null: drawn from the problem's sources.", gt=0, le=FASTEST
     )
     start: Start | None = param(
         None, "-", "Where it starts; a number is the arc length [m]; null: drawn."

@@ -221,10 +221,15 @@ def check_progress(config: TrainConfig, rows: Sequence[TrainRow], largest_reward
         largest_reward: largest absolute reward of a step so far.
 
     Raises:
-        TrainingDiverged: a loss is not finite, the values are beyond anything the reward can add
-            up to, or the action stays at a limit.
+        TrainingDiverged: a reward or a loss is not finite, the values are beyond anything the
+            reward can add up to, or the action stays at a limit.
     """
     row = rows[-1]
+    if not math.isfinite(largest_reward):
+        raise TrainingDiverged(
+            f"a reward is {largest_reward}; look for a zero divisor, or the logarithm or root of a "
+            "negative number, in the terms of problem.task"
+        )
     if row.updates < config.agent.first_actor_update:
         return
     if not all(math.isfinite(value) for value in (row.actor_loss, row.critic_loss, row.q_mean)):
@@ -232,7 +237,7 @@ def check_progress(config: TrainConfig, rows: Sequence[TrainRow], largest_reward
             f"loss is not finite after {row.updates:.0f} updates; try a smaller agent.learning_rate"
         )
     # No return can exceed the largest reward forever; a tenfold margin for untrained critics.
-    bound = 10.0 * largest_reward / (1.0 - config.agent.gamma)
+    bound = 10.0 * max(1.0, largest_reward) / (1.0 - config.agent.gamma)
     if abs(row.q_mean) > bound:
         raise TrainingDiverged(
             f"mean Q is {row.q_mean:.3g}, beyond anything the reward can add up to "

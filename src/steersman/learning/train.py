@@ -240,7 +240,7 @@ class _Training:
         self.record.add(row)
         if self.reporter is not None:
             self.reporter(row)
-        check_progress(self.config, self.rows, max(1.0, float(np.abs(self.env.largest_reward))))
+        check_progress(self.config, self.rows, self.env.largest_reward)
         if score.total < self.best:
             self.best = score.total
             self._export(score)

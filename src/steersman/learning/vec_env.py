@@ -96,7 +96,8 @@ class PathFollowingVecEnv(VecEnv):
         self._lengths += 1
         self.steps += self.num_envs
         self.sum_error += float(np.abs(fleet.tracking[:, observe.D]).sum())
-        self.largest_reward = max(self.largest_reward, float(np.abs(reward).max()))
+        # np.maximum keeps NaN.
+        self.largest_reward = float(np.maximum(self.largest_reward, np.abs(reward).max()))
         done = fleet.ended != kernel.RUNNING
         infos: list[dict[str, Any]] = self._infos
         out = fleet.inputs.astype(np.float32)

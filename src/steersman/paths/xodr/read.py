@@ -30,6 +30,8 @@ _SHAPES = ("line", "arc", "spiral", "poly3", "paramPoly3")
 _SLACK, _SLACK_SHARE = 0.1, 1e-3
 # All lanes of a file together [m]: more would fill the memory.
 _MOST_LANES = 1e7
+# Lines about what cannot be read.
+_MOST_NOTES = 1000
 _CONTACTS = {"start": True, "end": False}
 _RULES = {"RHT": RIGHT, "LHT": LEFT}
 _YES = {"true": True, "1": True, "false": False, "0": False}
@@ -39,7 +41,7 @@ class _Notes:
     """Elements that cannot be read: each costs itself, and leaves a line."""
 
     def __init__(self, file: FilePath) -> None:
-        self.file, self.road, self.found = file, "", list[MapFault]()
+        self.file, self.road, self.found, self.more = file, "", list[MapFault](), 0
 
     def without(self, what: str, read: Callable[..., T], *words: Any, default: T) -> T:
         """What ``read`` makes of ``words``; if it raises, ``default`` and a line."""
@@ -50,6 +52,9 @@ class _Notes:
             return default
 
     def add(self, error: DataError, what: str) -> None:
+        if len(self.found) >= _MOST_NOTES:
+            self.more += 1
+            return
         text = str(error).removeprefix(f"{self.file}: ")
         self.found.append(MapFault(self.road, None, f"{text}; {what} left out"))
 
@@ -91,6 +96,8 @@ def read_network(file: FilePath) -> RoadNetwork:
             for each in node.children("connection")
         )
         junctions[name] = tuple(each for each in found if each is not None)
+    if notes.more:
+        notes.found.append(MapFault("", None, f"{notes.more} more elements left out"))
     return RoadNetwork(file, sha256, roads, junctions, tuple(notes.found))
 
 

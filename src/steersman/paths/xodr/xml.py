@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 MAX_BYTES = 100_000_000
 """Largest file that is read."""
+MAX_ELEMENTS = 1_000_000
+"""Most elements of a file: they take ten times its size in memory, and some 50 us each."""
 FARTHEST = 1e8
 """Largest number of any kind: more is no metre, no radian and no curvature."""
 _CURE = "give an OpenDRIVE file (*.xodr)"
@@ -137,6 +139,8 @@ def parse(file: FilePath, cure: str = _CURE) -> tuple[Node, str]:
     # Entities can make a small file huge and open other files; roads need none.
     if getattr(root.getroottree().docinfo, "doctype", ""):
         raise DataError(f"{file}: has a document type (<!DOCTYPE>), which is not read; remove it")
+    if sum(1 for _ in root.iter()) > MAX_ELEMENTS:
+        raise DataError(f"{file}: has more than {MAX_ELEMENTS} elements")
     return Node(file, root), hashlib.sha256(data).hexdigest()
 
 
