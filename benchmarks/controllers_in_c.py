@@ -31,7 +31,7 @@ from steersman.controllers.base import ControllerComponent
 from steersman.delivery.controller import Setting
 from steersman.delivery.controller_package import write_controller
 from steersman.delivery.controller_text import TOLERANCE, answers
-from steersman.delivery.observations import Row, drawn, observations, single
+from steersman.delivery.observations import Row, drawn, observations, single, with_gaps
 from steersman.files import write_text
 from steersman.provenance import provenance
 from steersman.rollout import run
@@ -88,11 +88,11 @@ class InC(ControllerComponent):
         """Not called: a step of C is whole."""
         raise NotImplementedError
 
-    def step(self, state: bytes, observation: Observation) -> tuple[Decision, bytes]:
+    def step(self, state: bytes, observation: Observation | None) -> tuple[Decision, bytes]:
         """The decision of the C code."""
-        given, steer = self.packed(observation), self.real()
-        after = ctypes.create_string_buffer(state, len(state))
-        at = ctypes.c_void_p(given.ctypes.data)
+        steer, after = self.real(), ctypes.create_string_buffer(state, len(state))
+        given = None if observation is None else self.packed(observation)
+        at = None if given is None else ctypes.c_void_p(given.ctypes.data)
         status = self.function("step")(after, at, ctypes.byref(steer))
         return Decision(float(steer.value), Status(status)), after.raw
 
@@ -115,12 +115,13 @@ def compiled(setting: Setting, folder: Path, words: Sequence[str]) -> InC:
 
 
 def setting_of(word: str, single_: bool = False) -> Setting:
-    """A controller for the default drive's car, sensor and period."""
-    c = configuration("drive", [f"controller={word}"])
+    """A controller, with its settings if any, for the default drive's car, sensor and period."""
+    name, *more = word.split()
+    c = configuration("drive", [f"controller={name}", *more])
     nominal = c.nominal or c.vehicle
     sensor = c.sensor
     return Setting(
-        short(word), c.controller, nominal, c.plant.dt, sensor.count, sensor.spacing, single_
+        short(name), c.controller, nominal, c.plant.dt, sensor.count, sensor.spacing, single_
     )
 
 
@@ -132,7 +133,8 @@ def drawn_rows(setting: Setting, count: int) -> list[Row]:
         size = rng.uniform(0.0, 2.0) if len(rows) % 2 else 10.0 ** rng.uniform(-42.0, 15.0)
         overruled = single(rng.uniform(-1.0, 1.0)) if len(rows) % 10 == 0 else None
         rows.append(Row(len(rows) % DRIVE == 0, drawn(setting, rng, size), 0.0, overruled))
-    return rows[:count]
+    rows = rows[:count]
+    return with_gaps(rows) if setting.controller.gaps else rows
 
 
 class Parity(NamedTuple):
@@ -151,7 +153,7 @@ def parity(setting: Setting, code: InC, rows: Sequence[Row], known: Sequence[Dec
     worst, other = 0.0, 0
     start = state = code.init(setting.vehicle, setting.dt)
     for row, expected in zip(rows, known, strict=True):
-        decision, state = code.step(start if row.restart else state, row.seen)
+        decision, state = code.step(start if row.restart else state, row.given)
         # At full lock rounding decides whether a command was clipped.
         lock = Status.FALLBACK not in {decision.status, expected.status}
         lock = lock and abs(expected.steer) > 1.0 - TOLERANCE[setting.single]
@@ -165,13 +167,9 @@ def parity(setting: Setting, code: InC, rows: Sequence[Row], known: Sequence[Dec
 
 def drive_difference(word: str, code: InC, duration: float = 60.0) -> float:
     """Largest difference of path, heading and steering between a drive by Python and one by C."""
-    words = [
-        f"controller={word}",
-        "path=monza",
-        f"duration={duration}",
-        "sensor.position_noise=0.02",
-    ]
-    config = configuration("drive", words)
+    lost = "disturbances=[{kind: dropouts, share: 0.1}]"
+    words = ["path=monza", f"duration={duration}", "sensor.position_noise=0.02", lost]
+    config = configuration("drive", [f"controller={word}".split()[0], *words, *word.split()[1:]])
     here = run(config)
     there = run(config.model_copy(update={"controller": code}))
     names = ("x", "y", "psi", "steer")

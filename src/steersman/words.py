@@ -36,6 +36,8 @@ _AROUND: dict[str, tuple[str, dict[str, Any]]] = {
         {"kind": "estimated", "estimator": None, "predictor": "single_track"},
     ),
 }
+# The same by the part that each adds, the outermost first.
+PARTS = {"supervisor": "supervised", "estimator": "estimated", "predictor": "predicted"}
 _MOST_SEEDS = 10_000
 # What the folder of a training or tuning holds for a controller.
 RESULTS = ("policy.onnx", "tuned.yaml")
@@ -113,6 +115,22 @@ def around(word: str) -> tuple[str, str]:
     """What a word puts around a controller, and the rest; nothing and the word, if it does not."""
     outer, slash, inner = word.partition("/")
     return (outer, inner) if slash and outer in _AROUND else ("", word)
+
+
+def with_parts(word: str, parts: str) -> str:
+    """The word for a controller with parts around it, named in any order.
+
+    >>> with_parts("tuned/lqr", "predictor, supervisor")
+    'supervised/predicted/tuned/lqr'
+
+    Raises:
+        ConfigError: there is no such part.
+    """
+    wanted = [each.strip() for each in parts.split(",") if each.strip()]
+    for each in wanted:
+        if each not in PARTS:
+            raise ConfigError(f"unknown part {each!r}{suggestion(each, PARTS)}")
+    return "/".join([*(outer for part, outer in PARTS.items() if part in wanted), word])
 
 
 def bare(word: str) -> str:

@@ -18,7 +18,7 @@ from steersman.config import build, override, resolve
 from steersman.controllers.base import ControllerComponent, Wrapper
 from steersman.controllers.dead_reckoning import STRAIGHTEN, held, moved_on, quiet, reckoned
 from steersman.controllers.supervisor import Supervisor
-from steersman.controllers.supervisor_checks import Swings
+from steersman.controllers.supervisor_checks import still
 from steersman.episode import Episode
 from steersman.errors import ConfigError
 from steersman.kernels import mpc_delay as kernel
@@ -394,19 +394,19 @@ def test_oscillation_is_found() -> None:
 
 @given(st.lists(st.floats(-20.0, 20.0), min_size=1, max_size=60))
 def test_swings_are_the_same_mirrored(values: list[float]) -> None:
-    one, other = Swings(), Swings()
+    one, other = still(6), still(6)
     for value in values:
-        one, other = (s.after(sign * value, 3.0, 3.0, DT) for s, sign in ((one, 1), (other, -1)))
+        one, other = (s.after(sign * value, 3.0, DT) for s, sign in ((one, 1), (other, -1)))
         assert one.ages == other.ages
 
 
 @pytest.mark.parametrize(("size", "turns"), [(1.4, 0), (1.6, 6)])
 def test_swings_of_a_sine(size: float, turns: int) -> None:
     """One a second has two turns a second, but not if it turns back by less than the gap."""
-    swings = Swings()
+    swings = still(12)
     for k in range(200):
-        swings = swings.after(size * math.sin(2.0 * math.pi * k * DT), 3.0, 3.0, DT)
-    assert len(swings.ages) == turns
+        swings = swings.after(size * math.sin(2.0 * math.pi * k * DT), 3.0, DT)
+    assert sum(age < 3.0 for age in swings.ages) == turns
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])

@@ -47,15 +47,20 @@ def test_the_vector_runs_under_sanitisers(tmp_path: FilePath) -> None:
 @needs_compiler
 @pytest.mark.parametrize(
     ("word", "single"),
-    [("tuned/lqr", True), ("tuned/stanley_cm", False), ("tuned/mpc_pid_scheduled", False)],
+    [
+        ("tuned/lqr", True),
+        ("tuned/mpc_pid_scheduled", False),
+        ("estimated/predicted/tuned/stanley_cm", False),
+        ("supervised/tuned/lqr controller.fallback=pure_pursuit controller.last=pid", False),
+    ],
 )
 def test_drawn_observations_and_a_drive(word: str, single: bool, tmp_path: FilePath) -> None:
     setting = made(word, tmp_path, single=single)
-    code = bench.compiled(setting, tmp_path, (COMPILER, "-O1"))
+    code = bench.compiled(setting, tmp_path, (COMPILER, "-O0"))
     rows = bench.drawn_rows(setting, 500)
     found = bench.parity(setting, code, rows, text.answers(setting, rows))
     assert found.other_statuses == 0
     assert found.steering <= (1e-6 if single else 1e-12)
-    assert 300 < found.usable < 490
+    assert (100 if setting.controller.gaps else 300) < found.usable < 490
     if not single:
         assert bench.drive_difference(word, code, duration=5) <= 1e-12

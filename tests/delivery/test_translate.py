@@ -99,13 +99,23 @@ def whole_arrays(a: float, b: float, x: FloatArray) -> float:
     square = (np.eye(N) - np.eye(N, k=-1)).T @ x
     square[1:3] = a
     square[-1] += 1.0
-    return float(both.mean() + matrix[1] + np.diff(square, 2).sum() + np.isfinite(x).all())
+    rows = both.reshape(N, -1)  # (N, 2)
+    change(rows[2], b)
+    rest = np.diff(square, 2).sum() + np.isfinite(x).all() + rows[:, 1].sum()
+    return float(both.mean() + matrix[1] + rest)
 
 
 def numbers(a: float, b: float, x: FloatArray) -> float:
     i = int(min(max(a, 0.0), N - 1.001))
     turned = math.remainder(a, math.tau) + math.copysign(b, -a) + a**2 + max(abs(b), 0.1) ** 1.5
+    turned += [v * b for v in (a, b, x[1])][i % 3] if i in {0, 1, 4} else 0.0
+    looked_at(x)  # its answer is not read
     return turned + x[i] + round(b) // 2 * 1.0 + sum(v for v in (a, b)) + (a > b) + -i % 3
+
+
+def looked_at(x: FloatArray) -> bool:
+    x[0] += 1.0
+    return x[0] > 2.0
 
 
 FUNCTIONS = (branches, loops, nested, whole_arrays, numbers)
@@ -120,8 +130,8 @@ def translate(functions: Any, *, single: bool = False) -> str:
         }  # fmt: skip
         name = program.function(each, given).name
         texts.append(
-            f"double call_{each.__name__}(double a, double b, const double *x);\n"
-            f"double call_{each.__name__}(double a, double b, const double *x)\n"
+            f"double call_{each.__name__}(double a, double b, double *x);\n"
+            f"double call_{each.__name__}(double a, double b, double *x)\n"
             f"{{\n    return {name}(NULL, a, b, x);\n}}\n"
         )
     parts = [

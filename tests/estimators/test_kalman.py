@@ -143,6 +143,20 @@ def test_the_delay_is_that_of_the_vehicle_at_first() -> None:
     assert kept.memory[DELAY] == pytest.approx(0.15)
 
 
+def test_a_long_gap_is_predicted_no_further_than_there_are_commands() -> None:
+    ahead = np.stack([2.0 * np.arange(15), np.full(15, -0.1)], axis=1)
+    seen = Observation(0.0, 0.1, 0.0, 10.0, 0.0, 0.0, 0.0, 0.0, ahead, 2.0)
+    predictor, times = SingleTrack(), []
+    state = predictor.init(CAR, DT)
+    for k in range(60):
+        late, state = predictor.estimate(state, seen)
+        state = predictor.executed(state, 0.02 * k)
+        times.append(late.time)
+    longest = (len(state.kept.commands) - 1) * DT
+    assert times[10] == pytest.approx(10 * DT)
+    assert times[-1] == times[-2] == pytest.approx(longest)
+
+
 def test_estimator_and_predictor_of_a_drive_stand_in_front_of_its_controller() -> None:
     fields = {**ROAD, "duration": 2.0, "sensor": {"error_range": 0.1}}
     beside = run(build(RunConfig, {**fields, "estimator": "kalman", "predictor": "single_track"}))

@@ -19,6 +19,7 @@ from steersman import files
 from steersman.cli.dataset import home as dataset_home
 from steersman.cli.output import note, write
 from steersman.errors import ConfigError, DataError, SteersmanError, suggestion
+from steersman.words import PARTS, with_parts
 
 if TYPE_CHECKING:
     from steersman.delivery.controller import Setting
@@ -29,6 +30,7 @@ EXAMPLES = (
     "Examples:\n"
     "  steersman export precision --to c --out build/precision\n"
     "  steersman export tuned/lqr --to c --precision single\n"
+    "  steersman export tuned/lqr --to c --with estimator,supervisor\n"
     "  steersman export tuned/lqr --to c --parameters lqr.csv sensor.count=20\n"
     "  steersman export runs/tune --to c                   (for the car of the tuning)\n"
     "  steersman export tuned/lqr --to c nominal=my_car.yaml\n"
@@ -62,6 +64,8 @@ class ToExport(NamedTuple):
     """A table with other values of a controller's parameters."""
     fmi: int | None = None
     """Version of an FMU's interface."""
+    name: str = ""
+    """What the names of files and functions hold; nothing: a short name of RUN."""
 
 
 class Target(NamedTuple):
@@ -100,7 +104,12 @@ def _setting(wanted: ToExport) -> Setting | None:
     family = "controller"
     if not words.means(family, wanted.run):
         return None
-    if words.fields_of(family, wanted.run)["kind"] == "policy":
+    if words.fields_of(family, words.bare(wanted.run))["kind"] == "policy":
+        if words.around(wanted.run)[0]:
+            raise ConfigError(
+                f"{wanted.run}: a policy cannot be exported to C with another controller around it"
+                " yet; export the policy alone"
+            )
         return None
     from steersman.api.cars import made_for_another, tuned_on
     from steersman.commands import configuration
@@ -125,7 +134,7 @@ def _setting(wanted: ToExport) -> Setting | None:
     if other is not None:
         note(f"controller: {other}")
     return Setting(
-        words.short(wanted.run),
+        wanted.name or words.short(wanted.run),
         config.controller,
         car,
         config.plant.dt,
@@ -142,8 +151,10 @@ def _policy(wanted: ToExport) -> str:
     Raises:
         ConfigError: there is more.
     """
-    if wanted.words or wanted.single or wanted.parameters:
-        raise ConfigError(f"{wanted.run}: settings and parameters are for controllers in C alone")
+    if wanted.words or wanted.single or wanted.parameters or wanted.name:
+        raise ConfigError(
+            f"{wanted.run}: settings, name and parameters are for controllers in C alone"
+        )
     return wanted.run
 
 
@@ -240,6 +251,18 @@ def export(
         int | None,
         typer.Option("--fmi", metavar="2|3", help="Version of an FMU's interface; else 2."),
     ] = None,
+    around: Annotated[
+        str,
+        typer.Option(
+            "--with",
+            metavar=",".join(PARTS),
+            help="Of a controller in C: what is put around it; some of these.",
+        ),
+    ] = "",
+    name: Annotated[
+        str,
+        typer.Option("--name", metavar="NAME", help="Of a controller in C: its name there."),
+    ] = "",
     out: Annotated[
         str | None,
         typer.Option("--out", metavar="DIR", help="Folder to write into; else ./NAME_TARGET."),
@@ -260,7 +283,8 @@ def export(
     if out is None:
         out = chosen.home() or f"{FilePath(run).resolve().stem}_{to}"
     table = None if parameters is None else FilePath(parameters)
-    wanted = ToExport(run, words or [], precision == "single", table, fmi)
+    run = with_parts(run, around)
+    wanted = ToExport(run, words or [], precision == "single", table, fmi, name)
     was_there = FilePath(out).exists()
     folder = files.out_folder(out)
     try:

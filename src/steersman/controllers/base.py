@@ -32,6 +32,8 @@ class ControllerComponent(Component):
 
     family: ClassVar[str] = "controller"
     search: ClassVar[Mapping[str, tuple[float, float, bool]]] = {}
+    gaps: ClassVar[bool] = False
+    """Whether ``step`` also takes None, for an observation that did not arrive."""
 
     @abstractmethod
     def init(self, vehicle: Vehicle, dt: float) -> Any:

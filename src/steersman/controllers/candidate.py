@@ -130,10 +130,10 @@ def _judged(before: Candidate, steer: float, last: float, rules: Rules) -> Candi
 
 def _fault(candidate: Candidate, took: float, rules: Rules) -> Reason:
     assert candidate.steer is not None
-    faults = (
-        (rules.deadline is not None and took > rules.deadline, Reason.DEADLINE),
-        (abs(candidate.steer) > 1.0 + _ROUNDING, Reason.COMMAND_LIMIT),
-        (candidate.status is Status.FALLBACK, Reason.UNSOLVED),
-        (candidate.hasty > rules.hasty_time, Reason.COMMAND_RATE),
-    )
-    return next((reason for found, reason in faults if found), Reason.NONE)
+    if rules.deadline is not None and took > rules.deadline:
+        return Reason.DEADLINE
+    if abs(candidate.steer) > 1.0 + _ROUNDING:
+        return Reason.COMMAND_LIMIT
+    if candidate.status is Status.FALLBACK:
+        return Reason.UNSOLVED
+    return Reason.COMMAND_RATE if candidate.hasty > rules.hasty_time else Reason.NONE

@@ -49,14 +49,15 @@ class Estimated(Wrapper):
         An observation that no controller can use gets the present steering, marked as a fallback,
         and leaves the state alone.
         """
-        seen, chain = usable(observation), []
+        seen = usable(observation)
         if seen is None:
             return present(observation), state
+        chain: tuple[Any, ...] = ()
         for one, before in zip(self._chain(), state.chain, strict=True):
             seen, after = one.estimate(before, seen)
-            chain.append(after)
+            chain = (*chain, after)
         decision, inner = self.controller.step(state.controller, seen)
-        return decision, self._told(EstimatedState(tuple(chain), inner), decision.steer)
+        return decision, self._told(EstimatedState(chain, inner), decision.steer)
 
     def executed(self, state: EstimatedState, steer: float) -> EstimatedState:
         """The executed command goes to estimator, predictor and controller."""

@@ -22,6 +22,7 @@ from steersman.controllers.supervisor_checks import (
     first_sight,
     input_fault,
     no_news,
+    still,
 )
 from steersman.types import Decision, Driver, Observation, Reason, Status
 from steersman.vehicles import Vehicle
@@ -39,6 +40,8 @@ class SupervisorState(NamedTuple):
     dt: float
     candidates: tuple[Candidate, ...]
     """Inner controller, fallback and last, in the order of ``Driver``."""
+    swings: Swings
+    """Of the lateral acceleration under the present driver."""
     driver: Driver = Driver.INNER
     """The controller that steers."""
     reason: Reason = Reason.NONE
@@ -50,8 +53,6 @@ class SupervisorState(NamedTuple):
     fade: float = 0.0
     """Share of it that is still added."""
     seen: LastSeen = NOTHING_SEEN
-    swings: Swings = Swings()
-    """Of the lateral acceleration under the present driver."""
 
 
 @register("controller", "supervisor")
@@ -60,6 +61,7 @@ class Supervisor(Wrapper):
 
     clock: ClassVar[Any] = staticmethod(time.perf_counter)
     """A clock [s]; read only where there is a deadline."""
+    gaps = True
 
     inner: _Controller = param("mpc_delay", "-", "The controller that is supervised.")
     fallback: _Controller = param(
@@ -115,7 +117,8 @@ class Supervisor(Wrapper):
         """State before the first step; all three controllers are made ready."""
         warm_up_kernels(vehicle, dt)
         states = [controller.init(vehicle, dt) for controller in self._controllers()]
-        return SupervisorState(vehicle, dt, tuple(Candidate(s, s) for s in states))
+        candidates = tuple(Candidate(s, s) for s in states)
+        return SupervisorState(vehicle, dt, candidates, still(self.swings))
 
     def step(self, state: SupervisorState, observation: Any) -> tuple[Decision, SupervisorState]:
         """Decide the steering for the next control period.
@@ -165,7 +168,7 @@ class Supervisor(Wrapper):
         rules = self._rules(state)
         if o is not None:
             surplus = o.v_x * (o.yaw_rate - o.v_x * o.curvature)  # beyond that of the road
-            swings = state.swings.after(surplus, self.swing, self.swing_window, state.dt)
+            swings = state.swings.after(surplus, self.swing, state.dt)
             state = state._replace(swings=swings)
         candidates = self._checked(state, o, last, rules, gap)
         driver = _choose(state.driver, candidates, self.recover_time)
@@ -174,9 +177,10 @@ class Supervisor(Wrapper):
         if driver is Driver.HOLD:
             wanted, status = held(state.vehicle, o, last, state.dt), Status.FALLBACK
         else:
-            wanted, status = candidates[driver].steer or 0.0, candidates[driver].status
+            wanted = [one.steer or 0.0 for one in candidates][driver]
+            status = [one.status for one in candidates][driver]
             if driver != state.driver:
-                after = after._replace(swings=Swings(), offset=last - wanted, fade=1.0)
+                after = after._replace(swings=still(self.swings), offset=last - wanted, fade=1.0)
             wanted, after = self._blended(after, wanted)
         steer = _limited(wanted, last, rules.step)
         if driver is not Driver.INNER:
@@ -214,7 +218,7 @@ class Supervisor(Wrapper):
         inner, fallback, last = candidates
         drift = o.v_x * math.sin(o.heading_error) + o.v_y * math.cos(o.heading_error)
         off, soon = abs(o.lateral_error), abs(o.lateral_error + self.foresight * drift)
-        swinging = len(state.swings.ages) >= self.swings and off > self.swing_error
+        swinging = state.swings.ages[-1] < self.swing_window and off > self.swing_error
         if state.driver == Driver.INNER:
             if swinging and not inner.fault:
                 inner = inner.failed(Reason.OSCILLATION)
@@ -267,7 +271,7 @@ def _reason(before: SupervisorState, after: SupervisorState) -> Reason:
         return Reason.NONE
     if before.driver in {after.driver, Driver.HOLD}:
         return Reason(before.reason)  # a checkpoint keeps numbers
-    return after.candidates[before.driver].fault or Reason(before.reason)
+    return [one.fault for one in after.candidates][before.driver] or Reason(before.reason)
 
 
 def _limited(wanted: float, last: float, step: float) -> float:
@@ -278,6 +282,7 @@ def _limited(wanted: float, last: float, step: float) -> float:
 
 def _present(observation: Any) -> float:
     """The measured steering; 0 if there is none."""
-    steer = getattr(observation, "steer", 0.0)
-    usable = isinstance(steer, float) and math.isfinite(steer)
-    return within_limits(steer) if usable else 0.0
+    if not isinstance(observation, Observation):
+        return 0.0
+    steer: Any = observation.steer  # of another package's sensor it may be anything
+    return within_limits(steer) if isinstance(steer, float) and math.isfinite(steer) else 0.0

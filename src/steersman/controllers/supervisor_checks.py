@@ -70,7 +70,9 @@ def _repeats(before: Observation, now: Observation) -> bool:
     If its time is new, a standing car may see the same, and so may one that drives along a
     straight without any error: then every number but the speed is exactly zero.
     """
-    if before[1:8] != now[1:8] or not np.array_equal(before.preview, now.preview):
+    if before.preview.shape != now.preview.shape:
+        return False
+    if before[1:8] != now[1:8] or not (before.preview == now.preview).all():
         return False
     if now.time == before.time:
         return True
@@ -86,18 +88,17 @@ class Swings(NamedTuple):
     direction: int = 0
     """Whether the signal has risen (1) or fallen (-1) since."""
     ages: tuple[float, ...] = ()
-    """Time since each reversal [s]."""
+    """Time since each of the last reversals, newest first; infinite for those not seen yet [s]."""
 
-    def after(self, value: float, gap: float, window: float, dt: float) -> Swings:
+    def after(self, value: float, gap: float, dt: float) -> Swings:
         """One step later.
 
         Args:
             value: of the signal [m/s^2].
             gap: a smaller reversal is not counted [m/s^2].
-            window: time for which a reversal is kept [s].
             dt: control period [s].
         """
-        ages = tuple(age + dt for age in self.ages if age + dt < window)
+        ages = tuple(age + dt for age in self.ages)
         if self.turned is None:
             return Swings(value, 0, ages)
         moved = value - self.turned
@@ -106,4 +107,9 @@ class Swings(NamedTuple):
             return Swings(value, way, ages)
         if abs(moved) < gap:
             return self._replace(ages=ages)
-        return Swings(value, way, (*ages, 0.0))
+        return Swings(value, way, (0.0, *ages[:-1]))
+
+
+def still(count: int) -> Swings:
+    """No reversal yet; the last ``count`` will be kept."""
+    return Swings(ages=(math.inf,) * count)

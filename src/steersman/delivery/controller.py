@@ -13,6 +13,7 @@ from steersman.delivery.c_text import identifier
 from steersman.delivery.translate.program import Parameter, Program
 from steersman.delivery.translate.statements import Statements
 from steersman.delivery.translate.values import (
+    BOOL,
     NEVER,
     REAL,
     Array,
@@ -32,10 +33,8 @@ from steersman.errors import ConfigError
 from steersman.messages import field_unit
 from steersman.types import Observation
 from steersman.vehicles import Vehicle
-from steersman.words import wrapped
 
 _PASSES = 8
-_BEHIND = "behind an estimator or predictor"
 DESIGN = "design"
 """What the names of numbers begin with that the controller makes before the first step."""
 _NUMBERS = Observation._fields[:8]
@@ -106,9 +105,9 @@ def translated(setting: Setting) -> Translated:
     Raises:
         ConfigError: its Python holds what C cannot be made of; the message says where.
     """
-    start = setting.start()
+    start = abstract(setting)
     pinned: frozenset[str] = frozenset()
-    known = type_of(abstract(start))
+    known = begun = type_of(start)
     try:
         for _ in range(_PASSES):
             try:
@@ -120,28 +119,13 @@ def translated(setting: Setting) -> Translated:
             if found == known:
                 return made.translated()
             known = _settled(found)
+            pinned |= set(_changing(begun, known))
     except NotTranslatable as error:
         where = re.sub(r".*/steersman/", "", getattr(error, "where", "?"))
         raise ConfigError(
-            f"{_around(setting.controller)}no C code can be made of this controller:"
-            f" {error} ({where})",
-            ("controller",),
+            f"no C code can be made of this controller: {error} ({where})", ("controller",)
         ) from None
     raise ConfigError("no C code can be made of this controller: its state keeps growing")
-
-
-def _around(controller: ControllerComponent) -> str:
-    """Why there is no C of a controller around another one, and of which there is."""
-    steers: Any = controller
-    while (field := wrapped().get(steers.kind)) is not None:
-        steers = getattr(steers, field)
-    if steers is controller:
-        return ""
-    where = "under a supervisor" if controller.kind == "supervisor" else _BEHIND
-    return (
-        f"a controller {where} cannot be exported to C yet; a policy or a classical controller"
-        f" without one can (here {steers.kind}); "
-    )
 
 
 def _changed(value: Any, path: str, values: Mapping[str, float]) -> Any:
@@ -158,20 +142,38 @@ def _changed(value: Any, path: str, values: Mapping[str, float]) -> Any:
     return value
 
 
-def abstract(value: Any, path: str = DESIGN) -> Value:
-    """A part of a controller's first state; its arrays are parameters, unless they change."""
-    if isinstance(value, tuple) and hasattr(value, "_fields"):
-        pairs = zip(value._fields, value, strict=True)
-        return Bundle(type(value), tuple(abstract(each, f"{path}.{name}") for name, each in pairs))
-    if isinstance(value, tuple) and value:
-        return Bundle(tuple, tuple(abstract(v, f"{path}.{i}") for i, v in enumerate(value)))
-    return Static(value, path if isinstance(value, np.ndarray) else None)
+def abstract(setting: Setting) -> Value:
+    """A controller's first state; its arrays are parameters, unless they change."""
+    paths: dict[int, str] = {}
+
+    def part(value: Any, path: str) -> Value:
+        if isinstance(value, Observation):
+            value = value._replace(spacing=setting.spacing)  # that of all observations
+        if isinstance(value, tuple) and value:
+            names = getattr(value, "_fields", range(len(value)))
+            parts = [part(v, f"{path}.{k}") for k, v in zip(names, value, strict=True)]
+            return Bundle(type(value), tuple(parts))
+        if isinstance(value, np.ndarray):  # what two fields hold is one parameter
+            return Static(value, paths.setdefault(id(value), path))
+        return Static(value)
+
+    return part(setting.start(), DESIGN)
+
+
+def _changing(begun: Type, found: Type) -> Iterator[str]:
+    """The paths of arrays that steps change, of which the first numbers are no parameters."""
+    if begun.form == "static":
+        if found != begun and begun.detail[1] is not None:
+            yield begun.detail[1]
+    elif found.form == begun.form == "record":
+        for one, other in zip(begun.parts, found.parts, strict=True):
+            yield from _changing(one, other)
 
 
 class _Pass:
     """One translation, for a state of a type."""
 
-    def __init__(self, setting: Setting, start: Any, known: Type, pinned: frozenset[str]) -> None:
+    def __init__(self, setting: Setting, start: Value, known: Type, pinned: frozenset[str]) -> None:
         self.setting, self.start, self.known = setting, start, known
         self.program = Program(single=setting.single, pinned=pinned)
         self.state = _named(known, "state->")
@@ -190,10 +192,13 @@ class _Pass:
     def _writer(self) -> Statements:
         return Statements(self.program, {}, {"__builtins__": {}}, NEVER)
 
-    def _seen(self) -> Bundle:
+    def _seen(self) -> Value:
         numbers = [Scalar(f"seen->{name}", REAL) for name in _NUMBERS]
         preview = Array("&seen->preview[0][0]", (self.setting.waypoints, 2), Root("seen"))
-        return Bundle(Observation, (*numbers, preview, Static(self.setting.spacing)))
+        seen = Bundle(Observation, (*numbers, preview, Static(self.setting.spacing)))
+        return (
+            Maybe(Scalar("(given != NULL)", BOOL), seen) if self.setting.controller.gaps else seen
+        )
 
     def translated(self) -> Translated:
         """The C program, once the state's type is that of what a step makes of it."""
@@ -208,7 +213,7 @@ class _Pass:
         return Translated(
             self.setting,
             self.program,
-            tuple(_fields(self.state, abstract(self.start))),
+            tuple(_fields(self.state, self.start)),
             (*self.step.top, *self.step.lines),
             (*self.executed.top, *self.executed.lines),
         )

@@ -6,6 +6,7 @@ import csv
 import io
 import math
 from collections.abc import Iterator, Sequence
+from enum import IntEnum
 from importlib.metadata import version
 from typing import Any, NamedTuple
 
@@ -14,11 +15,11 @@ import numpy as np
 from steersman.delivery import c_text
 from steersman.delivery.c_text import fill
 from steersman.delivery.controller import Setting, Translated, described
-from steersman.delivery.observations import Row, observations
+from steersman.delivery.observations import Row, observations, with_gaps
 from steersman.delivery.translate.emitter import c_type
 from steersman.delivery.translate.lines import indented, without_unused
 from steersman.delivery.translate.program import Parameter
-from steersman.types import Decision
+from steersman.types import Decision, Driver, Reason
 
 # How far the steering in C may be from Python's.
 TOLERANCE = {False: 1e-9, True: 1e-5}
@@ -88,10 +89,22 @@ def header(made: Translated) -> str:
             "spacing": literal(s.spacing),
             "spacing_plain": f"{s.spacing:g}",
             "count": len(entries(made)),
+            "gaps": fill("gap.h.in", _named_numbers(made)) if s.controller.gaps else "",
             "parameter_fields": _block(parameters),
             "state_fields": _block(fields),
         },
     )
+
+
+def _named_numbers(made: Translated) -> dict[str, str]:
+    """The names of those that steer, and of the reasons, as constants in C."""
+    prefix = made.setting.prefix.upper()
+
+    def lines(numbers: type[IntEnum]) -> str:
+        kind = numbers.__name__.upper()
+        return ",\n".join(f"    {prefix}_{kind}_{each.name} = {each.value}" for each in numbers)
+
+    return {"drivers": lines(Driver), "reasons": lines(Reason)}
 
 
 def _size(parameter: Parameter) -> str:
@@ -110,12 +123,12 @@ def _block(lines: Sequence[str]) -> str:
 
 def source(made: Translated) -> str:
     """The source."""
-    program = made.program
+    program, common, gaps = made.program, words(made), made.setting.controller.gaps
     texts = program.needed([*made.step, *made.executed])
     return fill(
         "controller.c.in",
         {
-            **words(made),
+            **common,
             "helpers": "".join(f"{each}\n" for each in program.helpers.values()),
             "constants": "".join(f"{text}\n" for _, text in program.constants.values()),
             "defaults": _defaults(made),
@@ -123,6 +136,8 @@ def source(made: Translated) -> str:
             "reset": _block(_reset(made) or ["(void)state;"]),
             "step": _lines(made.step),
             "executed": _lines(("(void)p;", "(void)steer;", *made.executed)),
+            "given": "given" if gaps else "seen",
+            "gap": fill("gap.c.in", common) if gaps else "",
         },
     )
 
@@ -160,7 +175,7 @@ def answers(setting: Setting, rows: Sequence[Row]) -> list[Decision]:
     out = []
     for row in rows:
         state = start if row.restart else state
-        decision, state = setting.controller.step(state, row.seen)
+        decision, state = setting.controller.step(state, row.given)  # type: ignore[arg-type]
         out.append(decision)
         if row.executed is not None:
             state = setting.controller.executed(state, row.executed)
@@ -169,7 +184,8 @@ def answers(setting: Setting, rows: Sequence[Row]) -> list[Decision]:
 
 def rows_of(setting: Setting) -> list[Row]:
     """The test vector's steps."""
-    return observations(setting, np.random.default_rng(0))
+    rows = observations(setting, np.random.default_rng(0))
+    return with_gaps(rows) if setting.controller.gaps else rows
 
 
 def vector(made: Translated) -> str:
@@ -190,7 +206,7 @@ def _row(made: Translated, row: Row, decision: Decision) -> str:
     pairs = [c_text.braces([number(x), number(y)]) for x, y in row.seen.preview.tolist()]
     seen = [number(x) for x in row.seen[:8]] + [c_text.braces(pairs)]
     values = [
-        str(int(row.restart)), c_text.braces(seen), number(decision.steer),
+        str(int(row.restart)), str(int(row.missing)), c_text.braces(seen), number(decision.steer),
         str(int(decision.status)), str(int(row.executed is not None)), number(row.executed or 0.0),
     ]  # fmt: skip
     return f"    {c_text.braces(values)},\n"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -43,11 +43,24 @@ class Row(NamedTuple):
     """Command of the corrected controller."""
     executed: float | None = None
     """Command that was executed in place of the answer; None: the answer."""
+    missing: bool = False
+    """The observation did not arrive."""
+
+    @property
+    def given(self) -> Observation | None:
+        """What the controller gets."""
+        return None if self.missing else self.seen
 
 
 def observations(of: Sampled, rng: np.random.Generator) -> list[Row]:
     """Steps along a road, random ones, and strange ones; every number fits into float32."""
     return [*_driven(of, rng), *_drawn(of, rng, DRAWN), *_strange(of, rng)]
+
+
+def with_gaps(rows: Sequence[Row]) -> list[Row]:
+    """The same with observations that do not arrive: short gaps, long ones, and one at first."""
+    lost = [*range(2), *range(40, 44), *range(80, 95), *range(110, 160)]
+    return [row._replace(missing=i % 400 in lost) for i, row in enumerate(rows)]
 
 
 def _driven(of: Sampled, rng: np.random.Generator) -> Iterator[Row]:

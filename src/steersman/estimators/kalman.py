@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -74,11 +73,18 @@ class Kalman(EstimatorComponent):
             kept = Estimates(*(array.copy() for array in state.kept))
         else:
             kept = Estimates(np.zeros(N_MEMORY), np.zeros(size), np.zeros((size, size)))
+        work = EstimatorWork(
+            np.empty((2 * N_MOVED, size)),
+            np.empty((n, 2)),
+            np.empty(n),
+            np.empty((n, size)),
+            np.empty(2 * n),
+        )
         row, preview = np.array(o[1:8]), np.ascontiguousarray(o.preview)
         out = np.empty(O_PREVIEW + 2 * n)
         usable = kernel.step(
             *(state.vehicle.table, 0, state.settings, o.spacing, h, state.dt, o.time),
-            *(row, preview, kept, _scratch(n, size), out),
+            *(row, preview, kept, work, out),
         )
         if not usable:
             return o, state._replace(kept=_NOTHING)
@@ -91,15 +97,3 @@ class Kalman(EstimatorComponent):
         memory = state.kept.memory.copy()
         memory[COMMAND] = steer
         return state._replace(kept=state.kept._replace(memory=memory))
-
-
-@lru_cache(maxsize=8)
-def _scratch(n: int, size: int) -> EstimatorWork:
-    """Written before it is read, in one call that nothing interrupts."""
-    return EstimatorWork(
-        np.empty((2 * N_MOVED, size)),
-        np.empty((n, 2)),
-        np.empty(n),
-        np.empty((n, size)),
-        np.empty(2 * n),
-    )

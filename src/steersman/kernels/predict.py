@@ -155,7 +155,8 @@ def step(  # noqa: PLR0917 - numba takes no keyword-only arguments
             commands[i] = row[observe.O_STEER]
         memory[BEGUN] = 1.0
     elif not fresh:
-        memory[AGE] += dt
+        # No longer than there are commands: what comes after a longer gap is not predicted.
+        memory[AGE] = min(memory[AGE] + dt, (commands.shape[0] - 1) * dt - memory[DELAY])
     elif memory[AGE] == 0.0:
         _learn(table, spacing, dt, finds, time, row, preview, kept, motion, work)
     if fresh:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import re
 from collections.abc import Callable
 from typing import Any
 
@@ -21,11 +20,6 @@ from steersman.delivery.translate.values import (
     Type,
     Value,
 )
-
-
-def occurs(name: str, text: str) -> bool:
-    """Whether a name occurs in a text of C."""
-    return re.search(rf"\b{name}\b", text) is not None
 
 
 def bound(

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from functools import reduce
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
+import numpy as np
+
 from steersman.delivery.translate import arrays
 from steersman.delivery.translate.values import INT, REAL, Array, Bundle, Scalar, Static, Value
 
@@ -175,3 +177,11 @@ def ravel(out: Expressions, given: list[Value], _: Named) -> Value:
     """The numbers in a row."""
     whole = out.dense(given[0])
     return Array(whole.text, (whole.size,), whole.root)
+
+
+def reshape(out: Expressions, given: list[Value], _: Named) -> Value:
+    """The same numbers row by row in another shape."""
+    whole = out.dense(given[0])
+    wanted = [out.static(each) for each in given[1:]]
+    shape = np.empty(whole.size).reshape(*wanted).shape
+    return Array(whole.text, shape, whole.root, (), whole.kind)

@@ -63,7 +63,7 @@ class Expressions(Operators):
     def _tuple(self, node: ast.Tuple | ast.List) -> Value:
         return Bundle(tuple, tuple(self.values(node.elts)))
 
-    _list = _tuple
+    _list = _set = _tuple
 
     def values(self, nodes: Sequence[ast.expr]) -> list[Value]:
         """Of several expressions, of which some may be starred."""
@@ -254,8 +254,9 @@ class Expressions(Operators):
                 fields = owner.cls._fields  # type: ignore[attr-defined]
                 pairs = zip(fields, owner.items, strict=True)
                 return Bundle(owner.cls, tuple(named.get(key, old) for key, old in pairs))
-            found = inspect.getattr_static(owner.cls, name)
-            return self.call(found, [owner, *given], named)
+            found = inspect.getattr_static(owner.cls, name, None)
+            if inspect.isfunction(found):
+                return self.call(found, [owner, *given], named)
         if name in METHODS:
             return METHODS[name](self, [owner, *given], named)
         raise NotTranslatable(f"the method {name}")
@@ -267,6 +268,8 @@ class Expressions(Operators):
         named = named or {}
         function = getattr(function, "py_func", function)
         whole = [*given, *named.values()]
+        if not whole and inspect.isbuiltin(function):  # a clock, for one
+            raise NotTranslatable(f"a call of {function.__name__}")
         special = CALLS.get(function) if function.__hash__ is not None else None
         fresh = special is not None and special.always
         if not fresh and all(self.known(each) for each in whole):

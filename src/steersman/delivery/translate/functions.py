@@ -229,5 +229,5 @@ def _register() -> dict[Any, Special]:
 CALLS = _register()
 METHODS = {
     "copy": more.copy, "tolist": more.tolist, "mean": more.mean, "sum": more.sum, "all": _all,
-    "ravel": more.ravel,
+    "ravel": more.ravel, "reshape": more.reshape,
 }  # fmt: skip

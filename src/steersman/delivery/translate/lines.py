@@ -7,7 +7,13 @@ from collections import Counter
 
 _LOCAL = re.compile(r"\s*(?:const )?(?:real|int) (\w+)(?:\[\d+\])?(?: = (?!.*/\* kept \*/).*)?;")
 _STORED = re.compile(r"\s*(\w+) = (?!.*\b\1\b).*;")
+_KEPT = re.compile(r"\s*(?:real|int) (\w+) = (.*;) /\* kept \*/")
 _NAME = re.compile(r"[A-Za-z_]\w*")
+
+
+def names(text: str) -> set[str]:
+    """All names in a text of C."""
+    return set(_NAME.findall(text))
 
 
 def bare(text: str) -> str:
@@ -21,7 +27,7 @@ def bare(text: str) -> str:
 
 
 def without_unused(lines: list[str]) -> list[str]:
-    """The lines without local variables that nothing reads."""
+    """The lines without local variables that nothing reads; of a call that writes it stays."""
     while True:
         count = Counter(name for each in lines for name in _NAME.findall(each))
         written = Counter(m[1] for each in lines if (m := _STORED.fullmatch(each)))
@@ -33,7 +39,11 @@ def without_unused(lines: list[str]) -> list[str]:
             if not any((m := form.fullmatch(each)) and m[1] in unread for form in (_LOCAL, _STORED))
         ]
         if len(kept) == len(lines):
-            return kept
+            answers = [_KEPT.fullmatch(each) for each in kept]
+            return [
+                f"(void){m[2]}" if m and count[m[1]] == 1 else each
+                for each, m in zip(kept, answers, strict=True)
+            ]
         lines = kept
 
 

@@ -34,7 +34,7 @@ _OPERATORS: dict[type, tuple[str, Callable[..., Any]]] = {
     ast.Add: ("+", operator.add), ast.Sub: ("-", operator.sub), ast.Mult: ("*", operator.mul),
     ast.Div: ("/", operator.truediv), ast.FloorDiv: ("/", operator.floordiv),
     ast.Mod: ("%", operator.mod), ast.Pow: ("**", operator.pow),
-    ast.MatMult: ("@", operator.matmul),
+    ast.MatMult: ("@", operator.matmul), ast.BitOr: ("|", operator.or_),
     ast.Eq: ("==", operator.eq), ast.NotEq: ("!=", operator.ne), ast.Lt: ("<", operator.lt),
     ast.LtE: ("<=", operator.le), ast.Gt: (">", operator.gt), ast.GtE: (">=", operator.ge),
 }  # fmt: skip

@@ -6,6 +6,7 @@ import ast
 import inspect
 import textwrap
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from steersman.delivery.translate import arguments
 from steersman.delivery.translate.emitter import c_type, texts
 from steersman.delivery.translate.expressions import Expressions
 from steersman.delivery.translate.helpers import HELPER_NAMES, HELPERS
-from steersman.delivery.translate.lines import indented, without_unused
+from steersman.delivery.translate.lines import indented, names, without_unused
 from steersman.delivery.translate.statements import Statements
 from steersman.delivery.translate.values import (
     NEVER,
@@ -32,8 +33,6 @@ from steersman.delivery.translate.values import (
     leaves,
     type_of,
 )
-
-_PASSES = 4
 
 
 class Parameter(NamedTuple):
@@ -178,11 +177,11 @@ class Program:
 
     def needed(self, lines: Sequence[str]) -> list[str]:
         """The texts of the functions that lines call, and of those that these call."""
-        text, out = "\n".join(lines), []
+        called, out = names("\n".join(lines)), []
         for each in reversed(self.functions.values()):
-            if arguments.occurs(each.name, text):
+            if each.name in called:
                 out.append(each.text)
-                text += each.text
+                called |= names(each.text)
         return out[::-1]
 
     def function(self, function: Callable[..., Any], values: dict[str, Value]) -> Function:
@@ -208,16 +207,15 @@ class Program:
         return made
 
     def _translated(self, function: Callable[..., Any], values: dict[str, Value]) -> Function:
-        tree = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
-        assert isinstance(tree, ast.FunctionDef)
+        tree, read = _parsed(function)
         world = {**function.__globals__, **inspect.getclosurevars(function).nonlocals}
         result = NEVER
-        for _ in range(_PASSES):
-            writer, _, _ = self._pass(tree, values, world, result)
-            if writer.returned == result:
+        while True:
+            writer, formals, targets = self._pass(tree, read, values, world, result)
+            found = join(result, writer.returned)
+            if found == result:
                 break
-            result = join(result, writer.returned)
-        writer, formals, targets = self._pass(tree, values, world, result)
+            result = found
         name = self._name(function.__name__.lstrip("_"))
         single = result.detail if targets is None and result.form == "scalar" else None
         outputs = [] if targets is None else list(leaves(targets))
@@ -225,12 +223,8 @@ class Program:
         heads += [f"{c_type(leaf.kind)} *{leaf.text.strip('()*')}" for leaf in outputs]
         heads_text = ", ".join(["const parameters *p", *heads])
         lines = without_unused([*writer.top, *writer.lines])
-        body = "\n".join(lines)
-        unused = [
-            leaf
-            for leaf in ["p", *(leaf.text for leaf in formals)]
-            if not arguments.occurs(leaf, body)
-        ]
+        used = names("\n".join(lines))
+        unused = [leaf for leaf in ["p", *(leaf.text for leaf in formals)] if leaf not in used]
         lines = [f"(void){each};" for each in unused] + lines
         kind = "void" if single is None else c_type(single)
         text = f"static {kind} {name}({heads_text})\n{{\n" + "\n".join(indented(lines)) + "\n}\n"
@@ -238,18 +232,18 @@ class Program:
         return Function(name, result, single, written, text)
 
     def _pass(
-        self, tree: ast.FunctionDef, values: dict[str, Value], world: dict[str, Any], result: Type
+        self,
+        tree: ast.FunctionDef,
+        read: frozenset[tuple[str, int]],
+        values: dict[str, Value],
+        world: dict[str, Any],
+        result: Type,
     ) -> tuple[Statements, list[Scalar | Array], Value | None]:
         """Translate once, for a result of a type."""
         writer = Statements(self, {}, world, result)
-        names = {k: arguments.formal(writer, k, v) for k, v in values.items()}
-        formals = [leaf for each in names.values() for leaf in leaves(each)]
-        writer.names = dict(names)
-        writer.read = frozenset(
-            (each.id, each.lineno)
-            for each in ast.walk(tree)
-            if isinstance(each, ast.Name) and isinstance(each.ctx, ast.Load)
-        )
+        given = {k: arguments.formal(writer, k, v) for k, v in values.items()}
+        formals = [leaf for each in given.values() for leaf in leaves(each)]
+        writer.names, writer.read = dict(given), read
         targets = None
         if result.form not in {"never", "static", "scalar"}:
             targets = arguments.pointers(writer.storage(result, "out", []))
@@ -275,6 +269,18 @@ class Program:
             name = f"{wanted}_{count}"
         self._names.add(name)
         return name
+
+
+@cache
+def _parsed(function: Callable[..., Any]) -> tuple[ast.FunctionDef, frozenset[tuple[str, int]]]:
+    """A function's syntax tree, and the names that it reads with their lines."""
+    tree = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
+    assert isinstance(tree, ast.FunctionDef)
+    return tree, frozenset(
+        (each.id, each.lineno)
+        for each in ast.walk(tree)
+        if isinstance(each, ast.Name) and isinstance(each.ctx, ast.Load)
+    )
 
 
 _RESERVED = {"parameters", "real", "step", "init", "reset", "copied", "least", "most", "finite",
