@@ -204,7 +204,7 @@ def test_without_a_compiler_there_are_sources_alone(
     [
         ("carla_model3 sensor.error_range=0.1", "sensor: random errors and disturbances have no C"),
         ("carla_model3 plant=multibody", "only the embedded simulator leaves"),
-        ("carla_model3 --precision single", "settings and parameters are for controllers"),
+        ("carla_model3 --precision single", "settings, name and parameters are for controllers"),
         ("tuned/lqr --fmi 4", "--fmi: 4 is not allowed; expected 2 or 3"),
     ],
 )

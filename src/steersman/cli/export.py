@@ -227,7 +227,7 @@ def target(name: str) -> Target:
     return known[name]
 
 
-def export(
+def export(  # noqa: PLR0913, PLR0917 - typer's options
     run: Annotated[str, typer.Argument(metavar="RUN", help="What to export.")],
     to: Annotated[
         str, typer.Option("--to", metavar="|".join(t.name for t in TARGETS), help="The format.")
