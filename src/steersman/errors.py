@@ -48,6 +48,10 @@ class TrainingDiverged(SteersmanError, RuntimeError):
     """Training was stopped because going on cannot lead anywhere."""
 
 
+class TrainingStopped(SteersmanError, RuntimeError):
+    """Training was stopped by somebody who watched it; it can go on."""
+
+
 def how_to_install(extra: str) -> str:
     """The words that name an extra of this package and what installs it.
 

@@ -15,7 +15,7 @@ from steersman.controllers.base import ControllerComponent, designed, timed_step
 from steersman.controllers.estimated import in_front
 from steersman.controllers.mpc_pid import MpcPid
 from steersman.disturbances import DisturbanceComponent
-from steersman.episode import COLUMNS, Episode
+from steersman.episode import Episode
 from steersman.errors import ConfigError, ControllerError, PlantError
 from steersman.estimators.base import EstimatorComponent, PredictorComponent
 from steersman.faults import Fault
@@ -33,11 +33,11 @@ from steersman.plants.base import PlantComponent
 from steersman.plants.simulator import SimulatorConfig
 from steersman.profiles import stack_profiles
 from steersman.provenance import provenance
-from steersman.sensing import Tracking, WaypointSensor
+from steersman.sensing import WaypointSensor
 from steersman.speed import ConstantThrottle, SpeedComponent
 from steersman.types import Decision, FloatArray
 from steersman.vehicles import CarlaModel3, Vehicle
-from steersman.world import Simulation
+from steersman.world import Simulation, columns_of
 
 # A run that is to end after laps or at the end of the road may take at most this long [s].
 LONGEST = 7200.0
@@ -257,10 +257,7 @@ class RunningDrive:
     def episode(self, end: str) -> Episode:
         """The record, with the configuration inside."""
         config, path, mover = self.config, self.config.path, self.simulation.mover
-        data = np.array(self._rows).reshape(-1, len(_ROW))
-        more = np.array(self._more).reshape(-1, len(_MORE))
-        found = dict(zip(_ROW, data.T, strict=True)) | dict(zip(_MORE, more.T, strict=True))
-        columns = {name: np.ascontiguousarray(found[name]) for name in COLUMNS}
+        columns = columns_of(np.array(self._rows), np.array(self._more))
         fine = np.concatenate([np.zeros((0, 2)), *self._fine])
         shared = mover.shared
         if shared is not None:
@@ -270,18 +267,6 @@ class RunningDrive:
         meta = {"config": config.model_dump(mode="json"), **made, **provenance()}
         length, dt = path.length, self.simulation.dt
         return Episode(columns, end, self.distance, dt, length, path.closed, meta, fine)
-
-
-# Names of what a state row, a tracking row and a step hold, as the columns of an episode have them.
-_ROW = (
-    *("x", "y", "psi", "v_x", "v_y", "yaw_rate", "load_a_x", "load_a_y"),
-    *("steer", "throttle_position", "brake_position", "a_x", "a_y", "wheel_angle"),
-    *Tracking._fields,
-)
-_MORE = (
-    *("time", "steer_command", "throttle", "brake"),
-    *("control_time", "status", "driver", "reason"),
-)
 
 
 def goal(

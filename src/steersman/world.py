@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from steersman.disturbances import Disturber
+from steersman.episode import COLUMNS
 from steersman.errors import ConfigError
 from steersman.kernels import observe
 from steersman.kernels import path as paths
@@ -26,9 +27,33 @@ from steersman.paths.segments import stack
 from steersman.plants.base import PlantComponent
 from steersman.plants.mover import Mover, Shared, make_mover
 from steersman.profiles import Profile, write_profile
-from steersman.sensing import WaypointSensor, to_observation
+from steersman.sensing import Tracking, WaypointSensor, to_observation
 from steersman.types import FloatArray, Observation, Pose
 from steersman.vehicles import Vehicle
+
+# Names of what a state row, a tracking row and a step hold, as the columns of an episode have them.
+_ROW = (
+    *("x", "y", "psi", "v_x", "v_y", "yaw_rate", "load_a_x", "load_a_y"),
+    *("steer", "throttle_position", "brake_position", "a_x", "a_y", "wheel_angle"),
+    *Tracking._fields,
+)
+_MORE = (
+    *("time", "steer_command", "throttle", "brake"),
+    *("control_time", "status", "driver", "reason"),
+)
+
+
+def columns_of(rows: FloatArray, more: FloatArray) -> dict[str, FloatArray]:
+    """An episode's columns.
+
+    Args:
+        rows: state and tracking before each step, (steps, N_STATE + N_TRACKING).
+        more: time, command, computing time, status, driver and reason of each, (steps, 8).
+    """
+    found: dict[str, FloatArray] = {}
+    for names, table in ((_ROW, rows), (_MORE, more)):
+        found |= zip(names, table.reshape(-1, len(names)).T, strict=True)
+    return {name: np.ascontiguousarray(found[name]) for name in COLUMNS}
 
 
 class Simulation:

@@ -16,6 +16,7 @@ import pytest
 from steersman.commands import configuration
 from steersman.config import build
 from steersman.episode import load_episode
+from steersman.learning.running import TrainingState
 from steersman.live.drives import DriveCache, LiveRun
 from steersman.live.form import Choices, ChosenPart, chosen, form
 from steersman.live.page import LiveAddress
@@ -121,6 +122,9 @@ def test_a_map_drives_disturbed(address):
         assert words in json.loads(text)["error"]
 
 
+STATES = "() => document.getElementById('states').textContent"
+
+
 def test_a_training_is_followed(browser, port, tmp_path):
     runs, ask = tmp_path / "runs", "() => document.querySelector('#training .legend').textContent"
 
@@ -136,6 +140,18 @@ def test_a_training_is_followed(browser, port, tmp_path):
         page.goto(address.url)
         until(page, f"() => ({ask})().includes('seed_0')")
         assert page.locator("#newest").is_disabled()
+        # Paused and stopped by the page's buttons; alarms; the newest validation drive.
+        run, asked = runs / "seed_0", runs / "seed_0" / "request"
+        state = TrainingState(state="running", steps=10, total=99, alarms=("shaky",))
+        (run / "state.json").write_text(state.model_dump_json())
+        attempt(BASE).episode.save(run / "validation.npz")
+        until(page, f"() => ({STATES})() === 'seed_0: running, 10 of 99 steps⚠ shaky'")
+        for button, request in (("Pause", "pause"), ("Stop", "stop")):
+            page.get_by_role("button", name=button, exact=True).click()
+            until(page, lambda word=request: asked.is_file() and asked.read_text() == word)
+        assert page.get_by_role("button", name="Go on").is_disabled()
+        page.check("#validations")
+        until(page, "() => document.querySelector('#figures').textContent.includes('seed_0')")
         record(1, 3)
         for suffix in (".onnx", ".json"):
             shutil.copy(locate("precision").with_suffix(suffix), runs / f"policy{suffix}")
@@ -204,7 +220,7 @@ def test_every_word_of_the_form_can_be_driven():
 
 def until(page, words, arg=None):
     begun = time.monotonic()
-    while not page.evaluate(words, arg):
+    while not (words() if callable(words) else page.evaluate(words, arg)):
         assert time.monotonic() < begun + 20.0, (words, page.text_content("#notice"))
         page.wait_for_timeout(20)
 

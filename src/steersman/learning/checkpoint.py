@@ -12,7 +12,7 @@ import numpy as np
 from steersman.config import build, dump, read_yaml, to_yaml
 from steersman.errors import ConfigError, DataError
 from steersman.files import make_folder, replacing, write_text
-from steersman.learning import snapshot
+from steersman.learning import running, snapshot
 from steersman.learning.imitation.config import LearningConfig
 from steersman.learning.snapshot import Tree
 
@@ -20,7 +20,10 @@ FOLDER = "resume"
 _FORMAT = 3
 _KEPT = 2
 _WRITTEN = ("checkpoints", "data", FOLDER, "tensorboard")
-_FILES = ("config.yaml", "progress.csv", "policy.onnx", "policy.json")
+_FILES = (
+    *("config.yaml", "progress.csv", "policy.onnx", "policy.json"),
+    *(running.DRIVE, running.STATE, running.REQUEST),
+)
 Notify = Callable[[str], None]
 
 
@@ -67,6 +70,16 @@ def save(out: FilePath, steps: int, tree: Tree) -> None:
         snapshot.write({"format": _FORMAT, "random": _random_state(), **tree}, stream)
     for file in _found(out)[_KEPT:]:
         file.unlink(missing_ok=True)
+
+
+def save_weights(out: FilePath, steps: int, weights: Mapping[str, Any]) -> None:
+    """Write weights and moments after ``steps`` environment steps, which stay.
+
+    Raises:
+        DataError: they cannot be written.
+    """
+    with replacing(out / "checkpoints" / f"step_{steps:09d}.npz") as stream:
+        np.savez(stream, **weights)
 
 
 def load(out: FilePath, notify: Notify | None = None) -> dict[str, Any] | None:

@@ -20,6 +20,10 @@ from steersman.table_file import Columns, columns_of
 
 # Training is stopped when this share of the actions was at a limit for this many validations.
 _STUCK_SHARE, _STUCK_ROWS = 0.95, 3
+# Values may be so many times what the reward adds up to, a margin for untrained critics.
+_MARGIN = 10.0
+# What is told while training goes on: validation error relative to the best, share of actions.
+_WORSE, _AT_LIMIT = 2.0, 0.5
 _NAN = math.nan
 C = TypeVar("C")
 
@@ -236,8 +240,7 @@ def check_progress(config: TrainConfig, rows: Sequence[TrainRow], largest_reward
         raise TrainingDiverged(
             f"loss is not finite after {row.updates:.0f} updates; try a smaller agent.learning_rate"
         )
-    # No return can exceed the largest reward forever; a tenfold margin for untrained critics.
-    bound = 10.0 * max(1.0, largest_reward) / (1.0 - config.agent.gamma)
+    bound = _MARGIN * _largest_return(config, largest_reward)
     if abs(row.q_mean) > bound:
         raise TrainingDiverged(
             f"mean Q is {row.q_mean:.3g}, beyond anything the reward can add up to "
@@ -250,6 +253,26 @@ def check_progress(config: TrainConfig, rows: Sequence[TrainRow], largest_reward
             f"{_STUCK_ROWS * config.validation.interval} steps; try a smaller "
             "agent.learning_rate, or other reward coefficients"
         )
+
+
+def _largest_return(config: TrainConfig, largest_reward: float) -> float:
+    """What no return exceeds: the largest reward forever."""
+    return max(1.0, largest_reward) / (1.0 - config.agent.gamma)
+
+
+def alarms(config: TrainConfig, rows: Sequence[TrainRow], largest_reward: float) -> tuple[str, ...]:
+    """What gives reason to doubt a training that goes on; the parameters of check_progress."""
+    row, best = rows[-1], min(rows, key=lambda one: one.validation_error_mm)
+    error, bound = row.validation_error_mm, _largest_return(config, largest_reward)
+    found = {
+        f"the validation error is {error:.3g} mm; after {best.steps:.0f} steps it was "
+        f"{best.validation_error_mm:.3g} mm": error > _WORSE * best.validation_error_mm,
+        f"{100 * row.saturated_share:.0f} % of the actions sit at a limit": row.saturated_share
+        > _AT_LIMIT,
+        f"mean Q is {row.q_mean:.3g}, the reward adds up to {bound:.3g} at most": abs(row.q_mean)
+        > bound,
+    }
+    return tuple(words for words, alarming in found.items() if alarming)
 
 
 def load_training(folder: FilePath) -> TrainResult:

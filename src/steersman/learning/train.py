@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from steersman.files import alone, replacing
-from steersman.learning import checkpoint
+from steersman.errors import TrainingStopped
+from steersman.files import alone
+from steersman.learning import checkpoint, running
 from steersman.learning.arithmetic import arithmetic
 from steersman.learning.config import TrainConfig
 from steersman.learning.networks import WeightAverage
@@ -19,10 +20,12 @@ from steersman.learning.progress import (
     Record,
     TrainResult,
     TrainRow,
+    alarms,
     check_progress,
     chosen_words,
     learned,
 )
+from steersman.learning.running import RunningTraining
 from steersman.learning.snapshot import Tree
 
 # What the loop itself counts, beside agent and environments.
@@ -63,6 +66,7 @@ def train(
         ConfigError: the training to be resumed has another configuration.
         TrainingDiverged: losses or values are no longer finite or plausible, or the action
             sticks to its limit.
+        TrainingStopped: it was asked to, by the file ``request`` in ``out``.
     """
     say = notify or (lambda _: None)
     finished, saved = checkpoint.begin(config, out, say, overwrite=overwrite, resume=resume)
@@ -73,7 +77,8 @@ def train(
         if done is not None:
             say(f"{out}: going on after {done} steps")
         if until is None or done is None or done < until:
-            _Training(config, out, reporter, tick, done, until).run(saved)
+            with running.told(out, done or 0, config.steps, tick) as state:
+                _Training(config, out, reporter or (lambda _: None), state, done, until).run(saved)
     result = learned(out, config, TrainRow)
     if until is None:
         say(chosen_words(result))
@@ -91,8 +96,8 @@ class _Training:
         self,
         config: TrainConfig,
         out: FilePath,
-        reporter: Reporter | None,
-        tick: Callable[[int], None] | None,
+        reporter: Reporter,
+        state: RunningTraining,
         resumed_at: int | None = None,
         until: int | None = None,
     ) -> None:
@@ -100,8 +105,8 @@ class _Training:
         from steersman.learning.validate import Validator
         from steersman.learning.vec_env import PathFollowingVecEnv
 
-        self.config, self.out, self.reporter, self.tick = config, out, reporter, tick
-        self.next_tick, self.until = 0.0, until
+        self.config, self.out, self.reporter, self.state = config, out, reporter, state
+        self.until = until
         self.env = PathFollowingVecEnv(config.problem, config.agent.vehicles)
         self.agent = config.agent.make(config, self.env)
         self.keeper = Keeper(self.env, out) if config.keep else None
@@ -109,7 +114,6 @@ class _Training:
         self.best = math.inf
         self.env.driver.base_share = self._base_share()
         self.record = Record(out, resumed_at, TrainRow)
-        self.rows = self.record.rows
         # Computing time, not the clock: what else the machine does is no part of the training.
         self.begun = time.process_time()
         self.next_validation = config.validation.interval
@@ -151,11 +155,11 @@ class _Training:
                 reset_num_timesteps=False,
             )
             agent.open()
-            if not self.rows or self.rows[-1].steps < agent.num_timesteps:
+            if not self.record.rows or self.record.rows[-1].steps < agent.num_timesteps:
                 self._validate()
             if self.keeper is not None:
                 self.keeper.finish(self.config.problem, f"training by {self.config.agent.kind}")
-            self._save_weights()
+            checkpoint.save_weights(self.out, self.agent.num_timesteps, self.agent.weights())
             checkpoint.finish(self.out)
         except _Paused:
             pass
@@ -195,29 +199,27 @@ class _Training:
         self.agent.open()
         self._validate_if_due()
         steps, self.env.driver.base_share = self.agent.num_timesteps, self._base_share()
-        due, paused = steps >= self.next_checkpoint, self.until is not None and steps >= self.until
-        if due:
-            self.next_checkpoint += self.config.checkpoint_interval
-        if due or paused:
+        due, stops = steps >= self.next_checkpoint, self.state.stops(steps)
+        paused = self.until is not None and steps >= self.until
+        self.next_checkpoint += due * self.config.checkpoint_interval
+        if due or paused or stops:
             self.record.flush()
-            self._save_weights()
+            checkpoint.save_weights(self.out, steps, self.agent.weights())
             if self.keeper is not None:
                 self.keeper.flush(steps)
             checkpoint.save(self.out, steps, self.snapshot())
-        if paused:
-            raise _Paused
+        if stops or paused:
+            words = f"{self.out}: stopped after {steps} steps; --resume goes on"
+            raise TrainingStopped(words) if stops else _Paused
 
     def _base_share(self) -> float:
         return self.config.base_share(self.agent.num_timesteps)
 
     def _after_step(self) -> None:
-        rewards = self.env.driver.fleet.reward
-        self._sums += rewards[:, [0, 2, 3]].mean(axis=0)
+        self._sums += self.env.driver.fleet.reward[:, [0, 2, 3]].mean(axis=0)
         self._count += 1
         steps = self.agent.num_timesteps
-        if self.tick is not None and time.perf_counter() >= self.next_tick:
-            self.next_tick = time.perf_counter() + 0.5
-            self.tick(steps)
+        self.state.look(steps)
         share = self.config.average
         if share is not None and steps > share * self.config.steps:
             self.average.add(self.agent.actor_net().flat)
@@ -238,9 +240,10 @@ class _Training:
         score = self.validator.score(self.agent.act)
         row = self._row(score)
         self.record.add(row)
-        if self.reporter is not None:
-            self.reporter(row)
-        check_progress(self.config, self.rows, self.env.largest_reward)
+        self.reporter(row)
+        self.validator.keep_worst(self.out)
+        self.state.alarms = alarms(self.config, self.record.rows, self.env.largest_reward)
+        check_progress(self.config, self.record.rows, self.env.largest_reward)
         if score.total < self.best:
             self.best = score.total
             self._export(score)
@@ -293,8 +296,3 @@ class _Training:
         }
         net, operators = self.agent.actor_net(), self.config.agent.operators
         export_policy(net, self.config, self.out, note, operators, self._base_share())
-
-    def _save_weights(self) -> None:
-        file = self.out / "checkpoints" / f"step_{self.agent.num_timesteps:09d}.npz"
-        with replacing(file) as stream:
-            np.savez(stream, **self.agent.weights())

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from operator import itemgetter
+from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from steersman.episode import Episode
 from steersman.kernels import observe
 from steersman.kernels import world as kernel
 from steersman.learning.config import ValidationConfig
 from steersman.learning.fleet import FleetDriver
 from steersman.learning.problem import Problem
+from steersman.learning.running import DRIVE
+from steersman.learning.validation_drive import FleetRecord
 from steersman.plants.mover import Shared
 from steersman.types import FloatArray
 
@@ -58,6 +63,8 @@ class _Part(NamedTuple):
     failures: int
     changes: float
     moves: int
+    worst: tuple[float, Episode]
+    """The largest mean error of a drive [m], and this drive."""
 
 
 class Validator:
@@ -82,11 +89,17 @@ class Validator:
         self._driver = FleetDriver(held_out, at_once, shared)
         self._config = config
         self._steps = round(problem.episode_time / self._driver.dt)
+        self._worst: Episode | None = None
 
     @property
     def source(self) -> str:
         """The plant in words, as results state it."""
         return self._driver.source
+
+    def keep_worst(self, folder: FilePath) -> None:
+        """Keep the drive with the largest mean error of the last score in a training's folder."""
+        if self._worst is not None:
+            self._worst.save(folder / DRIVE)
 
     def attenuate(self, share: float) -> None:
         """From now on drive with this share of the base's steering."""
@@ -105,6 +118,7 @@ class Validator:
         seeds = np.random.SeedSequence(self._config.seed).spawn(self._config.vehicles)
         n = self._driver.n
         parts = [self._drive(act, seeds[i : i + n]) for i in range(0, len(seeds), n)]
+        self._worst = max((part.worst for part in parts), key=itemgetter(0))[1]
         errors, counted = (np.concatenate(a, axis=1) for a in list(zip(*parts, strict=True))[:2])
         errors = np.nan_to_num(errors, nan=self._driver.problem.corridor)
         drives = [float(errors[counted[:, i], i].mean()) for i in range(errors.shape[1])]
@@ -130,8 +144,9 @@ class Validator:
         failed = np.zeros(driver.n, dtype=bool)
         counted = np.ones((self._steps, driver.n), dtype=bool)
         changes, moves = 0.0, 0
-        before = driver.last_commands().copy()
+        before, record = driver.last_commands().copy(), FleetRecord(driver)
         for k, _ in zip(range(self._steps), self._drive_on(act), strict=False):
+            record.stepped(alive)
             ended = fleet.ended != kernel.RUNNING
             lost = np.isin(fleet.ended, kernel.FAILED)
             errors[k, alive] = np.minimum(np.abs(fleet.tracking[alive, observe.D]), corridor)
@@ -146,7 +161,10 @@ class Validator:
             counted[k + 1 :, ended & ~failed] = False
             if not alive.any():
                 break
-        return _Part(errors, counted, int(failed.sum()), changes, moves)
+        each = np.nan_to_num(errors, nan=corridor).mean(axis=0, where=counted)
+        worst = int(each.argmax())
+        found = float(each[worst]), record.episode(worst)
+        return _Part(errors, counted, int(failed.sum()), changes, moves, found)
 
     def _drive_on(self, act: Callable[[Any], Any]) -> Iterator[Any]:
         """Drive, with a pause after each control step, until no vehicle is left."""

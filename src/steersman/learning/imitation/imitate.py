@@ -154,6 +154,7 @@ class _Imitation:
                 f"loss is not finite after {until} updates; try a smaller fit.learning_rate"
             )
         score = self.validator.score(regression.act)
+        self.validator.keep_worst(self.out)
         self.off_track += drives.off_track
         row = self._row(k, drives, loss, score)
         self.record.add(row)

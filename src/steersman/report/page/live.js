@@ -266,23 +266,51 @@ class FailureMap {
   }
 }
 
-// The curves of a training, as they grow, and its newest policy at the wheel.
+// A training that goes on: curves, states and alarms; its newest policy and validation drive.
 class LiveTraining {
-  constructor(given, drive) {
-    Object.assign(this, { token: given.token, drive, seen: 0, section: byId("training") });
+  constructor(given, { drive, replay }) {
+    Object.assign(this, { token: given.token, replay, seen: 0, shown: 0, section: byId("training") });
     if (!given.training) return;
     this.section.hidden = false;
     this.section.querySelector("[data-word=folder]").textContent = given.training;
-    byId("newest").addEventListener("click", () => this.drive(this.policy));
-    this.ask();
+    byId("newest").addEventListener("click", () => drive(this.policy));
+    this.buttons = [...this.section.querySelectorAll("[data-ask]")];
+    for (const button of this.buttons) button.addEventListener("click", () => this.ask({ ask: button.dataset.ask }));
+    byId("validations").addEventListener("change", () => {
+      this.shown = 0;
+      this.ask({});
+    });
+    this.follow();
   }
 
-  async ask() {
-    setTimeout(() => this.ask(), 2 * WAIT);
+  follow() {
+    setTimeout(() => this.follow(), 2 * WAIT);
+    this.ask({});
+  }
+
+  async ask(more) {
+    const wanted = byId("validations").checked ? { drive: this.shown } : {};
     // Where the server is gone, the next drive says so.
-    const found = await send(this.token, "/training", { seen: this.seen }).catch(() => ({ seen: 0 }));
-    if (found.error) complain(found.error);
-    else if (found.seen > this.seen) this.show(found);
+    const found = await send(this.token, "/training", { seen: this.seen, ...wanted, ...more }).catch(() => null);
+    if (!found) return;
+    if (found.error) {
+      complain(found.error);
+      return;
+    }
+    this.states(found.states);
+    if (found.seen > this.seen) this.show(found);
+    if (found.drive && found.drive.stamp > this.shown) {
+      this.shown = found.drive.stamp;
+      await this.replay(found.drive);
+    }
+  }
+
+  states(states) {
+    const any = (state) => states.some((one) => one.state === state);
+    const usable = { pause: any("running"), "go on": any("paused"), stop: any("running") || any("paused") };
+    for (const button of this.buttons) button.disabled = !usable[button.dataset.ask];
+    const rows = states.map(({ words, alarms }) => element("li", {}, words, ...alarms.map((alarm) => element("div", { class: "alarm" }, `⚠ ${alarm}`))));
+    byId("states").replaceChildren(...rows);
   }
 
   show({ seen, training, policy }) {
@@ -320,7 +348,10 @@ class LivePage {
     for (const name of ["command", "yaml"]) {
       byId(`copy-${name}`).addEventListener("click", () => navigator.clipboard.writeText(byId(name).textContent));
     }
-    this.training = new LiveTraining(given, (policy) => this.form.take("controller", policy));
+    this.training = new LiveTraining(given, {
+      drive: (policy) => this.form.take("controller", policy),
+      replay: (found) => this.show(found),
+    });
     byId("wheel").addEventListener("click", () => this.hand.drive(this.form.chosen));
     this.drive();
   }
