@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from steersman import files as files
+    from steersman.api.adopting import adopt as adopt
     from steersman.api.benching import bench as bench
     from steersman.api.benching import compare as compare
     from steersman.api.driving import attempt as attempt
@@ -95,6 +96,7 @@ _FRONT_DOOR = {
     "api.studies": ("tune", "falsify", "identify"),
     "api.benching": ("bench", "compare"),
     "api.loading": ("load",),
+    "api.adopting": ("adopt",),
     "config": (
         *("register", "param", "required", "Of", "Component", "Settings"),
         *("components", "families"),

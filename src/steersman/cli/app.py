@@ -58,6 +58,7 @@ COMMANDS = {
         "bench:bench", "Drive every controller through the same scenarios, and compare them."
     ),
     "export": Entry("export:export", "Write a result in another format: C, ONNX, MCAP, Minari."),
+    "adopt": Entry("adopt:adopt", "Make a controller from a network that was trained elsewhere."),
     "identify": Entry("identify:identify", "Fit a vehicle to a recording."),
     "compare": Entry(
         "compare:compare", "Set drives, trainings, benchmarks or controllers side by side."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -15,45 +16,64 @@ from steersman.learning.networks import Net
 from steersman.policy_file import SIGNS, UNITS, PolicyCard, sha256
 from steersman.provenance import provenance
 
+_CLIP = "Clip"
+
 
 def network(net: Net, scale: Any, operators: tuple[str, str] = ("Relu", "Tanh")) -> bytes:
     """ONNX bytes of clip(features x scale) -> hidden layers -> action in [-1, 1].
 
+    ``operators`` stand after the hidden layers and after the output (Tanh, or Clip to +-1).
+    """
+    hidden, output = operators
+    return layered(
+        [(net.w1, net.b1, hidden), (net.w2, net.b2, hidden), (net.w3, net.b3, output)], scale
+    )
+
+
+def layered(layers: Sequence[tuple[Any, Any, str | None]], scale: Any) -> bytes:
+    """ONNX bytes of clip(features x scale) -> layers; opset 17.
+
     Features (batch, n) are raw, as ``encoding`` makes them; the fixed scale is part of the
-    network. ``operators`` stand after the hidden layers and after the output (Tanh, or Clip to
-    +-1). Opset 17.
+    network.
+
+    Args:
+        layers: weights (outputs, inputs), bias (outputs,) and ONNX operator of each (Clip: to
+            +-1; None: no operator).
+        scale: factor on each feature, shape (n,).
     """
     from onnx import TensorProto, checker, helper, numpy_helper
 
     def constant(name: str, value: Any) -> Any:
         return numpy_helper.from_array(np.asarray(value, np.float32, order="C"), name)
 
-    hidden, output = operators
-    bounds = {"least": -1.0, "most": 1.0} if output == "Clip" else {}
+    bounds = {"least": -1.0, "most": 1.0} if any(op == _CLIP for *_, op in layers) else {}
     weights = [
         *(constant(name, value) for name, value in bounds.items()),
         constant("scale", scale),
         constant("low", -FEATURE_LIMIT),
         constant("high", FEATURE_LIMIT),
-        *(constant(f"w{i + 1}", w) for i, w in enumerate((net.w1, net.w2, net.w3))),
-        *(constant(f"b{i + 1}", b) for i, b in enumerate((net.b1, net.b2, net.b3))),
+        *(constant(f"w{i + 1}", w) for i, (w, _, _) in enumerate(layers)),
+        *(constant(f"b{i + 1}", b) for i, (_, b, _) in enumerate(layers)),
     ]
     nodes = [
         helper.make_node("Mul", ["features", "scale"], ["scaled"]),
         helper.make_node("Clip", ["scaled", "low", "high"], ["x"]),
-        helper.make_node("Gemm", ["x", "w1", "b1"], ["z1"], transB=1),
-        helper.make_node(hidden, ["z1"], ["h1"]),
-        helper.make_node("Gemm", ["h1", "w2", "b2"], ["z2"], transB=1),
-        helper.make_node(hidden, ["z2"], ["h2"]),
-        helper.make_node("Gemm", ["h2", "w3", "b3"], ["z3"], transB=1),
-        helper.make_node(output, ["z3", *bounds], ["action"]),
     ]
-    count = len(scale)
+    flow = "x"
+    for i, (_, _, operator) in enumerate(layers, 1):
+        end = "action" if i == len(layers) else f"h{i}"
+        z = end if operator is None else f"z{i}"
+        nodes.append(helper.make_node("Gemm", [flow, f"w{i}", f"b{i}"], [z], transB=1))
+        if operator is not None:
+            more = bounds if operator == _CLIP else ()
+            nodes.append(helper.make_node(operator, [z, *more], [end]))
+        flow = end
+    count, actions = len(scale), len(layers[-1][1])
     graph = helper.make_graph(
         nodes,
         "policy",
         [helper.make_tensor_value_info("features", TensorProto.FLOAT, ["batch", count])],
-        [helper.make_tensor_value_info("action", TensorProto.FLOAT, ["batch", len(net.b3)])],
+        [helper.make_tensor_value_info("action", TensorProto.FLOAT, ["batch", actions])],
         weights,
     )
     model = helper.make_model(
@@ -111,6 +131,15 @@ def export_policy(
         versions=origin["versions"],
         commit=origin["commit"],
     )
+    return write_policy(file, data, card)
+
+
+def write_policy(file: FilePath, data: bytes, card: PolicyCard) -> FilePath:
+    """Write a network and, beside it, its card; the network's file.
+
+    Raises:
+        DataError: they cannot be written.
+    """
     with replacing(file) as stream:
         stream.write(data)
     write_text(file.with_suffix(".json"), card.model_dump_json(indent=1) + "\n")

@@ -1,0 +1,151 @@
+"""Somebody else's network as a policy: ONNX with a card, or a model of Stable-Baselines3."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import model_validator
+
+from steersman.config import Of, Settings, dump, param, required
+from steersman.encoding import EncodingComponent, Layout
+from steersman.errors import ConfigError, DataError
+from steersman.files import read_bytes
+from steersman.kernels.encode import FEATURE_LIMIT
+from steersman.learning.export import layered, write_policy
+from steersman.learning.sb3_file import Layers, read_actor
+from steersman.network_file import PolicyNetwork, check_network
+from steersman.policy_file import SIGNS, UNITS, PolicyCard, sha256
+from steersman.provenance import provenance
+
+_MOST = 100_000_000
+_CURE = "give a model of Stable-Baselines3 (*.zip) or a network (*.onnx)"
+_SHOWN = 4
+
+
+class Adoption(Settings):
+    """What a network of unknown origin does not say about itself."""
+
+    encoding: Annotated[EncodingComponent, Of("encoding")] = required(
+        "-", "What the network reads, in its order (steersman list encoding, feature)."
+    )
+    scale: tuple[float, ...] | None = param(
+        None, "-", "Factor on each feature, from its unit to the network's; null: all 1."
+    )
+    action: Literal["direct", "rate"] = param(
+        "direct", "-", "Whether the action is a steering, or its rate over rate_limit."
+    )
+    rate_limit: float = param(1.5708, "1/s", "Largest rate of steering of the action 'rate'.", gt=0)
+    limits: tuple[float, float] = param(
+        (-1.0, 1.0),
+        "-",
+        "Action in [-1, 1] (1: full lock to the left) at the lower and at the upper bound of the "
+        "network's action; [1, -1]: its positive side is right.",
+    )
+    output: int | None = param(
+        None, "-", "Number of the output that steers, from 0; null: there is one.", ge=0
+    )
+    dt: float = param(0.05, "s", "Control period that it was trained with.", gt=0)
+    spacing: float = param(2.0, "m", "Distance of waypoints, if the features have any.", gt=0)
+
+    @model_validator(mode="after")
+    def _sound(self) -> Adoption:
+        low, high = self.limits
+        if low == high or max(abs(low), abs(high)) > 1.0:
+            raise ValueError("limits: expected two different numbers in [-1, 1]")
+        return self
+
+    @property
+    def layout(self) -> Layout:
+        """The features that the network reads."""
+        return self.encoding.layout(self.spacing, self.dt, self.action)
+
+
+def adopt_policy(source: FilePath, wanted: Adoption, folder: FilePath) -> FilePath:
+    """Write ``policy.onnx`` and its card ``policy.json`` into ``folder``; the first of them.
+
+    Nothing is unpickled, and nothing of an ONNX file is run that is no layer.
+
+    Raises:
+        DataError: the file cannot be read, or is no network that a policy can be.
+        ConfigError: the settings do not fit the network.
+    """
+    data = read_bytes(source, _CURE, _MOST)
+    layout = wanted.layout
+    note = {"adopted": source.name, "sha256": sha256(data)}
+    scale = np.ones(len(layout.names)) if wanted.scale is None else np.array(wanted.scale)
+    if len(scale) != len(layout.names):
+        raise ConfigError(f"{len(scale)} factors for {len(layout.names)} features", ("scale",))
+    if source.suffix == ".onnx":
+        check_network(data, str(source))
+        changed = [n for n in ("scale", "limits", "output") if n in wanted.model_fields_set]
+        if changed:
+            raise ConfigError("an ONNX file is taken as it is; this is for a *.zip", (changed[0],))
+        network = data
+    elif source.suffix == ".zip":
+        actor = read_actor(data, str(source))
+        note |= {"policy": actor.family, "stable-baselines3": actor.version}
+        network = layered(_fitted(actor.layers, wanted, layout, str(source)), scale)
+    else:
+        raise DataError(f"{source}: is neither; {_CURE}")
+    PolicyNetwork(network, str(source), len(scale))
+    file = folder / "policy.onnx"
+    return write_policy(file, network, _card(file.name, network, wanted, scale, note))
+
+
+def _fitted(layers: Layers, wanted: Adoption, layout: Layout, name: str) -> Layers:
+    """The layers with the one output that steers, between the limits."""
+    reads = layers[0][0].shape[1]
+    if reads != len(layout.names):
+        some = ", ".join(layout.names[:_SHOWN])
+        raise ConfigError(
+            f"{name} reads {reads} numbers, but {wanted.encoding.kind} gives "
+            f"{len(layout.names)} ({some}{', ...' if len(layout.names) > _SHOWN else ''})",
+            ("encoding",),
+        )
+    weights, bias, operator = layers[-1]
+    if wanted.output is None and bias.size > 1:
+        raise ConfigError(
+            f"{name} gives {bias.size} actions; the number (from 0) of the one that steers is "
+            "needed",
+            ("output",),
+        )
+    row = wanted.output or 0
+    if row >= bias.size:
+        raise ConfigError(f"{row} is not allowed; {name} has {bias.size}", ("output",))
+    fitted = [*layers[:-1], (weights[row : row + 1], bias[row : row + 1], operator)]
+    low, high = wanted.limits
+    if (low, high) != (-1.0, 1.0):
+        gain, middle = np.array([[0.5 * (high - low)]]), np.array([0.5 * (high + low)])
+        fitted.append((gain, middle, "Clip"))
+    return fitted
+
+
+def _card(
+    name: str, network: bytes, wanted: Adoption, scale: Any, note: dict[str, Any]
+) -> PolicyCard:
+    layout, origin = wanted.layout, provenance()
+    low, high = sorted(wanted.limits)
+    return PolicyCard(
+        files={name: sha256(network)},
+        action=wanted.action,
+        rate_limit=wanted.rate_limit if wanted.action == "rate" else None,
+        dt=wanted.dt,
+        waypoints=layout.reads,
+        spacing=wanted.spacing,
+        encoding=dump(wanted.encoding) or {},
+        observation=layout.names,
+        scale=scale.tolist(),
+        units=UNITS,
+        signs=SIGNS,
+        limits={
+            "action": [low, high],
+            "steer": [-1.0, 1.0],
+            "scaled feature": [-FEATURE_LIMIT, FEATURE_LIMIT],
+        },
+        seed=0,
+        training=note,
+        versions=origin["versions"],
+        commit=origin["commit"],
+    )
