@@ -18,6 +18,8 @@ from steersman.errors import DataError
 LOCK = ".lock"
 # How long another process may take to end, e.g. one whose parent was killed [s].
 PATIENCE = 2.0
+# How a file begins that stands for one which was not fetched.
+_POINTER = b"version https://git-lfs.github.com/spec/"
 # What has the name of a file and is none.
 _KINDS: dict[str, Callable[[int], bool]] = {
     "a folder": stat.S_ISDIR,
@@ -35,10 +37,12 @@ def reading(file: FilePath, cure: str) -> Iterator[BinaryIO]:
     """A binary stream of a user's file; ~ is the user's home, ``cure`` what to give instead.
 
     Raises:
-        DataError: it cannot be read.
+        DataError: it cannot be read, or Git LFS has left a pointer in its place.
     """
     try:
         with FilePath(os.path.expanduser(file)).open("rb") as stream:
+            if stream.peek(len(_POINTER)).startswith(_POINTER):
+                raise DataError(f"{file}: is a pointer of Git LFS; 'git lfs pull' fetches the file")
             yield stream
     except DataError:
         raise

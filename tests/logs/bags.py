@@ -61,6 +61,22 @@ def path(ns: int, points: Iterable[tuple[float, float]]) -> Any:
     return new(schemas.PATH_TYPE, header(ns), poses)
 
 
+def posed(ns: int, x: float, y: float, *, spread: bool = False) -> Any:
+    """A pose alone, with its covariance or without."""
+    there = pose(x, y, 0.0)
+    if not spread:
+        return new(schemas.POSE_TYPES[0], header(ns), there)
+    wide = new("geometry_msgs/msg/PoseWithCovariance", there, np.zeros(36))
+    return new(schemas.POSE_TYPES[1], header(ns), wide)
+
+
+def trajectory(ns: int, points: Iterable[tuple[float, float]]) -> Any:
+    none = new("builtin_interfaces/msg/Duration", 0, 0)
+    kind = "autoware_planning_msgs/msg/TrajectoryPoint"
+    rows = [new(kind, none, pose(x, y, 0.0), *[0.0] * 6) for x, y in points]
+    return new(schemas.TRAJECTORY_TYPE, header(ns), rows)
+
+
 def lateral(ns: int, angle: float) -> Any:
     return new(schemas.LATERAL_TYPE, stamp(ns), stamp(ns), angle, 0.0, False)
 

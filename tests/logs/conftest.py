@@ -33,5 +33,6 @@ def episode() -> Episode:
 def recording(episode: Episode, tmp_path_factory: pytest.TempPathFactory) -> FilePath:
     """The episode as MCAP."""
     file = tmp_path_factory.mktemp("logs") / "run.mcap"
-    write_episode(file, episode, RUN.vehicle.table, RUN.path)
+    car = RUN.vehicle
+    write_episode(file, episode, car.table, RUN.path, (car.body_length, car.width))
     return file

@@ -50,7 +50,7 @@ def test_others_read_what_was_driven(episode: Episode, recording: FilePath, libr
     found = library(recording)
     assert set(found) == set(schemas.TYPES)
     count = len(episode)
-    assert [len(found[topic]) for topic in schemas.TYPES] == [1, count, count, count]
+    assert [len(found[topic]) for topic in schemas.TYPES] == [1, *[count] * 4, 1]
     for k in (0, 1, 17, count - 1):
         now, told = found[schemas.ODOMETRY][k]
         assert now == schemas.EPOCH * NS + round(float(episode["time"][k]) * 1e9)
@@ -63,6 +63,9 @@ def test_others_read_what_was_driven(episode: Episode, recording: FilePath, libr
         assert math.remainder(yaw - episode["psi"][k], math.tau) == pytest.approx(0.0, abs=1e-14)
         assert (twist.linear.x, twist.linear.y) == (episode["v_x"][k], episode["v_y"][k])
         assert twist.angular.z == episode["yaw_rate"][k]
+        (there,) = found[schemas.TF][k][1].transforms
+        assert (there.header.frame_id, there.child_frame_id) == ("map", "base_link")
+        assert (there.transform.translation.x, there.transform.rotation.w) == (place.x, turn.w)
         told = found[schemas.DIAGNOSTICS][k][1]
         for name in schemas.DIAGNOSTIC_FIELDS:
             assert getattr(told, name) == episode[name][k], name
@@ -106,6 +109,23 @@ def test_path_topic_holds_the_path(recording: FilePath) -> None:
         assert RUN.path.project(x, y)[1] == pytest.approx(0.0, abs=1e-9)
 
 
+def test_markers_show_the_path_and_the_outline_of_the_car(recording: FilePath) -> None:
+    ((_, told),) = by_mcap(recording)[schemas.MARKERS]
+    road, outline = told.markers
+    ((_, path),) = by_mcap(recording)[schemas.PATH]
+    assert [(p.x, p.y) for p in road.points] == [
+        (p.pose.position.x, p.pose.position.y) for p in path.poses
+    ]
+    assert (road.header.frame_id, outline.header.frame_id) == ("map", "base_link")
+    assert outline.frame_locked
+    assert outline.points[0] == outline.points[-1]
+    x, y = ([getattr(p, axis) for p in outline.points] for axis in "xy")
+    car = RUN.vehicle
+    assert max(y) - min(y) == pytest.approx(car.width)
+    assert max(x) - min(x) == pytest.approx(car.body_length)
+    assert max(x) + min(x) == pytest.approx(car.l_f - car.l_r)
+
+
 def test_reading_gives_the_columns_back(episode: Episode, recording: FilePath) -> None:
     log = read(recording)
     pairs = {
@@ -140,7 +160,8 @@ def test_an_episode_comes_back(episode: Episode, recording: FilePath) -> None:
         assert getattr(again, name) == getattr(episode, name)
     # Written again it is the same file.
     other = recording.with_name("again.mcap")
-    write_episode(other, again, RUN.vehicle.table, RUN.path)
+    car = RUN.vehicle
+    write_episode(other, again, car.table, RUN.path, (car.body_length, car.width))
     assert other.read_bytes() == recording.read_bytes()
 
 

@@ -8,10 +8,12 @@ import shutil
 from pathlib import Path as FilePath
 from typing import Any
 
+import mcap.writer
 import numpy as np
 import pytest
 
 from steersman.errors import DataError
+from steersman.files import read_bytes
 from steersman.logs import read, schemas
 
 from . import bags
@@ -163,6 +165,23 @@ def test_files_that_are_no_recordings(tmp_path: FilePath) -> None:
         assert "it may be damaged (" in refused(tmp_path / name)
     with pytest.raises(DataError, match="is not the name of a file"):
         read(FilePath("a\0b.mcap"))
+
+
+def test_recordings_of_ros_1_and_pointers_are_called_that(tmp_path: FilePath) -> None:
+    (tmp_path / "one.bag").write_bytes(b"#ROSBAG V2.0\n" + bytes(64))
+    with (tmp_path / "one.mcap").open("wb") as stream:
+        writer = mcap.writer.Writer(stream)
+        writer.start(profile="ros1", library="x")
+        writer.finish()  # type: ignore[no-untyped-call]
+    for name in ("one.bag", "one.mcap"):
+        assert "is a recording of ROS 1; 'rosbags-convert --src" in refused(tmp_path / name)
+    for name in ("far.mcap", "far.csv", "far.onnx"):
+        file = tmp_path / name
+        file.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1234\n")
+        with pytest.raises(DataError, match="is a pointer of Git LFS; 'git lfs pull' fetches"):
+            read(file)
+        with pytest.raises(DataError, match="is a pointer of Git LFS"):
+            read_bytes(file, "", 1000)
 
 
 @pytest.mark.parametrize("kind", ["folder-mcap", "folder-db3"])

@@ -65,7 +65,8 @@ def record(file: FilePath | None, config: RunConfig, episode: Episode) -> None:
     from steersman.logs.write import write_episode
 
     if file is not None:
-        write_episode(file, episode, config.vehicle.table, config.path)
+        car = config.vehicle
+        write_episode(file, episode, car.table, config.path, (car.body_length, car.width))
 
 
 def export_mcap(source: str, folder: FilePath) -> Sequence[FilePath]:

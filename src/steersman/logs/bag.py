@@ -6,6 +6,7 @@ A damaged file is an error of one line, whatever the libraries beneath make of i
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path as FilePath
@@ -23,6 +24,9 @@ T = TypeVar("T")
 
 _SUFFIXES = (".mcap", ".db3")
 _CURE = "expected an .mcap or .db3 file, or the folder of a ROS 2 bag with its metadata.yaml"
+_STANDARD = ("nav_msgs/", "geometry_msgs/")
+# How recordings of ROS 1 begin: a bag; an MCAP file, whose header names its profile.
+_ROS_1 = re.compile(rb"#ROSBAG V|\x89MCAP0\r\n\x01.{12}ros1", re.DOTALL)
 _LONGEST_TEXT = 120
 _MOST_TOPICS = 12
 
@@ -124,7 +128,7 @@ def _decoder(connection: Connection) -> Any:
 
     store = schemas.typestore()
     own = connection.msgdef
-    if own.format == MessageDefinitionFormat.MSG and "nav_msgs" not in connection.msgtype:
+    if own.format == MessageDefinitionFormat.MSG and not connection.msgtype.startswith(_STANDARD):
         store = get_typestore(Stores.EMPTY)
         store.register(get_types_from_msg(own.data, connection.msgtype))
     return store.deserialize_cdr
@@ -158,7 +162,12 @@ def _existing(file: FilePath) -> FilePath:
         if not (place / "metadata.yaml").is_file():
             raise DataError(f"{file}: is a folder without metadata.yaml; {_CURE}")
         return place
-    with reading(file, _CURE):
+    with reading(file, _CURE) as stream:
+        if _ROS_1.match(stream.read(64)):
+            raise DataError(
+                f"{file}: is a recording of ROS 1; 'rosbags-convert --src FILE.bag --dst FOLDER' "
+                "makes one of ROS 2 of its bag"
+            )
         if place.suffix not in _SUFFIXES:
             raise DataError(f"{file}: is no recording; {_CURE}")
     return place

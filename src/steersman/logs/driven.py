@@ -32,7 +32,7 @@ def write_recording(
         ModuleNotFoundError: the extra ``logs`` is not installed.
     """
     vehicle, path = driven(file, episode, notify or (lambda _: None))
-    write_episode(file, episode, vehicle.table, path)
+    write_episode(file, episode, vehicle.table, path, (vehicle.body_length, vehicle.width))
 
 
 def driven(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
@@ -16,6 +17,9 @@ from steersman.types import FloatArray
 
 _NS = 1e-9
 _FARTHEST = 1e8
+_PLANNED = (schemas.PATH_TYPE, schemas.TRAJECTORY_TYPE)
+# Types of lines: where no topic is named, the first of which there is one.
+_TYPES = ((schemas.ODOMETRY_TYPE,), _PLANNED, schemas.POSE_TYPES)
 
 
 class Line(NamedTuple):
@@ -42,23 +46,23 @@ def read_line(
 
     Args:
         file: the recording.
-        topic: of nav_msgs/msg/Odometry or nav_msgs/msg/Path; None: the only Odometry, or if there
-            is none the only Path.
+        topic: of Odometry, Path, PoseStamped, PoseWithCovarianceStamped or Autoware's Trajectory;
+            None: the only Odometry, if there is none the only Path or Trajectory, else the only
+            topic of poses.
         window: part of the recording, from and to [s] since the topic's first message.
-        ahead: the line of the point this far ahead of the Odometry's [m].
+        ahead: the line of the point this far ahead of the one that was driven [m].
 
     Raises:
         DataError: the recording cannot be read, or has no such line.
     """
     with opened(file) as recording:
-        found = topic
-        if topic is None:
-            found = recording.find((schemas.ODOMETRY_TYPE,), optional=True)
-        name = recording.find((schemas.ODOMETRY_TYPE, schemas.PATH_TYPE), found)
+        given = (recording.find(kinds, optional=True) for kinds in _TYPES if topic is None)
+        found = next((name for name in given if name is not None), topic)
+        name = recording.find(itertools.chain(*_TYPES), found)
         assert name is not None  # nothing optional was asked for
-        if recording.topics[name] == schemas.ODOMETRY_TYPE:
-            return _driven(recording, name, window, ahead)
-        return _planned(recording, name, window)
+        if recording.topics[name] in _PLANNED:
+            return _planned(recording, name, window)
+        return _driven(recording, name, window, ahead)
 
 
 def _driven(
@@ -102,13 +106,18 @@ class _Longest:
             self._first = message.logged
         self.time = (message.logged - self._first) * _NS
         inside = self._window is None or self._window[0] <= self.time <= self._window[1]
-        longer = self.path is None or len(message.content.poses) > len(self.path.poses)
+        longer = self.path is None or len(_poses(message.content)) > len(_poses(self.path))
         if inside and longer:
             self.path = message.content
 
 
+def _poses(path: Any) -> Any:
+    """What a Path calls poses and a Trajectory points."""
+    return path.poses if hasattr(path, "poses") else path.points
+
+
 def _line(recording: Recording, topic: str, path: Any) -> Line:
-    places = [pose.pose.position for pose in path.poses]
+    places = [pose.pose.position for pose in _poses(path)]
     points = np.array([(p.x, p.y) for p in places], dtype=np.float64).reshape(-1, 2)
     bad = np.flatnonzero(~np.all(np.abs(points) <= _FARTHEST, axis=1))
     if bad.size:

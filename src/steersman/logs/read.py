@@ -110,7 +110,7 @@ def read(
 
 
 def motion(recording: Recording, topic: str, ahead: float = 0.0) -> MotionLog:
-    """The columns of an Odometry topic alone, of an open recording.
+    """The columns of a topic of Odometry or poses alone, of an open recording.
 
     Raises:
         DataError: it holds what no car does.
@@ -177,8 +177,12 @@ def _series(table: list[_Row], stamped: bool) -> _Series:
 
 
 def _of_odometry(m: Any) -> tuple[float, ...]:
-    p, q, v = m.pose.pose.position, m.pose.pose.orientation, m.twist.twist
-    return p.x, p.y, q.x, q.y, q.z, q.w, v.linear.x, v.linear.y, v.angular.z
+    """Of Odometry; of a message with a pose alone, at rest."""
+    pose = getattr(m.pose, "pose", m.pose)
+    p, q = pose.position, pose.orientation
+    v = m.twist.twist if hasattr(m, "twist") else None
+    rates = (0.0, 0.0, 0.0) if v is None else (v.linear.x, v.linear.y, v.angular.z)
+    return p.x, p.y, q.x, q.y, q.z, q.w, *rates
 
 
 def _of_command(m: Any) -> tuple[float, ...]:

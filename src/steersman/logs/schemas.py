@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 PATH, ODOMETRY = "/steersman/path", "/steersman/odometry"
 LATERAL, DIAGNOSTICS = "/steersman/lateral", "/steersman/diagnostics"
+TF, MARKERS = "/tf", "/steersman/markers"
 PATH_TYPE, ODOMETRY_TYPE = "nav_msgs/msg/Path", "nav_msgs/msg/Odometry"
 LATERAL_TYPE = "autoware_control_msgs/msg/Lateral"
 DIAGNOSTICS_TYPE = "steersman_msgs/msg/Diagnostics"
@@ -26,7 +27,11 @@ TYPES = {
     ODOMETRY: ODOMETRY_TYPE,
     LATERAL: LATERAL_TYPE,
     DIAGNOSTICS: DIAGNOSTICS_TYPE,
+    TF: "tf2_msgs/msg/TFMessage",
+    MARKERS: "visualization_msgs/msg/MarkerArray",
 }
+POSE_TYPES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
+TRAJECTORY_TYPE = "autoware_planning_msgs/msg/Trajectory"
 CONTROL_TYPE = "autoware_control_msgs/msg/Control"
 STEERING_REPORT_TYPE = "autoware_vehicle_msgs/msg/SteeringReport"
 
@@ -66,6 +71,15 @@ _AUTOWARE = {
     + "Lateral lateral\n"
     + "Longitudinal longitudinal\n",
     STEERING_REPORT_TYPE: _TIME + "float32 steering_tire_angle\n",
+    "autoware_planning_msgs/msg/TrajectoryPoint": "builtin_interfaces/Duration time_from_start\n"
+    + "geometry_msgs/Pose pose\n"
+    + "float32 longitudinal_velocity_mps\n"
+    + "float32 lateral_velocity_mps\n"
+    + "float32 acceleration_mps2\n"
+    + "float32 heading_rate_rps\n"
+    + "float32 front_wheel_angle_rad\n"
+    + "float32 rear_wheel_angle_rad\n",
+    TRAJECTORY_TYPE: "std_msgs/Header header\nTrajectoryPoint[] points\n",
 }
 
 

@@ -28,6 +28,8 @@ PATH_SPACING = 1.0
 """Distance between the poses of the path topic, at most [m]."""
 _NS = 1_000_000_000
 _LONGEST, _LARGEST = 1e8, 255.0
+# Width of a marker's line [m], and its colour: red, green, blue, opacity.
+_LINE, _COLOUR = 0.1, (0.1, 0.5, 0.9, 1.0)
 
 
 class _Sent(NamedTuple):
@@ -48,19 +50,25 @@ def require() -> None:
 
 
 def write_episode(
-    file: FilePath, episode: Episode, vehicle: VehicleTable, path: Path | None = None
+    file: FilePath,
+    episode: Episode,
+    vehicle: VehicleTable,
+    path: Path | None = None,
+    body: tuple[float, float] | None = None,
 ) -> None:
     """Write an episode, replacing the file only when complete.
 
     The same episode gives the same bytes. Odometry holds position and velocity of the centre of
     mass, Lateral the commanded wheel angle (single-track, left positive) in single precision, the
-    diagnostics every other column. ``fine`` is not written.
+    diagnostics every other column. ``fine`` is not written. For viewers there are the transform
+    from map to base_link, and markers of the path and of the car's outline.
 
     Args:
         file: the file to write, usually ``*.mcap``.
         episode: the run.
         vehicle: the vehicle that was driven; it says which wheel angle a steering command means.
         path: what was followed; None: the points beside the car, as far as they were driven.
+        body: length and width of the car's outline [m]; None: guessed from its axles.
 
     Raises:
         DataError: the file cannot be written, or the episode holds what no run makes.
@@ -76,7 +84,8 @@ def write_episode(
         writer.start(profile="ros2", library=f"steersman {version('steersman')}")
         channels = {topic: _channel(writer, store, topic) for topic in schemas.TYPES}
         sequence = dict.fromkeys(schemas.TYPES, 0)
-        for sent in _messages(store, episode, wheel_angles(episode, vehicle), road):
+        outline = _outline(vehicle, body)
+        for sent in _messages(store, episode, wheel_angles(episode, vehicle), road, outline):
             data = bytes(store.serialize_cdr(sent.content, schemas.TYPES[sent.topic]))
             writer.add_message(
                 channels[sent.topic], sent.time, data, sent.time, sequence[sent.topic]
@@ -122,6 +131,15 @@ def wheel_angles(episode: Episode, vehicle: VehicleTable) -> FloatArray:
     )
 
 
+def _outline(vehicle: VehicleTable, body: tuple[float, float] | None) -> FloatArray:
+    """Corners of the car's outline in the frame of its centre of mass [m], (5, 2)."""
+    l_f, l_r, track = (float(vehicle.rows[0, i]) for i in (car.L_F, car.L_R, car.TRACK))
+    length, width = (1.5 * (l_f + l_r), 1.25 * track) if body is None else body
+    signs = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1)])
+    corners: FloatArray = signs * np.array([0.5 * length, 0.5 * width])
+    return corners + np.array([0.5 * (l_f - l_r), 0.0])
+
+
 def nanoseconds(time: float) -> int:
     """Unix time [ns] of a simulated time [s]."""
     return schemas.EPOCH * _NS + round(time * _NS)
@@ -145,17 +163,19 @@ def _metadata(episode: Episode) -> dict[str, str]:
 
 
 def _messages(
-    store: Typestore, episode: Episode, angles: FloatArray, road: FloatArray
+    store: Typestore, episode: Episode, angles: FloatArray, road: FloatArray, outline: FloatArray
 ) -> Iterator[_Sent]:
     """All messages in the order of time."""
     make = _Maker(store)
     times = [nanoseconds(t) for t in episode["time"].tolist()] or [nanoseconds(0.0)]
     yield _Sent(schemas.PATH, times[0], make.path(times[0], road))
+    yield _Sent(schemas.MARKERS, times[0], make.markers(times[0], road[:, :2], outline))
     motion = [episode[name].tolist() for name in ("x", "y", "psi", "v_x", "v_y", "yaw_rate")]
     columns = {name: episode[name].tolist() for name in schemas.DIAGNOSTIC_FIELDS}
     for k in range(len(episode)):
         now = times[k]
         yield _Sent(schemas.ODOMETRY, now, make.odometry(now, *(row[k] for row in motion)))
+        yield _Sent(schemas.TF, now, make.transform(now, *(row[k] for row in motion[:3])))
         yield _Sent(schemas.LATERAL, now, make.lateral(now, float(angles[k])))
         values = {name: column[k] for name, column in columns.items()}
         yield _Sent(schemas.DIAGNOSTICS, now, make.diagnostics(now, values))
@@ -207,6 +227,54 @@ class _Maker:
             schemas.BASE_LINK,
             self._new("geometry_msgs/msg/PoseWithCovariance", self._pose(x, y, psi), self._unknown),
             self._new("geometry_msgs/msg/TwistWithCovariance", twist, self._unknown),
+        )
+
+    def transform(self, ns: int, x: float, y: float, psi: float) -> Any:
+        """From map to base_link."""
+        turn = self._pose(x, y, psi).orientation
+        moved = self._new("geometry_msgs/msg/Transform", self._vector(x, y, 0.0), turn)
+        kind = "geometry_msgs/msg/TransformStamped"
+        return self._new(
+            schemas.TYPES[schemas.TF],
+            [self._new(kind, self._header(ns), schemas.BASE_LINK, moved)],
+        )
+
+    def markers(self, ns: int, road: FloatArray, outline: FloatArray) -> Any:
+        """The path in map, and the outline, which moves with base_link."""
+        lines = {"path": (schemas.MAP, road), "footprint": (schemas.BASE_LINK, outline)}
+        found = []
+        for name, (frame, points) in lines.items():
+            marker = self._line_marker(ns, points)
+            marker.ns, marker.header.frame_id = name, frame
+            found.append(marker)
+        return self._new(schemas.TYPES[schemas.MARKERS], found)
+
+    def _line_marker(self, ns: int, points: FloatArray) -> Any:
+        kind = self._types["visualization_msgs/msg/Marker"]
+        mesh = self._new("visualization_msgs/msg/MeshFile", "", np.zeros(0, np.uint8))
+        image = self._new(
+            "sensor_msgs/msg/CompressedImage", self._header(ns), "", np.zeros(0, np.uint8)
+        )
+        return kind(
+            header=self._header(ns),
+            ns="",
+            id=0,
+            type=kind.LINE_STRIP,
+            action=kind.ADD,
+            pose=self._pose(0.0, 0.0, 0.0),
+            scale=self._vector(_LINE, 0.0, 0.0),
+            color=self._new("std_msgs/msg/ColorRGBA", *_COLOUR),
+            lifetime=self._new("builtin_interfaces/msg/Duration", 0, 0),  # for ever
+            frame_locked=True,
+            points=[self._new("geometry_msgs/msg/Point", x, y, 0.0) for x, y in points.tolist()],
+            colors=[],
+            texture_resource="",
+            texture=image,
+            uv_coordinates=[],
+            text="",
+            mesh_resource="",
+            mesh_file=mesh,
+            mesh_use_embedded_materials=False,
         )
 
     def lateral(self, ns: int, angle: float) -> Any:

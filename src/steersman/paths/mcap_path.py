@@ -18,15 +18,17 @@ _SAME = 1e-6
 class McapPath(RecordedPath):
     """A line out of a recording of ROS 2: an MCAP or SQLite file, or the folder of a bag.
 
-    The topic holds Odometry, whose positions are what was driven, or a Path, whose longest message
-    counts. A cubic spline goes through the points, as for csv.
+    The topic holds Odometry or poses, whose positions are what was driven, or a Path or Autoware's
+    Trajectory, whose longest message counts. A cubic spline goes through the points, as for csv.
     """
 
     suffixes: ClassVar[tuple[str, ...]] = (".mcap", ".db3")
 
     file: FilePath = required("-", "recording: *.mcap, *.db3, or a folder with metadata.yaml")
     topic: str | None = param(
-        None, "-", "of nav_msgs Odometry or Path; null: the only Odometry, else the only Path"
+        None,
+        "-",
+        "what to follow; null: the only Odometry, else the only Path, else the poses",
     )
     spacing: float = param(
         0.5, "m", "points closer to the last one than this are left out", ge=0.1, le=50.0
