@@ -51,6 +51,7 @@ CALLS: dict[str, tuple[str, ...]] = {
 # Not called, and why.
 LEFT_OUT = {
     "live": "serves a page until it is stopped, and prints two lines",
+    "node": "answers until its input ends, and prints what it did",
     "carla serve": "goes on until it is stopped, and prints two lines",
     "reproduce": "trains for minutes; its lines are those of training and notes",
 }

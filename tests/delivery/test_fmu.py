@@ -16,7 +16,7 @@ from fmpy.validation import validate_fmu
 from typer.testing import CliRunner
 
 from steersman.cli import app
-from steersman.cli.export import ToExport, _model
+from steersman.cli.exported import ToExport, model_of
 from steersman.commands import configuration
 from steersman.controllers.policy import Policy
 from steersman.controllers.stanley import Stanley
@@ -52,7 +52,7 @@ def quickly_and_strictly(monkeypatch: pytest.MonkeyPatch) -> None:
 @cache
 def model(*words: str) -> FmuModel:
     """What becomes an FMU; making C of a car takes a second."""
-    return _model(ToExport(words[0], words[1:]))
+    return model_of(ToExport(words[0], words[1:]))
 
 
 def export(folder: FilePath, *words: str, fmi: int = 2) -> str:
@@ -170,6 +170,18 @@ def test_the_car_has_figures_and_one_period(tmp_path: FilePath) -> None:
     unit.unit.exitInitializationMode()
     unit.unit.doStep(0.0, 0.1)
     assert unit.get("car.v_x")[0] < quick
+
+
+def test_a_supervisor_is_told_that_nothing_arrived(tmp_path: FilePath) -> None:
+    word = "supervised/tuned/pid"
+    unit = Unit(export(tmp_path, word), tmp_path / "unit")
+    config = configuration("drive", [f"controller={word}"])
+    setting = Setting("pid", config.controller, config.vehicle, 0.05, 15, 2.0)
+    rows = [row for row in rows_of(setting)[:60] if row.executed is None]
+    for i, (row, decision) in enumerate(zip(rows, answers(setting, rows), strict=True)):
+        unit.put(missing=int(row.missing))
+        assert abs(unit.answer(row.seen, i * 0.05)[0] - decision.steer) < 1e-9
+    assert 3 < sum(row.missing for row in rows) < len(rows)
 
 
 def test_a_policy_answers_as_in_python(tmp_path: FilePath) -> None:

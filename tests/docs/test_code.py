@@ -88,6 +88,8 @@ def call(words: list[str], monkeypatch: pytest.MonkeyPatch) -> tuple[int, str]:
         long = words[0] not in RUN
         if long:
             patch.setattr("steersman.api.benching.kept", stop)
+            for work in ("bound", "serve_stream"):
+                patch.setattr(f"steersman.delivery.serving.{work}", stop)
         if long or "--out" in words:
             patch.setattr(files, "out_folder", stop)
         for place in ("driving", "studies", "benching"):  # which connects to a server

@@ -57,8 +57,11 @@ COMMANDS = {
     "bench": Entry(
         "bench:bench", "Drive every controller through the same scenarios, and compare them."
     ),
-    "export": Entry("export:export", "Write a result in another format: C, ONNX, MCAP, Minari."),
+    "export": Entry(
+        "export:export", "Write a result in another format: C, FMU, ONNX, MCAP, Minari."
+    ),
     "adopt": Entry("adopt:adopt", "Make a controller from a network that was trained elsewhere."),
+    "node": Entry("node:node", "Answer observations with steering, from standard input or by UDP."),
     "identify": Entry("identify:identify", "Fit a vehicle to a recording."),
     "compare": Entry(
         "compare:compare", "Set drives, trainings, benchmarks or controllers side by side."

@@ -11,19 +11,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import Annotated, NamedTuple
 
 import typer
 
 from steersman import files
 from steersman.cli.dataset import home as dataset_home
+from steersman.cli.exported import ToExport, model_of, policy_of, setting_of
 from steersman.cli.output import note, write
 from steersman.errors import ConfigError, DataError, SteersmanError, suggestion
 from steersman.words import PARTS, with_parts
-
-if TYPE_CHECKING:
-    from steersman.delivery.controller import Setting
-    from steersman.delivery.fmu.model import FmuModel
 
 EXAMPLES = (
     "\b\n"
@@ -51,23 +48,6 @@ DRIVE = "a folder of steersman drive --out, or an episode's .npz file"
 DATA = "a training's folder or preset (its demonstrator drives), a drive, or a ROS 2 recording"
 
 
-class ToExport(NamedTuple):
-    """What is to be exported."""
-
-    run: str
-    """RUN, as the user wrote it."""
-    words: Sequence[str] = ()
-    """Settings of the drive that a controller is exported for."""
-    single: bool = False
-    """Numbers in C are float; else double."""
-    parameters: FilePath | None = None
-    """A table with other values of a controller's parameters."""
-    fmi: int | None = None
-    """Version of an FMU's interface."""
-    name: str = ""
-    """What the names of files and functions hold; nothing: a short name of RUN."""
-
-
 class Target(NamedTuple):
     """A format that something can be exported to."""
 
@@ -86,123 +66,39 @@ class Target(NamedTuple):
 def _c(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
     from steersman.delivery.package import try_out, write_c
 
-    setting = _setting(wanted)
+    setting = setting_of(wanted)
     if setting is not None:
         from steersman.delivery.controller_package import write_controller
 
         files = write_controller(setting, folder)
     else:
-        files = write_c(_policy(wanted), folder)
+        files = write_c(policy_of(wanted), folder)
     note(try_out(files[0]))
     return files
-
-
-def _setting(wanted: ToExport) -> Setting | None:
-    """What a controller is exported for: the loop of a drive; None for a policy."""
-    from steersman import words
-
-    family = "controller"
-    if not words.means(family, wanted.run):
-        return None
-    if words.fields_of(family, words.bare(wanted.run))["kind"] == "policy":
-        if words.around(wanted.run)[0]:
-            raise ConfigError(
-                f"{wanted.run}: a policy cannot be exported to C with another controller around it"
-                " yet; export the policy alone"
-            )
-        return None
-    from steersman.api.cars import made_for_another, tuned_on
-    from steersman.commands import configuration
-    from steersman.delivery.controller import DESIGN, Setting
-    from steersman.delivery.controller_package import read_table
-
-    table = {} if wanted.parameters is None else read_table(wanted.parameters)
-    made = {name: value for name, value in table.items() if name.startswith(DESIGN)}
-    changed = [f"{family}.{name}={value!r}" for name, value in table.items() if name not in made]
-    named = f"{family}={wanted.run}"
-    config = configuration("drive", [named, *wanted.words, *changed])
-    if not {"nominal", "vehicle"} & config.model_fields_set:
-        found = tuned_on(wanted.run)
-        if found is not None:
-            config = config.model_copy(update={"vehicle": found[1]})
-            note(
-                f"vehicle: {getattr(found[1], 'file', found[1].kind)}, the car of the tuning"
-                f" ({found[0]}); nominal=CAR designs for another"
-            )
-    car = config.nominal or config.vehicle
-    other = made_for_another(config.controller, [named], car)
-    if other is not None:
-        note(f"controller: {other}")
-    return Setting(
-        wanted.name or words.short(wanted.run),
-        config.controller,
-        car,
-        config.plant.dt,
-        config.sensor.count,
-        config.sensor.spacing,
-        wanted.single,
-        made,
-    )
-
-
-def _policy(wanted: ToExport) -> str:
-    """RUN, for a target that takes nothing beside.
-
-    Raises:
-        ConfigError: there is more.
-    """
-    if wanted.words or wanted.single or wanted.parameters or wanted.name:
-        raise ConfigError(
-            f"{wanted.run}: settings, name and parameters are for controllers in C alone"
-        )
-    return wanted.run
 
 
 def _fmu(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
     from steersman.delivery.fmu.archive import write_fmu
 
-    return write_fmu(_model(wanted), wanted.fmi or 2, folder, note)
-
-
-def _model(wanted: ToExport) -> FmuModel:
-    """What becomes an FMU: a vehicle on its road, a controller, or a policy."""
-    from steersman import words
-    from steersman.delivery.fmu import model
-
-    if words.means("vehicle", wanted.run):
-        from steersman.commands import configuration
-        from steersman.delivery.plant import translated_plant
-
-        _policy(wanted._replace(words=()))
-        config = configuration("drive", [f"vehicle={wanted.run}", *wanted.words])
-        return model.plant_model(translated_plant(words.short(wanted.run), config))
-    setting = _setting(wanted)
-    if setting is not None:
-        return model.controller_model(setting)
-    from steersman.delivery.c_source import parts
-    from steersman.delivery.graph import read_network
-    from steersman.delivery.source import read_source
-
-    source = read_source(_policy(wanted))
-    return model.policy_model(parts(source, read_network(source.data, str(source.file))))
+    return write_fmu(model_of(wanted), wanted.fmi or 2, folder, note)
 
 
 def _onnx(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
     from steersman.delivery.package import write_onnx
 
-    return write_onnx(_policy(wanted), folder, note)
+    return write_onnx(policy_of(wanted), folder, note)
 
 
 def _mcap(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
     from steersman.cli.recording import export_mcap
 
-    return export_mcap(_policy(wanted), folder)
+    return export_mcap(policy_of(wanted), folder)
 
 
 def _minari(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
     from steersman.cli.dataset import export_minari
 
-    return export_minari(_policy(wanted), folder)
+    return export_minari(policy_of(wanted), folder)
 
 
 TARGETS = (

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from steersman.config import param, register, required
 from steersman.controllers.base import ControllerComponent
+from steersman.controllers.exchange import Question, to_json
 from steersman.controllers.outside import OutsideProgram, running
 from steersman.errors import shortened
 from steersman.types import Observation, Status
@@ -57,9 +58,8 @@ class Process(ControllerComponent):
         if drive is None:
             drive = program.drives
         program.drives = max(program.drives, drive + 1)
-        seen: dict[str, Any] = observation._asdict() | {"preview": observation.preview.tolist()}
-        context = {"drive": drive, "dt": state.dt, "executed": state.executed}
-        answer = program.ask(context | seen)
+        question = Question(observation, drive, None, state.dt, state.executed)
+        answer = program.ask(to_json(question))
         steer: Any = answer.get("steer") if isinstance(answer, dict) else None
         if type(steer) not in {int, float} or not math.isfinite(steer):
             program.fail(

@@ -103,6 +103,13 @@ def drawn(of: Sampled, rng: np.random.Generator, size: float = 1.0) -> Observati
     return rounded(seen, of.waypoints)
 
 
+def straight(waypoints: int, spacing: float) -> Observation:
+    """A car at 10 m/s on a straight road."""
+    ahead = np.arange(waypoints) * spacing
+    preview = np.stack([ahead, np.zeros(waypoints)], axis=1)
+    return Observation(0.0, 0.0, 0.0, 10.0, 0.0, 0.0, 0.0, 0.0, preview, spacing)
+
+
 def _strange(of: Sampled, rng: np.random.Generator) -> Iterator[Row]:
     """Beyond full lock; then each number in turn is not finite, tiny or absurd; a sound one."""
     numbers = 7 + 2 * of.waypoints

@@ -71,6 +71,9 @@ _OVERRULED = (
 )
 
 
+_MISSING = Variable("missing", "-", INPUT, 0.0, "1: no observation arrived.", whole=True)
+
+
 def _seen(waypoints: int, spacing: float) -> list[Variable]:
     """What a controller sees; a straight road before somebody says more."""
     out = [Variable(name, unit, INPUT, 0.0, "As observed.") for name, unit in SEEN]
@@ -101,11 +104,14 @@ def _observed(prefix: str, real: str, waypoints: int, *, timed: bool) -> list[st
 def _steered(prefix: str, real: str, variables: Iterable[Variable]) -> list[str]:
     """C lines that call a controller: other steering that was executed, then the step."""
     at = {each.name: i for i, each in enumerate(variables)}
+    seen = "&seen"
+    if _MISSING.name in at:
+        seen = f"m->value[{at[_MISSING.name]}] != 0.0 ? NULL : &seen"
     return [
         f"if (m->value[{at['overruled']}] != 0.0) {{",
         f"    {prefix}_executed(&m->state, ({real})m->value[{at['executed']}]);",
         "}",
-        f"m->value[{at['status']}] = {prefix}_step(&m->state, &seen, &steer);",
+        f"m->value[{at['status']}] = {prefix}_step(&m->state, {seen}, &steer);",
         f"m->value[{at['steer_command']}] = (double)steer;",
     ]
 
@@ -120,7 +126,8 @@ def controller_model(setting: Setting) -> FmuModel:
     made = translated(setting)
     check_values(made)
     s, real = setting, "float" if setting.single else "double"
-    variables = [*_seen(s.waypoints, s.spacing), *_OVERRULED, _STEER, _STATUS]
+    inputs = [*_seen(s.waypoints, s.spacing), *_OVERRULED, *[_MISSING] * s.controller.gaps]
+    variables = [*inputs, _STEER, _STATUS]
     table = [
         Variable(e.name, e.unit, PARAMETER, e.value, e.meaning, low=e.minimum, high=e.maximum)
         for e in text.entries(made)

@@ -1,0 +1,128 @@
+"""What is to be exported: from the user's words to a controller, a policy, or a car."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, NamedTuple
+
+from steersman.cli.output import note
+from steersman.errors import ConfigError
+
+if TYPE_CHECKING:
+    from steersman.delivery.controller import Setting
+    from steersman.delivery.fmu.model import FmuModel
+    from steersman.rollout import RunConfig
+    from steersman.vehicles import Vehicle
+
+
+class ToExport(NamedTuple):
+    """What is to be exported."""
+
+    run: str
+    """RUN, as the user wrote it."""
+    words: Sequence[str] = ()
+    """Settings of the drive that a controller is exported for."""
+    single: bool = False
+    """Numbers in C are float; else double."""
+    parameters: FilePath | None = None
+    """A table with other values of a controller's parameters."""
+    fmi: int | None = None
+    """Version of an FMU's interface."""
+    name: str = ""
+    """What the names of files and functions hold; nothing: a short name of RUN."""
+
+
+def setting_of(wanted: ToExport) -> Setting | None:
+    """What a controller is exported for: the loop of a drive; None for a policy."""
+    from steersman import words
+
+    family = "controller"
+    if not words.means(family, wanted.run):
+        return None
+    if words.fields_of(family, words.bare(wanted.run))["kind"] == "policy":
+        if words.around(wanted.run)[0]:
+            raise ConfigError(
+                f"{wanted.run}: a policy cannot be exported to C with another controller around it"
+                " yet; export the policy alone"
+            )
+        return None
+    from steersman.delivery.controller import DESIGN, Setting
+    from steersman.delivery.controller_package import read_table
+
+    table = {} if wanted.parameters is None else read_table(wanted.parameters)
+    made = {name: value for name, value in table.items() if name.startswith(DESIGN)}
+    changed = [f"{family}.{name}={value!r}" for name, value in table.items() if name not in made]
+    config, car = loop_of(wanted.run, [*wanted.words, *changed])
+    return Setting(
+        wanted.name or words.short(wanted.run),
+        config.controller,
+        car,
+        config.plant.dt,
+        config.sensor.count,
+        config.sensor.spacing,
+        wanted.single,
+        made,
+    )
+
+
+def loop_of(run: str, words: Sequence[str]) -> tuple[RunConfig, Vehicle]:
+    """The drive that a controller is meant for, and the car that it is designed for.
+
+    Raises:
+        ConfigError: a word is unknown or not allowed.
+    """
+    from steersman.api.cars import made_for_another, tuned_on
+    from steersman.commands import configuration
+
+    named = f"controller={run}"
+    config = configuration("drive", [named, *words])
+    if not {"nominal", "vehicle"} & config.model_fields_set:
+        found = tuned_on(run)
+        if found is not None:
+            config = config.model_copy(update={"vehicle": found[1]})
+            note(
+                f"vehicle: {getattr(found[1], 'file', found[1].kind)}, the car of the tuning"
+                f" ({found[0]}); nominal=CAR designs for another"
+            )
+    car = config.nominal or config.vehicle
+    other = made_for_another(config.controller, [named], car)
+    if other is not None:
+        note(f"controller: {other}")
+    return config, car
+
+
+def policy_of(wanted: ToExport) -> str:
+    """RUN, for a target that takes nothing beside.
+
+    Raises:
+        ConfigError: there is more.
+    """
+    if wanted.words or wanted.single or wanted.parameters or wanted.name:
+        raise ConfigError(
+            f"{wanted.run}: settings, name and parameters are for controllers in C alone"
+        )
+    return wanted.run
+
+
+def model_of(wanted: ToExport) -> FmuModel:
+    """What becomes an FMU: a vehicle on its road, a controller, or a policy."""
+    from steersman import words
+    from steersman.delivery.fmu import model
+
+    if words.means("vehicle", wanted.run):
+        from steersman.commands import configuration
+        from steersman.delivery.plant import translated_plant
+
+        policy_of(wanted._replace(words=(), name=""))
+        config = configuration("drive", [f"vehicle={wanted.run}", *wanted.words])
+        return model.plant_model(translated_plant(wanted.name or words.short(wanted.run), config))
+    setting = setting_of(wanted)
+    if setting is not None:
+        return model.controller_model(setting)
+    from steersman.delivery.c_source import parts
+    from steersman.delivery.graph import read_network
+    from steersman.delivery.source import read_source
+
+    source = read_source(policy_of(wanted))
+    return model.policy_model(parts(source, read_network(source.data, str(source.file))))
