@@ -2,11 +2,13 @@
 
     python benchmarks/controllers_in_c.py [tuned/lqr ...] [--count 100000] [--out results/export]
 
-Each is compiled by every compiler there is (gcc, clang) with -O2 and -O3, in float and in double,
+Each is compiled by gcc and clang, those that there are, with -O2 and -O3, in float and in double,
 and answers drawn observations, extremes and NaN among them, thirty to a drive; the largest distance
-of its steering from Python's and the number of other statuses are recorded. A drive in which the
-C code steers is compared with Python's drive. For a Cortex-M4F, if arm-none-eabi-gcc and
-qemu-system-arm are there: ROM, RAM, stack, and instructions a step, counted by qemu.
+of its steering from Python's and the number of other statuses are recorded, and the largest number
+of steps of a quadratic program. The first 5000 run under the sanitisers, too. A drive in which the
+C code steers, with a tenth of the observations lost, is compared with Python's drive. For a
+Cortex-M4F, if arm-none-eabi-gcc and qemu-system-arm are there: ROM, RAM, stack, and instructions a
+step, counted by qemu.
 """
 
 from __future__ import annotations
@@ -15,11 +17,10 @@ import argparse
 import ctypes
 import json
 import shutil
-import statistics
 import subprocess
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -30,12 +31,13 @@ from steersman.commands import configuration
 from steersman.controllers.base import ControllerComponent
 from steersman.delivery.controller import Setting
 from steersman.delivery.controller_package import write_controller
-from steersman.delivery.controller_text import TOLERANCE, answers
+from steersman.delivery.controller_text import TOLERANCE, answers, counted_steps
 from steersman.delivery.observations import Row, drawn, observations, single, with_gaps
 from steersman.files import write_text
+from steersman.kernels.active_set import MOST_STEPS
 from steersman.provenance import provenance
 from steersman.rollout import run
-from steersman.types import Decision, Observation, Status
+from steersman.types import Decision, FloatArray, Observation, Status
 from steersman.vehicles import Vehicle
 from steersman.words import short
 
@@ -43,10 +45,19 @@ CONTROLLERS = (
     "tuned/pid", "tuned/pid_feedforward", "tuned/bearing_pid", "tuned/pure_pursuit",
     "tuned/pure_pursuit_cm", "tuned/stanley", "tuned/stanley_cm", "tuned/lqr", "tuned/sliding_mode",
     "tuned/mpc", "tuned/mpc_pid", "tuned/mpc_pid_scheduled", "tuned/mpc_delay", "nmpc",
+    "predicted/tuned/lqr", "estimated/tuned/lqr", "supervised/tuned/lqr",
+    "supervised/estimated/predicted/tuned/lqr",
 )  # fmt: skip
+SLOW = ("mpc_delay", "nmpc")  # of more than half a millisecond a step in Python
 DRIVE = 30
 ROUNDS = 9
-BUILDS = ("gcc -O2", "gcc -O3", "clang -O2", "clang -O3")
+BUILDS = {
+    False: ("gcc -O2", "gcc -O3", "clang -O2", "clang -O3"),
+    True: ("gcc -O2", "clang -O3"),
+}
+BOUND = {False: 1e-9, True: 1e-6}
+SANITISED = 5000
+SANITISERS = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-pedantic", "-Wshadow")
 PORTABLE = "-ffp-contract=off"
 M4 = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16", "-O2")
@@ -103,15 +114,21 @@ class InC(ControllerComponent):
         return after.raw
 
 
-def compiled(setting: Setting, folder: Path, words: Sequence[str]) -> InC:
-    """Compile the C code in ``folder``; ``words`` are compiler and flags."""
-    file, prefix = folder / f"{'_'.join(words)}.so", setting.prefix
-    size = f"int {prefix}_size(void);\nint {prefix}_size(void)\n{{\n"
-    text = f'#include "{prefix}.h"\n{size}    return (int)sizeof({prefix}_state);\n}}\n'
-    write_text(folder / "size.c", text)
-    made = [*words, *STRICT, PORTABLE, "-shared", "-fPIC", "-o", str(file), f"{prefix}.c", "size.c"]
+def make(setting: Setting, folder: Path, words: Sequence[str], *more: str) -> Path:
+    """Compile the C code in ``folder`` with ``batch.c.in``; ``words`` are compiler and flags."""
+    text = Path(__file__).with_name("batch.c.in").read_text(encoding="ascii")
+    text = text.replace("@PREFIX@", setting.prefix).replace("@UPPER@", setting.prefix.upper())
+    write_text(folder / "batch.c", text.replace("@REAL@", "float" if setting.single else "double"))
+    file = folder / f"{'_'.join(words).replace('/', '_')}.out"
+    made = [*words, *STRICT, PORTABLE, *more, "-o", str(file), f"{setting.prefix}.c", "batch.c"]
     subprocess.run([*made, "-lm"], check=True, cwd=folder)
-    return InC(code=ctypes.CDLL(str(file)), prefix=prefix, single=setting.single)
+    return file
+
+
+def compiled(setting: Setting, folder: Path, words: Sequence[str]) -> InC:
+    """Compile the C code in ``folder`` as a library."""
+    file = make(setting, folder, words, "-shared", "-fPIC")
+    return InC(code=ctypes.CDLL(str(file)), prefix=setting.prefix, single=setting.single)
 
 
 def setting_of(word: str, single_: bool = False) -> Setting:
@@ -137,6 +154,29 @@ def drawn_rows(setting: Setting, count: int) -> list[Row]:
     return with_gaps(rows) if setting.controller.gaps else rows
 
 
+class Known(NamedTuple):
+    """Observations and what Python answers."""
+
+    rows: FloatArray
+    """(n, width) as ``batch.c.in`` reads them."""
+    answers: FloatArray
+    """(n, 2) steering and status."""
+    steps: list[int]
+    """Of all quadratic programs."""
+
+
+def known(setting: Setting, rows: Sequence[Row]) -> Known:
+    """Let Python answer."""
+    with counted_steps() as steps:
+        said = answers(setting, rows)
+    numbers = [
+        [r.restart, r.missing, r.executed is not None, r.executed or 0.0, *r.seen[:8]] for r in rows
+    ]
+    previews = np.array([r.seen.preview.ravel() for r in rows])
+    whole = np.ascontiguousarray(np.hstack([np.array(numbers, float), previews]))
+    return Known(whole, np.array([each[:2] for each in said], float), steps)
+
+
 class Parity(NamedTuple):
     """How far C is from Python."""
 
@@ -144,25 +184,46 @@ class Parity(NamedTuple):
     usable: int
     """Of which no fallback answers."""
     steering: float
-    """Largest distance of the steering, over its size where that is above one."""
+    """Largest distance of the steering."""
+    beyond: int
+    """Steps of which it is beyond the bound, 1e-9 in double and 1e-6 in float."""
     other_statuses: int
 
 
-def parity(setting: Setting, code: InC, rows: Sequence[Row], known: Sequence[Decision]) -> Parity:
+def in_batch(setting: Setting, code: InC, rows: FloatArray) -> FloatArray:
+    """What the C code answers, (n, 2)."""
+    out = np.empty((len(rows), 2))
+    state = ctypes.create_string_buffer(code.init(setting.vehicle, setting.dt))
+    given, to = (ctypes.c_void_p(each.ctypes.data) for each in (rows, out))
+    code.function("batch")(state, given, len(rows), to)
+    return out
+
+
+def compared(setting: Setting, said: FloatArray, expected: FloatArray) -> Parity:
+    """Compare what C answered with what Python did."""
+    fallback = int(Status.FALLBACK)
+    apart = np.abs(said[:, 0] - expected[:, 0])
+    # At full lock rounding decides whether a command was clipped.
+    lock = np.abs(expected[:, 0]) > 1.0 - TOLERANCE[setting.single]
+    lock &= (said[:, 1] != fallback) & (expected[:, 1] != fallback)
+    other = (said[:, 1] != expected[:, 1]) & ~lock
+    usable = int((expected[:, 1] != fallback).sum())
+    beyond = int((~(apart <= BOUND[setting.single])).sum())
+    return Parity(len(said), usable, float(apart.max()), beyond, int(other.sum()))
+
+
+def parity(setting: Setting, code: InC, of: Known) -> Parity:
     """Compare the C code with what Python answered."""
-    worst, other = 0.0, 0
-    start = state = code.init(setting.vehicle, setting.dt)
-    for row, expected in zip(rows, known, strict=True):
-        decision, state = code.step(start if row.restart else state, row.given)
-        # At full lock rounding decides whether a command was clipped.
-        lock = Status.FALLBACK not in {decision.status, expected.status}
-        lock = lock and abs(expected.steer) > 1.0 - TOLERANCE[setting.single]
-        other += decision.status != expected.status and not lock
-        worst = max(worst, abs(decision.steer - expected.steer))
-        if row.executed is not None:
-            state = code.executed(state, row.executed)
-    usable = sum(each.status is not Status.FALLBACK for each in known)
-    return Parity(len(rows), usable, worst, other)
+    return compared(setting, in_batch(setting, code, of.rows), of.answers)
+
+
+def sanitised(setting: Setting, folder: Path, of: Known) -> Parity:
+    """The same for the first observations in a program under the sanitisers, which end it."""
+    rows = of.rows[:SANITISED]
+    program = make(setting, folder, ("gcc", "-O1"), *SANITISERS, "-DPROGRAM")
+    done = subprocess.run([program], input=rows.tobytes(), check=True, capture_output=True)
+    said = np.frombuffer(done.stdout).reshape(-1, 2)
+    return compared(setting, said, of.answers[: len(rows)])
 
 
 def drive_difference(word: str, code: InC, duration: float = 60.0) -> float:
@@ -186,21 +247,21 @@ def microseconds(code: InC, setting: Setting) -> dict[str, float]:
     times: dict[str, list[float]] = {"call": [], "c": [], "python": []}
     size, step = code.function("size"), code.function("step")
     for _ in range(ROUNDS):
-        python, begun = setting.start(), time.perf_counter()
+        python, begun = setting.start(), time.thread_time()
         for _ in range(ROUNDS):
             for each in at:
                 size(state, each, steer)
-        times["call"].append((time.perf_counter() - begun) / ROUNDS)
-        begun = time.perf_counter()
+        times["call"].append((time.thread_time() - begun) / ROUNDS)
+        begun = time.thread_time()
         for _ in range(ROUNDS):
             for each in at:
                 step(state, each, steer)
-        times["c"].append((time.perf_counter() - begun) / ROUNDS)
-        begun = time.perf_counter()
+        times["c"].append((time.thread_time() - begun) / ROUNDS)
+        begun = time.thread_time()
         for seen in rows:
             _, python = setting.controller.step(python, seen)
-        times["python"].append(time.perf_counter() - begun)
-    found = {k: 1e6 * statistics.median(each) / len(rows) for k, each in times.items()}
+        times["python"].append(time.thread_time() - begun)
+    found = {k: 1e6 * min(each) / len(rows) for k, each in times.items()}
     return {"c": found["c"] - found["call"], "python": found["python"]}
 
 
@@ -229,25 +290,29 @@ def cortex_m4(setting: Setting, folder: Path) -> dict[str, int] | None:
     return {"rom": rom} | {k: int(v) for k, v in (line.split() for line in said.splitlines())}
 
 
-def measured(word: str, count: int, builds: Sequence[str]) -> dict[str, Any]:
+def measured(word: str, count: int, builds: Mapping[bool, Sequence[str]]) -> dict[str, Any]:
     """Everything of one controller."""
+    double = setting_of(word)
+    of = known(double, drawn_rows(double, count))
     found: dict[str, Any] = {}
+    if of.steps:
+        found["qp"] = {"programs": len(of.steps), "steps": max(of.steps), "bound": MOST_STEPS}
     for single_ in (False, True):
-        setting, name = setting_of(word, single_), "single" if single_ else "double"
-        rows = drawn_rows(setting, count)
-        known = answers(setting, rows)
+        setting, name = double._replace(single=single_), "single" if single_ else "double"
         with tempfile.TemporaryDirectory() as scratch:
             folder = Path(scratch)
             write_controller(setting, folder)
             lines = (folder / f"{setting.prefix}.c").read_text().count("\n")
             figures: dict[str, Any] = {"lines": lines}
-            for build in builds:
+            for build in builds[single_]:
                 code = compiled(setting, folder, build.split())
-                figures[build] = parity(setting, code, rows, known)._asdict()
-                if build == builds[0]:
+                figures[build] = parity(setting, code, of)._asdict()
+                if build == builds[single_][0]:
                     figures["us"] = microseconds(code, setting)
                     if not single_:
                         figures[build]["drive"] = drive_difference(word, code)
+            if not single_ and "gcc -O2" in builds[single_]:
+                figures["sanitised"] = sanitised(setting, folder, of)._asdict()
             if single_:
                 figures["cortex_m4"] = cortex_m4(setting, folder)
         found[name] = figures
@@ -258,20 +323,27 @@ def table(found: dict[str, dict[str, Any]]) -> str:
     """The figures as a table: sizes and instructions of float on the Cortex-M4F."""
     lines = [
         "| controller | lines | ROM [B] | RAM [B] | stack [B] | instructions a step | us here: C, "
-        "Python | double from Python | drive | float from Python | statuses that differ |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
+        "Python | observations | double from Python | beyond 1e-9 | drive | float from Python "
+        "| beyond 1e-6 | statuses that differ: double, float | QP steps |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     for word, both in found.items():
         double, single_ = both["double"], both["single"]
         m4 = single_["cortex_m4"] or dict.fromkeys(("rom", "ram", "stack", "instructions"), "-")
-        builds = {k: [v for n, v in both[k].items() if "-O" in n] for k in both}
-        worst = {k: max(each["steering"] for each in v) for k, v in builds.items()}
+        builds = {k: [v for n, v in both[k].items() if "-O" in n] for k in ("double", "single")}
+        worst, beyond, other = (
+            {k: max(each[what] for each in v) for k, v in builds.items()}
+            for what in ("steering", "beyond", "other_statuses")
+        )
         drives = max(each.get("drive", 0.0) for each in builds["double"])
-        other = sum(each["other_statuses"] for v in builds.values() for each in v)
         us = f"{double['us']['c']:.1f}, {double['us']['python']:.0f}"
         sizes = [double["lines"], *(m4[k] for k in ("rom", "ram", "stack", "instructions"))]
-        apart = [f"{x:.1e}" for x in (worst["double"], drives, worst["single"])]
-        cells = [word, *sizes, us, *apart, other]
+        cells = [
+            *(word, *sizes, us, builds["double"][0]["observations"], f"{worst['double']:.1e}"),
+            *(beyond["double"], f"{drives:.1e}", f"{worst['single']:.1e}", beyond["single"]),
+            f"{other['double']}, {other['single']}",
+            f"{both['qp']['steps']} of {both['qp']['bound']}" if "qp" in both else "-",
+        ]
         lines.append(f"| {' | '.join(map(str, cells))} |")
     return "\n".join(lines) + "\n"
 
@@ -281,16 +353,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("controllers", nargs="*", default=CONTROLLERS)
     parser.add_argument("--count", type=int, default=100_000)
+    parser.add_argument("--slow", type=int, default=10_000, help="the count of SLOW controllers")
     parser.add_argument("--out", type=Path)
-    parser.add_argument("--builds", nargs="+", default=BUILDS, help="compilers with their level")
     arguments = parser.parse_args()
-    builds = [each for each in arguments.builds if shutil.which(each.split()[0])]
+    builds = {
+        single_: [each for each in those if shutil.which(each.split()[0])]
+        for single_, those in BUILDS.items()
+    }
     found = {}
+    if arguments.out is not None and (arguments.out / "controllers.json").is_file():
+        before = json.loads((arguments.out / "controllers.json").read_text(encoding="utf-8"))
+        found = {k: v for k, v in before["controllers"].items() if k in CONTROLLERS}
     for word in arguments.controllers:
-        found[word] = measured(word, arguments.count, builds)
+        slow = any(each in word for each in SLOW)
+        found[word] = measured(word, arguments.slow if slow else arguments.count, builds)
         print(word, json.dumps(found[word]))  # noqa: T201 - its output
         if arguments.out is not None:  # what is measured is kept, whatever comes after it
-            record = {"count": arguments.count, "controllers": found, **provenance()}
+            record = {"builds": {"double": builds[False], "single": builds[True]}}
+            record |= {"controllers": found, **provenance()}
             write_text(arguments.out / "controllers.json", json.dumps(record, indent=1) + "\n")
             write_text(arguments.out / "table.md", table(found))
 

@@ -8,7 +8,6 @@ from pathlib import Path as FilePath
 
 import pytest
 
-from steersman.delivery import controller_text as text
 from steersman.delivery.controller import Setting
 from steersman.delivery.controller_package import write_controller
 
@@ -57,8 +56,8 @@ def test_the_vector_runs_under_sanitisers(tmp_path: FilePath) -> None:
 def test_drawn_observations_and_a_drive(word: str, single: bool, tmp_path: FilePath) -> None:
     setting = made(word, tmp_path, single=single)
     code = bench.compiled(setting, tmp_path, (COMPILER, "-O0"))
-    rows = bench.drawn_rows(setting, 500)
-    found = bench.parity(setting, code, rows, text.answers(setting, rows))
+    known = bench.known(setting, bench.drawn_rows(setting, 500))
+    found = bench.parity(setting, code, known)
     assert found.other_statuses == 0
     assert found.steering <= (1e-6 if single else 1e-12)
     assert (100 if setting.controller.gaps else 300) < found.usable < 490

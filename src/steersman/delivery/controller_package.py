@@ -15,6 +15,7 @@ from steersman.delivery.c_text import identifier
 from steersman.delivery.controller import Setting, Translated, translated
 from steersman.errors import DataError, suggestion
 from steersman.files import replacing, write_text
+from steersman.kernels import active_set
 from steersman.policy_file import sha256
 from steersman.provenance import provenance
 
@@ -30,24 +31,35 @@ def write_controller(setting: Setting, folder: FilePath) -> Sequence[FilePath]:
     check_values(made)
     name = identifier(setting.name)
     makefile = files("steersman.delivery.templates").joinpath("Makefile.in")
+    with text.counted_steps() as steps:
+        vector = text.vector(made)
     contents = {
         f"{setting.prefix}.c": text.source(made),
         f"{setting.prefix}.h": text.header(made),
         f"test_{name}.c": text.program(made),
-        f"vector_{name}.h": text.vector(made),
+        f"vector_{name}.h": vector,
         f"{name}.csv": text.table(made),
         "Makefile": makefile.read_text(encoding="utf-8"),
     }
     for each, content in contents.items():
         with replacing(folder / each) as stream:
             stream.write(content.encode())
-    write_text(folder / f"{name}.json", controller_card(made, contents))
+    write_text(folder / f"{name}.json", controller_card(made, contents, steps))
     return [folder / each for each in (*contents, f"{name}.json")]
 
 
-def controller_card(made: Translated, contents: Mapping[str, str]) -> str:
-    """What a controller in C was made from, with the SHA-256 of its files, as JSON."""
+def controller_card(
+    made: Translated, contents: Mapping[str, str], steps: Sequence[int] = ()
+) -> str:
+    """What a controller in C was made from, with the SHA-256 of its files, as JSON.
+
+    ``steps`` are those of the quadratic programs that Python solved for the test vector.
+    """
     s = made.setting
+    programs = {
+        "most_steps": active_set.MOST_STEPS,
+        "largest_in_test_vector": max(steps, default=0),
+    }
     card = {
         "name": s.name,
         "controller": dump(s.controller),
@@ -57,6 +69,7 @@ def controller_card(made: Translated, contents: Mapping[str, str]) -> str:
         "spacing": s.spacing,
         "precision": "single" if s.single else "double",
         "constant_parameters": sorted(made.program.pinned),
+        **({"quadratic_programs": programs} if steps else {}),
         "files": {name: sha256(content.encode()) for name, content in contents.items()},
         **provenance(),
     }

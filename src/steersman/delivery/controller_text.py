@@ -6,12 +6,14 @@ import csv
 import io
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from enum import IntEnum
 from importlib.metadata import version
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from steersman.controllers import quadratic
 from steersman.delivery import c_text
 from steersman.delivery.c_text import fill
 from steersman.delivery.controller import Setting, Translated, described
@@ -167,6 +169,17 @@ def _reset(made: Translated) -> list[str]:
         else:
             out += [f"state->{each.name}[{i}] = {x};" for i, x in enumerate(numbers)]
     return out
+
+
+@contextmanager
+def counted_steps() -> Iterator[list[int]]:
+    """The steps of all quadratic programs that are solved meanwhile in Python; -1: unsolved."""
+    steps: list[int] = []
+    quadratic.COUNTED.append(steps)
+    try:
+        yield steps
+    finally:
+        quadratic.COUNTED.pop()
 
 
 def answers(setting: Setting, rows: Sequence[Row]) -> list[Decision]:
