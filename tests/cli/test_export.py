@@ -89,7 +89,8 @@ def test_parameters_leave_and_come_back(steersman: Steersman, tmp_path: FilePath
     assert values["preview_time"] > 0.0
     assert len(values) == 1 + 4 * 79
     line = next(row for row in table.read_text().splitlines() if "design.gains[40]" in row)
-    assert line.split(",")[1:3] == ["design.gains[40]", "-"]
+    assert line.split(",")[1:3] == ["design.gains[40]", "rad/m"]
+    assert line.endswith('"Gain of e_y, the lateral error, at 6 m/s."')
     table.write_text(
         table.read_text().replace(repr(values["design.gains[40]"]), "0.5"), encoding="utf-8"
     )

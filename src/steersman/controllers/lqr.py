@@ -30,6 +30,13 @@ from steersman.vehicles import Vehicle
 
 # Speeds at which gains are computed [m/s]; below the first and above the last its gain is held.
 _SPEEDS = tuple(1.0 + 0.5 * i for i in range(79))
+# What the columns of the gains multiply, and their units.
+_ERRORS = (
+    ("rad/m", "e_y, the lateral error,"),
+    ("rad s/m", "the rate of e_y"),
+    ("-", "the heading error"),
+    ("s", "the rate of the heading error"),
+)
 
 
 class LqrState(NamedTuple):
@@ -38,6 +45,12 @@ class LqrState(NamedTuple):
     vehicle: Vehicle
     gains: FloatArray
     """(speeds, 4) wheel angle [rad] for each error; a held speed step is 0.5 m/s."""
+
+    @staticmethod
+    def number(_: str, i: int) -> tuple[str, str]:
+        """Unit and meaning of number ``i`` of the gains, row by row."""
+        unit, error = _ERRORS[i % len(_ERRORS)]
+        return unit, f"Gain of {error} at {_SPEEDS[i // len(_ERRORS)]:g} m/s."
 
 
 @register("controller", "lqr")

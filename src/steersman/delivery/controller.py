@@ -30,7 +30,6 @@ from steersman.delivery.translate.values import (
     type_of,
 )
 from steersman.errors import ConfigError
-from steersman.messages import field_unit
 from steersman.types import Observation
 from steersman.vehicles import Vehicle
 
@@ -270,19 +269,3 @@ def _fields(value: Value, start: Value | None) -> Iterator[StateField]:
             parts = start.items if isinstance(start, Bundle) else [None] * len(items)
             for each, begun in zip(items, parts, strict=True):
                 yield from _fields(each, begun)
-
-
-def described(controller: ControllerComponent, path: str) -> tuple[str, float, float, str]:
-    """Unit, least and largest value, and meaning of a parameter."""
-    owner: Any = controller
-    *way, name = path.split(".")
-    for each in way:
-        owner = getattr(owner, each, None)
-    field = getattr(type(owner), "model_fields", {}).get(name)
-    if field is None:
-        return "-", -np.inf, np.inf, "Made from vehicle, control period and settings."
-    low, high = -np.inf, np.inf
-    for bound in field.metadata:
-        low = getattr(bound, "ge", getattr(bound, "gt", low))
-        high = getattr(bound, "le", getattr(bound, "lt", high))
-    return field_unit(field), low, high, field.description

@@ -16,16 +16,50 @@ import numpy as np
 from steersman.controllers import quadratic
 from steersman.delivery import c_text
 from steersman.delivery.c_text import fill
-from steersman.delivery.controller import Setting, Translated, described
+from steersman.delivery.controller import DESIGN, Setting, Translated
 from steersman.delivery.observations import Row, observations, with_gaps
 from steersman.delivery.translate.emitter import c_type
 from steersman.delivery.translate.lines import indented, without_unused
 from steersman.delivery.translate.program import Parameter
+from steersman.messages import field_unit
 from steersman.types import Decision, Driver, Reason
 
 # How far the steering in C may be from Python's.
 TOLERANCE = {False: 1e-9, True: 1e-5}
 COLUMNS = ("index", "name", "unit", "minimum", "maximum", "value", "meaning")
+
+
+class Description(NamedTuple):
+    """What a parameter, or a number of it, is."""
+
+    unit: str
+    low: float
+    high: float
+    meaning: str
+
+
+def described(setting: Setting, parameter: Parameter) -> list[Description]:
+    """What each number of a parameter is.
+
+    A named tuple of a controller's state with a method ``number`` has unit and meaning of its
+    arrays' numbers.
+    """
+    first, *rest = parameter.path.split(".")
+    owner: Any = setting.start() if first == DESIGN else setting.controller
+    *way, name = rest if first == DESIGN else (first, *rest)
+    for each in way:
+        owner = owner[int(each)] if each.isdecimal() else getattr(owner, each)
+    if first == DESIGN:
+        made = "-", "Made from vehicle, control period and settings."
+        count, told = np.size(parameter.value), hasattr(owner, "number")
+        pairs = [owner.number(name, i) if told else made for i in range(count)]
+        return [Description(unit, -np.inf, np.inf, meaning) for unit, meaning in pairs]
+    field = type(owner).model_fields[name]
+    low, high = -np.inf, np.inf
+    for bound in field.metadata:
+        low = getattr(bound, "ge", getattr(bound, "gt", low))
+        high = getattr(bound, "le", getattr(bound, "lt", high))
+    return [Description(field_unit(field), low, high, field.description or "")]
 
 
 class ParameterEntry(NamedTuple):
@@ -45,12 +79,11 @@ def entries(made: Translated) -> list[ParameterEntry]:
 
 
 def _entries(setting: Setting, parameter: Parameter) -> Iterator[ParameterEntry]:
-    unit, low, high, meaning = described(setting.controller, parameter.path)
-    numbers = np.asarray(parameter.value, dtype=float).ravel()
-    for i, number in enumerate(numbers.tolist()):
+    numbers = np.asarray(parameter.value, dtype=float).ravel().tolist()
+    for i, (number, of) in enumerate(zip(numbers, described(setting, parameter), strict=True)):
         place = f"[{i}]" if isinstance(parameter.value, np.ndarray) else ""
         name = parameter.path + place
-        yield ParameterEntry(name, unit, low, high, number, meaning)
+        yield ParameterEntry(name, of.unit, of.low, of.high, number, of.meaning)
 
 
 def words(made: Translated) -> dict[str, Any]:
@@ -115,8 +148,10 @@ def _size(parameter: Parameter) -> str:
 
 
 def _meaning(setting: Setting, parameter: Parameter) -> str:
-    unit, _, _, meaning = described(setting.controller, parameter.path)
-    return c_text.comment(f"{meaning} [{unit}]")
+    first, *_, last = described(setting, parameter) * 2
+    if isinstance(parameter.value, np.ndarray):
+        return c_text.comment(f"Row by row, from: {first.meaning} to: {last.meaning}")
+    return c_text.comment(f"{first.meaning} [{first.unit}]")
 
 
 def _block(lines: Sequence[str]) -> str:

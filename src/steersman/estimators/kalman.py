@@ -19,12 +19,15 @@ from steersman.kernels.estimate_update import (
 )
 from steersman.kernels.observe import O_PREVIEW
 from steersman.kernels.road_walk import N_MOVED, NODES
+from steersman.messages import field_unit
 from steersman.sensing import to_observation
 from steersman.types import FloatArray, Observation
 from steersman.vehicles import Vehicle
 
 # Cells of the road beyond the car's own, at most.
 _CELLS = 16
+# Fields in the order of the kernel's settings.
+_SETTINGS = ("curvature_change", "v_y_bias", "yaw_rate_bias", "v_x_scale", "exact")
 _NOTHING = Estimates(np.zeros(N_MEMORY), np.zeros(0), np.zeros((0, 0)))
 
 
@@ -35,6 +38,12 @@ class KalmanState(NamedTuple):
     dt: float
     settings: FloatArray
     kept: Estimates
+
+    @staticmethod
+    def number(_: str, i: int) -> tuple[str, str]:
+        """Unit and meaning of number ``i`` of the settings."""
+        field = Kalman.model_fields[_SETTINGS[i]]
+        return field_unit(field), field.description or ""
 
 
 @register("estimator", "kalman")
@@ -57,8 +66,7 @@ class Kalman(EstimatorComponent):
 
     def init(self, vehicle: Vehicle, dt: float) -> KalmanState:
         """State before the first observation."""
-        biases = self.v_y_bias, self.yaw_rate_bias, self.v_x_scale
-        settings = np.array([self.curvature_change, *biases, self.exact])
+        settings = np.array([getattr(self, name) for name in _SETTINGS])
         return KalmanState(vehicle, dt, settings, _NOTHING)
 
     def estimate(
