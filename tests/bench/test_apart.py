@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path as FilePath
 
 import pytest
@@ -18,6 +19,7 @@ RESULTS = FilePath(__file__).parents[2] / "results"
 TESTED = [course.path for course in standard().courses.values()]
 
 
+@cache
 def trained() -> dict[str, TrainConfig]:
     """Every shipped preset, and what a training is without one."""
     found = {name: train_config(load_preset(name)) for name in presets.names()}
@@ -39,7 +41,7 @@ def values(suite: Suite) -> dict[str, set[float]]:
     return out
 
 
-@pytest.mark.parametrize("name", trained())
+@pytest.mark.parametrize("name", [*presets.names(), "default"])
 def test_no_training_has_a_road_of_the_test_or_its_generators(name: str) -> None:
     kinds = {path.kind for path in TESTED}
     assert kinds.isdisjoint(path.kind for path in roads(trained()[name]))

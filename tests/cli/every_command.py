@@ -94,11 +94,13 @@ def _judged(order: Any, tell: Any) -> float:
 
 def shorten(put: Any) -> None:
     """Put something short in place of what takes minutes, with a function like ``setattr``."""
+    from steersman.bench import oracle
     from steersman.learning import train
     from steersman.learning.imitation import imitate
     from steersman.studies import demo, search
 
     put(search, "_trained", _judged)
+    put(oracle, "_ROUNDS", 2)
     put(train, "train", _learned)
     put(imitate, "imitate", _learned)
     first = demo.tests()[:1]

@@ -21,7 +21,18 @@ from .pages import ROOT
 EXAMPLE = ROOT / "examples" / "steersman_example_plugin"
 PAGE = ROOT / "docs" / "plugins.md"
 QUOTED = re.compile(r"<!-- from (\S+) -->\s*```\w+\n(.*?)^```", re.MULTILINE | re.DOTALL)
-COMMAND = "import sys; from steersman.cli import main; main(sys.argv[1:])"
+# Several commands in one process, a list of words each.
+COMMANDS = """
+import json, sys
+from steersman.cli import main
+for words in json.loads(sys.argv[1]):
+    try:
+        main(words)
+    except SystemExit as end:
+        if end.code:
+            raise
+    print("---")
+"""
 # The demonstrator is shown at every step; who does as it shows, stays on the road.
 IMITATE = """
 import gymnasium, numpy, steersman
@@ -72,13 +83,25 @@ def python(installed: FilePath, *words: str, cwd: FilePath = ROOT) -> str:
     return done.stdout
 
 
+def commands(installed: FilePath, *each: list[str]) -> list[str]:
+    """What each command prints."""
+    return python(installed, "-c", COMMANDS, json.dumps(each)).split("---\n")[:-1]
+
+
 def test_commands_know_it(installed: FilePath) -> None:
     words = ["controller=vector_field", "path=stadium", "vehicle=kei_car", "laps=1", "--json"]
-    found = json.loads(python(installed, "-c", COMMAND, "drive", *words))
+    names = ["controller.vector_field", "path.stadium", "vehicle.kei_car"]
+    driven, shown, *checked = commands(
+        installed,
+        ["drive", *words],
+        ["show", "controller", "vector_field"],
+        *(["check", name] for name in names),
+    )
+    assert checked == ["", "", ""]
+    found = json.loads(driven)
     assert found["config"]["path"]["kind"] == "stadium"
     assert found["metrics"]["completed"]
     assert found["metrics"]["rms_lateral_error_m"] < 0.3
-    shown = python(installed, "-c", COMMAND, "show", "controller", "vector_field")
     assert "Follows the course" in shown
 
 
@@ -101,11 +124,6 @@ def test_its_own_tests_and_the_contract_hold(installed: FilePath) -> None:
     assert int(counted[1]) > 17, told
 
 
-@pytest.mark.parametrize("name", ["controller.vector_field", "path.stadium", "vehicle.kei_car"])
-def test_check_finds_nothing(installed: FilePath, name: str) -> None:
-    assert python(installed, "-c", COMMAND, "check", name) == ""
-
-
 def test_it_demonstrates(installed: FilePath) -> None:
     assert abs(float(python(installed, "-c", IMITATE))) < 1.0
 
@@ -114,11 +132,13 @@ def test_its_feature_and_reward_train_and_are_delivered(
     installed: FilePath, tmp_path: FilePath
 ) -> None:
     out, delivered = tmp_path / "trained", tmp_path / "c"
-    python(installed, "-c", COMMAND, "train", *TRAINED, "--out", str(out))
     policy = f"controller.file={out / 'policy.onnx'}"
-    drive = ["drive", "controller=policy", policy, "path=circle", "duration=1"]
-    python(installed, "-c", COMMAND, *drive)
-    python(installed, "-c", COMMAND, "export", str(out), "--to", "c", "--out", str(delivered))
+    commands(
+        installed,
+        ["train", *TRAINED, "--out", str(out)],
+        ["drive", "controller=policy", policy, "path=circle", "duration=1"],
+        ["export", str(out), "--to", "c", "--out", str(delivered)],
+    )
     source = (delivered / "steersman_trained.c").read_text(encoding="utf-8")
     assert "f7_lateral_acceleration_ahead(" in source
     with pytest.raises(DataError) as fault:

@@ -1,4 +1,4 @@
-"""Bench, tune, train and Ctrl-C on a Ray cluster of two nodes here, or in local processes.
+"""Bench, tune, train and Ctrl-C on a Ray cluster of two nodes on this machine.
 
 Prints what came of it as JSON. A script of its own: what it starts has to be gone when it ends,
 whatever happens in between.
@@ -33,11 +33,12 @@ def work(out: Path, engine: str) -> dict[str, Any]:
     jobs._PIECE_JOBS = 1  # so that both nodes have something to do
     tune._PIECE_SIZE = 1.0
     scenarios = suites.quick().scenarios((3,))[:3]
-    rows = bench(scenarios, entrants(["pid"]), out / "bench", engine=engine, jobs=2)
+    at_once = 2 if engine == "ray" else 1
+    rows = bench(scenarios, entrants(["pid"]), out / "bench", engine=engine, jobs=at_once)
     study = build(
         tune.TuneConfig, {"controller": "pid", "suite": [RUN, RUN | {"seed": 1}], "trials": 2}
     )
-    best = tune.tune(study, out / "tune", engine=engine, jobs=2)
+    best = tune.tune(study, out / "tune", engine=engine, jobs=at_once)
     tree = json.loads((Path(__file__).parent / "tiny.json").read_text())
     configs = [build(TrainConfig, tree | {"seed": seed}) for seed in (0, 1)]
     trainings = [TrainingJob(str(c.seed), c, out / f"seed_{c.seed}") for c in configs]
@@ -53,11 +54,11 @@ def work(out: Path, engine: str) -> dict[str, Any]:
         "tuned": best.controller.model_dump(),
         "failed": failed,
         "policies": policies,
-        "validated": sorted((e.job.name, e.steps) for e in events if e.row is not None),
+        "validated": sorted([e.job.name, e.steps] for e in events if e.row is not None),
     }
 
 
-def interrupted(out: Path, engine: str) -> dict[str, Any]:
+def interrupted(out: Path) -> dict[str, Any]:
     """Ctrl-C while one job is finished and two are running, and the same call once more."""
     from steersman.engine.jobs import Workers
     from steersman.engine.journal import Journal, LineFormat
@@ -79,7 +80,7 @@ def interrupted(out: Path, engine: str) -> dict[str, Any]:
 
     def run(seconds: tuple[float, ...], listener: Any) -> dict[str, Any]:
         jobs = [Job(str(each), each) for each in seconds]
-        with Workers(engine, 2) as workers:
+        with Workers("ray", 2) as workers:
             return workers.run(
                 last, jobs, journal=Journal(file, lines), listener=listener, piece_size=1.0
             )
@@ -106,12 +107,8 @@ def gone(process: int) -> bool:
     return True
 
 
-def main(out: Path, engine: str) -> None:
-    """The work, on a cluster of two nodes of one core each if the engine is Ray."""
-    if engine == "local":
-        found = {**work(out, engine), "interrupted": interrupted(out, engine)}
-        print(json.dumps(found))  # noqa: T201 - it is a script
-        return
+def main(out: Path) -> None:
+    """The work, on a cluster of two nodes of one core each."""
     import ray
     from ray.cluster_utils import Cluster
 
@@ -122,7 +119,7 @@ def main(out: Path, engine: str) -> None:
         ray.init(log_to_driver=False, configure_logging=False)
         cluster.wait_for_nodes()
         nodes = sum(node["Alive"] for node in ray.nodes())
-        found = {**work(out, engine), "interrupted": interrupted(out, engine)}
+        found = {**work(out, "ray"), "interrupted": interrupted(out)}
         print(json.dumps({"nodes": nodes, **found}))  # noqa: T201 - it is a script
     finally:
         ray.shutdown()
@@ -130,4 +127,4 @@ def main(out: Path, engine: str) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), sys.argv[2])
+    main(Path(sys.argv[1]))

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from steersman.engine import fork_server
 from steersman.engine.jobs import Workers
 from steersman.engine.journal import Journal, LineFormat
 from steersman.engine.work import Job
@@ -28,6 +29,7 @@ LINES: LineFormat[dict[str, int]] = LineFormat(
 # A program whose workers write their process ids, and then sleep.
 SLEEPING = """
 import os, sys, time
+from steersman.engine import fork_server
 from steersman.engine.jobs import Workers
 from steersman.engine.work import Job
 def sleep(file, tell):
@@ -98,6 +100,36 @@ def test_a_killed_worker_is_named() -> None:
     told = r"killed by SIGKILL\); the same command goes on"
     with Workers("local", 1, apart=True) as workers, pytest.raises(SteersmanError, match=told):
         workers.run(die, JOBS[:1])
+
+
+def test_an_exit_code_is_told() -> None:
+    def leave(x: int, _: Any) -> None:
+        os._exit(3)
+
+    with Workers("local", 1, apart=True) as workers, pytest.raises(SteersmanError, match="code 3"):
+        workers.run(leave, JOBS[:1])
+
+
+@pytest.mark.skipif(not fork_server.AVAILABLE, reason="needs Linux")
+def test_workers_have_what_they_need_and_a_lost_server_is_replaced() -> None:
+    def looks(x: int, _: Any) -> tuple[bool, str]:
+        there = "steersman.paths.random_road" in sys.modules
+        stat = FilePath(f"/proc/{os.getppid()}/stat").read_text()
+        return there, stat.rpartition(") ")[2].split()[1]
+
+    def found() -> tuple[bool, str]:
+        with Workers("local", 1, apart=True, needs=("steersman.paths.random_road",)) as workers:
+            (result,) = workers.run(looks, JOBS[:1]).values()
+        assert isinstance(result, tuple)
+        return result
+
+    (there, server), (_, same) = found(), found()
+    assert there
+    assert server == same
+    os.kill(int(server), signal.SIGKILL)
+    while alive(int(server)):
+        time.sleep(0.01)
+    assert found()[1] != server
 
 
 @posix

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import random
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -83,6 +84,14 @@ class Stopped(Exception):
     """Stands for whatever ends a process."""
 
 
+@pytest.fixture(scope="module")
+def stopped(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+    """A training that stopped at its 1000th step."""
+    folder = tmp_path_factory.mktemp("stopped")
+    stop_at(1000, folder)
+    return folder
+
+
 def stop_at(at: int, out: FilePath, **changes: Any) -> None:
     """Train, and stop in the middle of the step that is validated at ``at``."""
 
@@ -124,22 +133,18 @@ def test_killed_at_any_moment(corrected: FilePath, tmp_path: FilePath) -> None:
     moment = random.Random(time.time_ns())
     command = [sys.executable, "-c", "from steersman.cli import main; main()", "train"]
     command += [str(tmp_path / "c.yaml"), "--out", str(out), "--resume"]
-    for _ in range(2):
-        before = newest(out).name if list(out.glob("resume/step_*")) else ""
-        process = subprocess.Popen(
-            command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
-        )
-        while process.poll() is None:
-            files = [file.name for file in out.glob("resume/step_*")]
-            if files and max(files) > before:
-                time.sleep(moment.uniform(0.0, 0.3))
-                break
-            time.sleep(0.005)
-        process.kill()
-        _, errors = process.communicate()
-        assert "Traceback" not in errors
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert "going on after" in done.stderr or "finished" in done.stderr
+    process = subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    )
+    while process.poll() is None and not list(out.glob("resume/step_*")):
+        time.sleep(0.005)
+    time.sleep(moment.uniform(0.0, 0.3))
+    process.kill()
+    _, errors = process.communicate()
+    assert "Traceback" not in errors
+    told: list[str] = []
+    train(config(**CORRECTED), out, resume=True, notify=told.append)
+    assert "going on after" in told[0] or "finished" in told[0]
     assert_same(out, corrected)
 
 
@@ -170,8 +175,17 @@ def test_stopped_in_the_middle_of_a_step(whole: FilePath, tmp_path: FilePath, st
     assert_same(tmp_path, whole)
 
 
-@pytest.mark.parametrize("action", ["direct", "rate", "residual"])
-@pytest.mark.parametrize("demonstrator", ["pid", "mpc_pid", "mpc_delay", "none"])
+# Each action, each kind of state that a demonstrator carries, and neither.
+@pytest.mark.parametrize(
+    ("action", "demonstrator"),
+    [
+        ("direct", "mpc_pid"),
+        ("rate", "pid"),
+        ("rate", "none"),
+        ("residual", "mpc_delay"),
+        ("residual", "none"),
+    ],
+)
 def test_every_kind_of_training(tmp_path: FilePath, action: str, demonstrator: str) -> None:
     demonstration: dict[str, Any] = {"enabled": False}
     if demonstrator != "none":
@@ -183,10 +197,10 @@ def test_every_kind_of_training(tmp_path: FilePath, action: str, demonstrator: s
             "action": action,
             "demonstration": demonstration,
         },
-        "steps": 600,
+        "steps": 400,
     }
     train(config(**changes), tmp_path / "whole")
-    stop_at(400, tmp_path / "out", **changes)
+    stop_at(200, tmp_path / "out", **changes)
     train(config(**changes), tmp_path / "out", resume=True)
     assert rows(tmp_path / "out") == rows(tmp_path / "whole")
     ours, theirs = ((tmp_path / name / "policy.onnx").read_bytes() for name in ("out", "whole"))
@@ -232,9 +246,8 @@ def test_tensorboard_has_each_validation_once(tmp_path: FilePath) -> None:
     assert steps == [200, 400, 600, 800, 1000, 1200]
 
 
-def test_two_checkpoints_are_kept(tmp_path: FilePath) -> None:
-    stop_at(1000, tmp_path)
-    names = sorted(file.name for file in (tmp_path / "resume").iterdir())
+def test_two_checkpoints_are_kept(stopped: FilePath) -> None:
+    names = sorted(file.name for file in (stopped / "resume").iterdir())
     assert names == ["step_000000800.npz", "step_000000900.npz"]
 
 
@@ -256,9 +269,9 @@ def damage(file: FilePath, how: str) -> None:
 
 @pytest.mark.parametrize("how", ["truncated", "empty", "one bit", "header"])
 def test_a_damaged_checkpoint_gives_way_to_the_one_before(
-    tmp_path: FilePath, whole: FilePath, how: str
+    tmp_path: FilePath, whole: FilePath, stopped: FilePath, how: str
 ) -> None:
-    stop_at(1000, tmp_path)
+    shutil.copytree(stopped, tmp_path, dirs_exist_ok=True)
     file = newest(tmp_path)
     damage(file, how)
     told: list[str] = []
@@ -269,8 +282,8 @@ def test_a_damaged_checkpoint_gives_way_to_the_one_before(
     assert_same(tmp_path, whole)
 
 
-def test_only_damaged_checkpoints_are_an_error(tmp_path: FilePath) -> None:
-    stop_at(1000, tmp_path)
+def test_only_damaged_checkpoints_are_an_error(tmp_path: FilePath, stopped: FilePath) -> None:
+    shutil.copytree(stopped, tmp_path, dirs_exist_ok=True)
     for file in (tmp_path / "resume").iterdir():
         damage(file, "truncated")
     with pytest.raises(DataError, match=r"step_000000900.npz: not a whole .*--overwrite trains"):
@@ -297,8 +310,8 @@ def test_a_checkpoint_of_another_format(tmp_path: FilePath) -> None:
 # ------------------------------------------------------------------------------ configuration
 
 
-def test_another_configuration_is_refused(tmp_path: FilePath) -> None:
-    stop_at(1000, tmp_path)
+def test_another_configuration_is_refused(tmp_path: FilePath, stopped: FilePath) -> None:
+    shutil.copytree(stopped, tmp_path, dirs_exist_ok=True)
     before = newest(tmp_path).read_bytes()
     with pytest.raises(ConfigError, match=r"^agent\.gamma: 0\.9 is given, but .* has 0\.95"):
         train(config(agent={**CHANGES["agent"], "gamma": 0.9}), tmp_path, resume=True)

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.linalg import toeplitz
 
 from steersman.controllers.quadratic import within
 from steersman.controllers.single_track import single_track, zero_order_hold
@@ -31,7 +30,8 @@ def predict(a: FloatArray, b: FloatArray, horizon: int) -> tuple[FloatArray, Flo
         impulse[i] = (power @ b)[0, 0]
         power = a @ power
         free[i] = power[0]
-    return free, toeplitz(impulse, np.zeros(horizon))
+    steps = np.arange(horizon)
+    return free, np.tril(impulse[abs(steps[:, None] - steps)])
 
 
 # DAQP's kind of a soft constraint, and its exit flags for "solved".

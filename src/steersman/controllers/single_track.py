@@ -13,7 +13,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import expm
 
 from steersman.kernels.preview import curvature_at
 from steersman.types import FloatArray, Observation
@@ -43,6 +42,8 @@ def zero_order_hold(a: FloatArray, b: FloatArray, dt: float) -> tuple[FloatArray
 
     ``a`` is (..., n, n), ``b`` (..., n, m): a system in each leading place.
     """
+    from scipy.linalg import expm  # it takes a while to import
+
     n, m = b.shape[-2:]
     block = np.zeros((*b.shape[:-2], n + m, n + m))
     block[..., :n, :n], block[..., :n, n:] = a, b

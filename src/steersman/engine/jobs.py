@@ -57,6 +57,7 @@ class Workers:
         *,
         apart: bool = False,
         threads: int = 1,
+        needs: Sequence[str] = ("steersman.rollout",),
     ) -> None:
         """Choose a backend; nothing starts before there is work for it.
 
@@ -66,6 +67,7 @@ class Workers:
             apart: whether each job has a process of its own, as work needs that draws from random
                 generators of its process. An error then concerns its job alone.
             threads: threads of the linear algebra in each process.
+            needs: modules that the work imports, so that local processes have them at once.
 
         Raises:
             ConfigError: there is no such engine, or ``at_once`` is less than 1.
@@ -73,7 +75,7 @@ class Workers:
         if at_once is not None and at_once < 1:
             raise ConfigError(f"{at_once} jobs at a time are not allowed; at least 1 is")
         self._engine, self._at_once = engine_name(engine), at_once
-        self._apart, self._threads = apart, threads
+        self._apart, self._threads, self._needs = apart, threads, needs
         self._backend: LocalProcesses | RayCluster | None = None
 
     def __enter__(self) -> Workers:
@@ -154,7 +156,9 @@ class Workers:
     def _opened(self) -> LocalProcesses | RayCluster:
         if self._engine == "local":
             at_once = self._at_once or cores()
-            return LocalProcesses(at_once, apart=self._apart, threads=self._threads)
+            return LocalProcesses(
+                at_once, apart=self._apart, threads=self._threads, needs=self._needs
+            )
         return RayCluster(self._at_once, apart=self._apart, threads=self._threads, cores=cores())
 
 

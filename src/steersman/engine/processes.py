@@ -19,6 +19,7 @@ from contextlib import suppress
 from queue import SimpleQueue
 from typing import Any, TypeAlias
 
+from steersman.engine import fork_server
 from steersman.engine.work import Listener, Outcome, Piece
 from steersman.errors import one_line
 
@@ -42,9 +43,10 @@ _Messages: TypeAlias = "SimpleQueue[tuple[_Worker, Any]]"
 class LocalProcesses:
     """Up to ``at_once`` processes; with ``apart`` each piece has a process of its own."""
 
-    def __init__(self, at_once: int, *, apart: bool, threads: int) -> None:
+    def __init__(self, at_once: int, *, apart: bool, threads: int, needs: Sequence[str]) -> None:
         """No process starts before there is work for it."""
-        self.at_once, self._apart, self._threads = at_once, apart, threads
+        self.at_once, self._apart = at_once, apart
+        self._threads, self._needs = threads, needs
         self._idle: list[_Worker] = []
         self._busy: dict[_Worker, Piece] = {}
         self._messages: _Messages = SimpleQueue()
@@ -82,7 +84,7 @@ class LocalProcesses:
         self._idle.clear()
 
     def _started(self) -> _Worker:
-        return _Worker(self._threads, self._messages)
+        return _Worker(self._threads, self._needs, self._messages)
 
     def _end(self, workers: Any) -> None:
         for worker in workers:
@@ -94,16 +96,21 @@ class LocalProcesses:
 class _Worker:
     """A process, and the thread that receives its messages; None is the last of them."""
 
-    def __init__(self, threads: int, messages: _Messages) -> None:
+    def __init__(self, threads: int, needs: Sequence[str], messages: _Messages) -> None:
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
-        self.process = subprocess.Popen(
-            [sys.executable, "-P", "-c", _START],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._errors,
-            env=os.environ | dict.fromkeys(_THREADS, str(threads)),
-        )
-        self._write(json.dumps(sys.path).encode() + b"\n")
+        settings = dict.fromkeys(_THREADS, str(threads))
+        self.process: fork_server.Forked | subprocess.Popen[bytes]
+        if fork_server.AVAILABLE:
+            self.process = fork_server.Forked(settings, needs, self._errors)
+        else:
+            self.process = subprocess.Popen(
+                [sys.executable, "-P", "-c", _START],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=self._errors,
+                env=os.environ | settings,
+            )
+            self._write(json.dumps(sys.path).encode() + b"\n")
         self._listener = threading.Thread(target=self._listen, args=(messages,), daemon=True)
         self._listener.start()
 

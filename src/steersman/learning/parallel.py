@@ -18,6 +18,9 @@ from steersman.learning.checkpoint import check_folder, is_finished
 from steersman.learning.config import TrainConfig
 from steersman.learning.progress import TrainRow
 
+TRAINING = ("steersman.learning.train", "stable_baselines3", "torch.utils.tensorboard")
+"""What a process imports that trains."""
+
 
 class TrainingJob(NamedTuple):
     """A training and the folder it goes to."""
@@ -76,7 +79,7 @@ def train_all(
     """
     by_name = {each.name: each for each in trainings}
     threads = max((each.config.threads for each in trainings), default=1)
-    with Workers(engine, at_once, apart=True, threads=threads) as workers:
+    with Workers(engine, at_once, apart=True, threads=threads, needs=TRAINING) as workers:
         for each in trainings:
             check_folder(each.config, each.out, overwrite=overwrite, resume=resume)
         jobs = []

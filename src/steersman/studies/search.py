@@ -23,6 +23,7 @@ from steersman.errors import TrainingDiverged
 from steersman.files import alone, make_folder, write_text
 from steersman.learning import checkpoint
 from steersman.learning.config import TrainConfig
+from steersman.learning.parallel import TRAINING
 from steersman.provenance import provenance
 from steersman.ranges import SettingRange
 from steersman.stored import ShownResult, SourcedResult, StoredResult
@@ -109,7 +110,7 @@ def search(
     same_study(config, out, ("trials",))
     study = open_study(out / "study.jsonl", "search")
     threads = config.training.threads
-    with Workers(engine, jobs, apart=True, threads=threads) as workers:
+    with Workers(engine, jobs, apart=True, threads=threads, needs=TRAINING) as workers:
         hunt = _Search(config, out.resolve(), study, workers, progress)
         for first in range(0, config.trials, config.together):
             hunt.batch(range(first, min(first + config.together, config.trials)))

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from steersman.errors import DataError
 from steersman.paths.xodr.lane_line import Curve
@@ -122,6 +121,8 @@ def _met(rows: list[Curve], gaps: dict[tuple[int, int], Gap]) -> list[Curve]:
 
 def _sampled(row: Curve, run: FloatArray, new: FloatArray) -> Curve:
     """The row, with its samples at ``run``, sampled at ``new`` [m] by cubics between them."""
+    from scipy.interpolate import CubicHermiteSpline  # it takes a while to import
+
     x = CubicHermiteSpline(run, row.x, np.cos(row.psi))(new)
     y = CubicHermiteSpline(run, row.y, np.sin(row.psi))(new)
     return Curve(x, y, np.interp(new, run, row.psi), np.interp(new, run, row.s))

@@ -13,7 +13,6 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import trim_mean
 
 from steersman.bench.results import BenchRow, IntervalEstimate
 from steersman.bench.statistics import LEVEL, REPETITIONS, Interval
@@ -132,6 +131,8 @@ def _errors(runs: Runs, scenarios: Sequence[str]) -> FloatArray:
 
 
 def _described(method: _Method, draws: _Draws) -> ReplicatedMethod:
+    from scipy.stats import trim_mean  # it takes a while to import
+
     return ReplicatedMethod(
         name=method.name,
         runs=[
