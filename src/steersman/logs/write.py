@@ -136,8 +136,9 @@ def _outline(vehicle: VehicleTable, body: tuple[float, float] | None) -> FloatAr
     l_f, l_r, track = (float(vehicle.rows[0, i]) for i in (car.L_F, car.L_R, car.TRACK))
     length, width = (1.5 * (l_f + l_r), 1.25 * track) if body is None else body
     signs = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1)])
-    corners: FloatArray = signs * np.array([0.5 * length, 0.5 * width])
-    return corners + np.array([0.5 * (l_f - l_r), 0.0])
+    middle = np.array([0.5 * (l_f - l_r), 0.0])
+    corners: FloatArray = signs * np.array([0.5 * length, 0.5 * width]) + middle
+    return corners
 
 
 def nanoseconds(time: float) -> int:
@@ -250,7 +251,7 @@ class _Maker:
         return self._new(schemas.TYPES[schemas.MARKERS], found)
 
     def _line_marker(self, ns: int, points: FloatArray) -> Any:
-        kind = self._types["visualization_msgs/msg/Marker"]
+        kind: Any = self._types["visualization_msgs/msg/Marker"]
         mesh = self._new("visualization_msgs/msg/MeshFile", "", np.zeros(0, np.uint8))
         image = self._new(
             "sensor_msgs/msg/CompressedImage", self._header(ns), "", np.zeros(0, np.uint8)
