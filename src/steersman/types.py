@@ -93,6 +93,8 @@ class Status(IntEnum):
     """The command was clipped to a limit."""
     FALLBACK = 2
     """The controller's own method failed (or its input was not finite); its fallback answered."""
+    ABSENT = 3
+    """Nobody decided, as a person without hands on the wheel: the present steering is held."""
 
 
 class Driver(IntEnum):

@@ -321,6 +321,25 @@ def test_a_program_outside_demonstrates() -> None:
     assert np.ptp(made.buffer.demonstrated[: made.buffer.pos]) > 0.1
 
 
+def test_where_nobody_shows_anything_the_agent_drives(tmp_path: FilePath) -> None:
+    """Every second step has no demonstration: it is not executed, not learned, not rewarded."""
+    file = tmp_path / "half.py"
+    file.write_text(
+        "import json, sys\n"
+        "for k, line in enumerate(sys.stdin):\n"
+        "    print(json.dumps({'steer': None if k % 2 else 0.02}), flush=True)\n",
+        encoding="utf-8",
+    )
+    program = {"controller": {"kind": "process", "command": ["python", str(file)]}}
+    shown = {**program, "p_action": {"kind": "constant", "at": 1.0}, "takeover": {}}
+    made, _ = driven(60, demonstration=shown)
+    labels = made.buffer.demonstrated[: made.buffer.pos, :, 0]
+    assert 0.3 < np.isfinite(labels).mean() < 0.7
+    assert made.demonstrated_steps == np.isfinite(labels).sum()
+    assert np.isfinite(made.buffer.rewards[: made.buffer.pos]).all()
+    assert np.isfinite(made.buffer.actions[: made.buffer.pos]).all()
+
+
 # ---------------------------------------------------------------------------------- together
 
 

@@ -87,6 +87,15 @@ def test_precise_tracking(d: float, course: float) -> None:
     assert track(PreciseTask(), 8.0, 1.0, 0.0) == pytest.approx(0.0)
 
 
+def test_without_a_demonstrated_steering_the_second_term_is_left_out() -> None:
+    for blend in ("adaptive", "fixed"):
+        task = build(PreciseTask, {"demonstration": blend})
+        with_none = judge(task, speed=10.0, lateral_error=0.1, demonstrated_steer=math.nan)
+        shown = judge(task, speed=10.0, lateral_error=0.1, demonstrated_steer=0.0)
+        assert with_none[3] == 0.0 < shown[3]
+        assert with_none[0] == pytest.approx(with_none[2] * with_none[1])
+
+
 @pytest.mark.parametrize("task", [PaperTask(), PreciseTask()])
 @given(v=st.floats(0.0, 30.0), d=REAL, course=REAL)
 def test_tracking_is_best_on_the_path_and_knows_no_side(

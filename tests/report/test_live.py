@@ -16,10 +16,13 @@ import pytest
 from steersman.commands import configuration
 from steersman.config import build
 from steersman.episode import load_episode
+from steersman.learning.config import TrainConfig, load_preset
 from steersman.learning.running import TrainingState
 from steersman.live.drives import DriveCache, LiveRun
 from steersman.live.form import Choices, ChosenPart, chosen, form
 from steersman.live.page import LiveAddress
+from steersman.live.relay import Relay
+from steersman.live.server import reachable
 from steersman.policy_file import locate
 from steersman.report import seen
 from steersman.rollout import attempt
@@ -160,6 +163,52 @@ def test_a_training_is_followed(browser, port, tmp_path):
         page.click("#newest")
         until(page, "() => document.getElementById('command').textContent.includes('policy.onnx')")
         page.close()
+
+
+def test_a_person_demonstrates_to_a_training(browser, port, tmp_path):
+    question = {"drive": 0, "dt": 0.05, "executed": None, "heading_error": 0.0, "yaw_rate": 0.0,
+                "v_x": 8.0, "v_y": 0.0, "lateral_error": 0.1, "steer": 0.0, "curvature": 0.0,
+                "spacing": 2.0, "preview": [[2.0 * k, 0.0] for k in range(20)]}  # fmt: skip
+    asked = Relay(tmp_path)
+    assert asked.answer("{}") is None  # there is no server yet
+    with serving(port, tmp_path, tmp_path / "runs") as address, reachable(address, tmp_path):
+        assert (tmp_path / "address.json").stat().st_mode & 0o077 == 0
+        page = browser.new_page()
+        page.goto(address.url)
+        until(page, "() => Boolean(window.steersman)")
+        steers, times, going = [], [], threading.Event()
+
+        def training():
+            while not going.is_set():
+                line = json.dumps(question | {"time": 0.05 * len(times)})
+                steers.append(asked.answer(line))
+                times.append(time.monotonic())
+                time.sleep(0.0 if steers[-1] is not None else 0.01)
+
+        thread = threading.Thread(target=training)
+        thread.start()
+        try:
+            page.click("#demonstrate")
+            until(page, lambda: "the agent drives" in page.text_content("#hand-values"))
+            assert set(steers) == {None}
+            page.keyboard.down("ArrowRight")
+            until(page, lambda: (steers[-1] or 0.0) < -0.02)
+            until(page, lambda: "you demonstrate" in page.text_content("#hand-values"))
+            first, count = times[-1], len(times)
+            until(page, lambda: len(times) > count + 10)
+            assert times[count + 10] - first > 0.45  # in real time, 0.05 s a step
+            page.keyboard.up("ArrowRight")
+            until(page, lambda: steers[-1] is None)
+            page.keyboard.press("Escape")
+            until(page, "() => document.getElementById('hand').hidden")
+        finally:
+            going.set()
+            thread.join(10.0)
+        page.close()
+    assert not (tmp_path / "address.json").exists()
+    config = build(TrainConfig, load_preset("by_hand"))
+    assert config.problem.demonstration.controller.command[-2:] == (Relay.__module__, "runs/live")
+    assert config.agent.vehicles == 1
 
 
 def test_a_file_that_changes_is_driven_again(tmp_path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import queue
 import subprocess
+import sys
 import tempfile
 import threading
 import weakref
@@ -50,7 +51,7 @@ class OutsideProgram:
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the program
         try:
             self._process = subprocess.Popen(
-                command,
+                [sys.executable if command[0] == "python" else command[0], *command[1:]],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=self._errors,

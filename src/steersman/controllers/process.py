@@ -29,10 +29,12 @@ class Process(ControllerComponent):
     """A program outside, in any language: a person at a game pad, a language model, other code.
 
     It reads a line of JSON from its standard input for each step and writes one to its standard
-    output, ``{"steer": 0.1}`` in [-1, 1], left positive, without keeping it in a buffer. The line
+    output, ``{"steer": 0.1}`` in [-1, 1], left positive, without keeping it in a buffer; or
+    ``{"steer": null}``, which holds the present steering, and demonstrates nothing. The line
     has all that a controller gets, with the number of the ``drive`` (several may be under way),
     the control period ``dt`` [s] and the steering that was ``executed`` in the step before. At
-    the end of its input it has to end. A configuration that names it runs the program.
+    the end of its input it has to end. A configuration that names it runs the program; ``python``
+    is the interpreter that runs Steersman.
     """
 
     command: tuple[str, ...] = required("-", "Program and its arguments.", min_length=1)
@@ -60,13 +62,16 @@ class Process(ControllerComponent):
         program.drives = max(program.drives, drive + 1)
         question = Question(observation, drive, None, state.dt, state.executed)
         answer = program.ask(to_json(question))
-        steer: Any = answer.get("steer") if isinstance(answer, dict) else None
+        steer: Any = answer.get("steer", "") if isinstance(answer, dict) else ""
+        after = state._replace(drive=drive, executed=None)
+        if steer is None:
+            return observation.steer, Status.ABSENT, after
         if type(steer) not in {int, float} or not math.isfinite(steer):
             program.fail(
                 f'answered {shortened(str(answer))!r}; a line like {{"steer": 0.1}} is expected, '
                 "in [-1, 1], left positive"
             )
-        return float(steer), Status.SOLVED, state._replace(drive=drive, executed=None)
+        return float(steer), Status.SOLVED, after
 
     def executed(self, state: ProcessState, steer: float) -> ProcessState:
         """The executed command is a part of the next question."""

@@ -83,12 +83,15 @@ def judge(table: RewardTable, step: FloatArray, out: FloatArray) -> None:
     """Write reward, tracking reward, c_track and c_diff (4,) of a step (N_JUDGED,).
 
     R = c_track r_track + c_diff (-r_diff) + the other terms. Adaptive coefficients are the
-    sigmoids of r_track and r_diff times the emphasis, normalised to the sum one.
+    sigmoids of r_track and r_diff times the emphasis, normalised to the sum one. Where the
+    demonstrated steering is NaN there is no second term.
     """
     track, diff, first = _term(table, step, 0), 0.0, 1
     c_track, c_diff = table.c_track, 0.0
     if table.blend != NO_DEMONSTRATION:
-        diff, first, c_diff = _term(table, step, 1), 2, table.c_diff
+        first = 2
+        if not math.isnan(step[DEMONSTRATED_STEER]):  # nothing is shown in this step
+            diff, c_diff = _term(table, step, 1), table.c_diff
     if table.blend == ADAPTIVE:
         c_track *= sigmoid(track)
         c_diff *= sigmoid(-diff)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -14,7 +15,7 @@ from steersman.errors import ConfigError
 from steersman.learning.privilege import Truth, informed
 from steersman.learning.schedules import Constant, Schedule
 from steersman.learning.snapshot import Tree, changed, rebuilt
-from steersman.types import FloatArray, Observation
+from steersman.types import FloatArray, Observation, Status
 from steersman.vehicles import Vehicle
 
 
@@ -196,10 +197,10 @@ class Demonstrator:
         self._states[n] = self._begun[n][0].executed(self._states[n], steer)
 
     def propose(self, n: int, observation: Observation) -> float:
-        """Normalised steering for vehicle ``n`` from its observation."""
+        """Normalised steering for vehicle ``n`` from its observation; NaN: none is shown now."""
         seen = observation if self._truth is None else self._truth.observation(n)
         decision, self._states[n] = self._begun[n][0].step(self._states[n], seen)
-        return decision.steer
+        return math.nan if decision.status == Status.ABSENT else decision.steer
 
     def snapshot(self) -> dict[str, Any]:
         """The state kept for each vehicle, without what ``init`` makes again."""

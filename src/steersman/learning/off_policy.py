@@ -99,7 +99,7 @@ class OffPolicySteering(SteeringAgent, OffPolicyAlgorithm):
         self.sampled_steps += n_envs
         env, given = cast("PathFollowingVecEnv", self.env), self.demonstration
         shown = env.demonstrated_actions() if given.enabled else np.full(own.shape, np.nan)
-        takes = self._takes(env, np.abs(shown - own).max(axis=1)) | shows
+        takes = (self._takes(env, abs(shown - own).max(1)) | shows) & np.isfinite(shown).all(axis=1)
         env.choice = own, takes
         everywhere = given.loss is None or given.loss.states == "all"
         opens = self.opening is not None and self.num_timesteps < self.opening.steps

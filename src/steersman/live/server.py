@@ -6,9 +6,12 @@ one that names another host (a name that was made to point here).
 
 from __future__ import annotations
 
+import json
+import os
 import secrets
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
@@ -16,6 +19,9 @@ from typing import TYPE_CHECKING, Any
 from pydantic import TypeAdapter, ValidationError
 
 from steersman.errors import PlantError, SteersmanError, how_to_install
+from steersman.files import make_folder
+from steersman.live import relay
+from steersman.live.demonstrating import TrainingQuestion, TrainingWheel
 from steersman.live.drives import DriveCache, LiveRun
 from steersman.live.failure_map import MapRequest, axes, map_cells
 from steersman.live.form import chosen, form
@@ -114,6 +120,8 @@ def _answers(
         "/wheel": (WheelInput, wheel.answer),
     }
     if training is not None:
+        shown = TrainingWheel()
+        out["/demonstrate"], out["/ask"] = (WheelInput, shown.answer), (TrainingQuestion, shown.ask)
         out["/training"] = TrainingRequest, FollowedTraining(training).answer
     return out
 
@@ -173,4 +181,23 @@ def serve(
     app = live_app(base, address, recordings, training)
     import uvicorn
 
-    uvicorn.run(app, host=HOST, port=address.port, log_level="warning", ws="none")
+    with reachable(address, FilePath(recordings)) if training is not None else nullcontext():
+        uvicorn.run(app, host=HOST, port=address.port, log_level="warning", ws="none")
+
+
+@contextmanager
+def reachable(address: LiveAddress, folder: FilePath) -> Iterator[None]:
+    """Leave in a folder how :mod:`steersman.live.relay` reaches this server, while it runs.
+
+    Raises:
+        DataError: the folder cannot be written.
+    """
+    file = make_folder(folder) / relay.FILE
+    place = {"url": f"http://{HOST}:{address.port}/ask", "headers": {TOKEN: address.token}}
+    file.unlink(missing_ok=True)
+    with os.fdopen(os.open(file, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600), "w") as stream:
+        json.dump(place, stream)  # the token is nobody else's
+    try:
+        yield
+    finally:
+        file.unlink(missing_ok=True)

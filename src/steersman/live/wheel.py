@@ -37,8 +37,8 @@ class WheelInput(BaseModel):
     """A message of the page."""
 
     act: Literal["start", "steer", "stop"]
-    steer: float = Field(0.0, ge=-1.0, le=1.0, allow_inf_nan=False)
-    """Normalised steering, left positive."""
+    steer: float | None = Field(0.0, ge=-1.0, le=1.0, allow_inf_nan=False)
+    """Normalised steering, left positive; None: no hands on the wheel of a training."""
     choices: Choices | None = None
     """What is driven, to start."""
 
@@ -106,7 +106,7 @@ class WheelDrive:
                 raise SteersmanError("another page of this server is driving; stop it there")
             self._start(given.choices or Choices())
         hand = self._hand
-        hand.steer, hand.heard = given.steer, time.monotonic()
+        hand.steer, hand.heard = given.steer or 0.0, time.monotonic()
         if given.act == "stop":
             hand.stop = True
             if self._thread is not None:
