@@ -172,18 +172,6 @@ def test_the_car_has_figures_and_one_period(tmp_path: FilePath) -> None:
     assert unit.get("car.v_x")[0] < quick
 
 
-def test_a_supervisor_is_told_that_nothing_arrived(tmp_path: FilePath) -> None:
-    word = "supervised/tuned/pid"
-    unit = Unit(export(tmp_path, word), tmp_path / "unit")
-    config = configuration("drive", [f"controller={word}"])
-    setting = Setting("pid", config.controller, config.vehicle, 0.05, 15, 2.0)
-    rows = [row for row in rows_of(setting)[:60] if row.executed is None]
-    for i, (row, decision) in enumerate(zip(rows, answers(setting, rows), strict=True)):
-        unit.put(missing=int(row.missing))
-        assert abs(unit.answer(row.seen, i * 0.05)[0] - decision.steer) < 1e-9
-    assert 3 < sum(row.missing for row in rows) < len(rows)
-
-
 def test_a_policy_answers_as_in_python(tmp_path: FilePath) -> None:
     unit = Unit(export(tmp_path, "precision", fmi=3), tmp_path / "unit")
     policy = Policy(file="precision")

@@ -58,7 +58,7 @@ COMMANDS = {
         "bench:bench", "Drive every controller through the same scenarios, and compare them."
     ),
     "export": Entry(
-        "export:export", "Write a result in another format: C, FMU, ONNX, MCAP, Minari."
+        "export:export", "Write a result in another format: C, FMU, ROS 2, ONNX, MCAP, Minari."
     ),
     "adopt": Entry("adopt:adopt", "Make a controller from a network that was trained elsewhere."),
     "node": Entry("node:node", "Answer observations with steering, from standard input or by UDP."),

@@ -33,6 +33,7 @@ EXAMPLES = (
     "  steersman export tuned/lqr --to c nominal=my_car.yaml\n"
     "  steersman export tuned/mpc_delay --to fmu --fmi 3\n"
     "  steersman export carla_model3 --to fmu path=monza speed=constant_speed\n"
+    "  steersman export supervised/tuned/lqr --to ros2\n"
     "  steersman export runs/agent/policy.onnx --to onnx --out delivery\n"
     "  steersman export runs/monza --to mcap\n"
     "  steersman export demo --to minari --out datasets\n"
@@ -40,6 +41,7 @@ EXAMPLES = (
     "\b\n"
 )
 STEERS = "a controller, or a policy"
+CLASSICAL = "a controller that is no policy"
 UNIT = "a controller, a policy, or a vehicle with its road"
 _PRECISIONS = ("single", "double")
 _FMI = (2, 3)
@@ -83,6 +85,15 @@ def _fmu(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
     return write_fmu(model_of(wanted), wanted.fmi or 2, folder, note)
 
 
+def _ros2(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
+    from steersman.delivery.ros2 import write_package
+
+    setting = setting_of(wanted)
+    if setting is None:
+        raise ConfigError(f"{wanted.run}: only a classical controller can be a ROS 2 package yet")
+    return write_package(setting, folder)
+
+
 def _onnx(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
     from steersman.delivery.package import write_onnx
 
@@ -104,6 +115,7 @@ def _minari(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
 TARGETS = (
     Target("c", STEERS, "C99 source without dependencies, test vector, Makefile, card", _c),
     Target("fmu", UNIT, "a unit for co-simulation (FMI 2.0, 3.0), binary and sources", _fmu),
+    Target("ros2", CLASSICAL, "a package (ament_cmake) with a node for Autoware's messages", _ros2),
     Target("onnx", POLICY, "the network as a checked ONNX file with its card", _onnx),
     Target("mcap", DRIVE, "a recording with ROS 2 messages", _mcap),
     Target("minari", DATA, "a dataset of what was seen and done", _minari, dataset_home),
