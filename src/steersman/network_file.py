@@ -180,7 +180,7 @@ class PolicyNetwork:
         import onnxruntime
 
         check_network(data, name)
-        self._made_of = (data, name, features, actions)
+        self.made_of = (data, name, features, actions)
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 3
@@ -207,4 +207,4 @@ class PolicyNetwork:
         return self._session.run(None, {self._entry: x})[0][0]
 
     def __reduce__(self) -> tuple[type[PolicyNetwork], tuple[bytes, str, int, int]]:
-        return type(self), self._made_of
+        return type(self), self.made_of

@@ -113,7 +113,6 @@ def test_parameters_leave_and_come_back(steersman: Steersman, tmp_path: FilePath
         ("tuned/lqr --parameters comma.csv", "comma.csv: line 2 (preview_time): 3 cells, expected"),
         ("tuned/lqr --parameters few.csv", "few.csv: line 2 (preview_time): 1 cells, expected 2"),
         ("tuned/lqr --parameters semi.csv", "semi.csv: its cells are separated by ';'"),
-        ("precision --with supervisor", "supervised/precision: a policy cannot be exported to C"),
         ("lqr --with supervisor controller.deadline=0.01", "a call of perf_counter (controllers/"),
         ("tuned/lqr --with estimater", "unknown part 'estimater'; did you mean 'estimator'?"),
         ("tuned/lqr sensor.count=3", "sensor.count: 3"),

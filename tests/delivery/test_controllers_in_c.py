@@ -5,12 +5,17 @@ from __future__ import annotations
 import re
 import subprocess
 from pathlib import Path as FilePath
+from typing import Any
 
 import pytest
 
 from steersman.delivery.controller import Setting
 from steersman.delivery.controller_package import write_controller
+from steersman.learning.config import TrainConfig
+from steersman.learning.export import export_policy
 
+from ..learning.problems import problem
+from ..loops import random_net
 from ..scripts import script
 from .building import COMPILER, SANITISERS, STRICT, needs_compiler
 
@@ -41,6 +46,32 @@ def test_the_vector_runs_under_sanitisers(tmp_path: FilePath) -> None:
     changed = re.sub(r"(_defaults = \{\n    )[^,]+,", r"\g<1>0.9,", file.read_text())
     file.write_text(changed, encoding="ascii")
     assert "NOT AS EXPECTED" in run_vector(setting, tmp_path).stdout
+
+
+def test_a_number_of_the_design_changes_wherever_a_state_holds_it() -> None:
+    word = "supervised/tuned/lqr controller.fallback=pure_pursuit controller.last=pid"
+    setting = bench.setting_of(word)._replace(values={"design.candidates.0.state.gains[40]": 0.5})
+    inner = setting.start().candidates[0]
+    assert inner.state.gains is inner.fresh.gains
+    assert inner.state.gains.flat[40] == 0.5
+
+
+@needs_compiler
+@pytest.mark.parametrize("fields", [{}, {"base": {"kind": "stanley"}}], ids=["memory", "residual"])
+def test_a_policy_behind_a_predictor(fields: dict[str, Any], tmp_path: FilePath) -> None:
+    encoding = {"kind": "extended", "history": 3, "waypoints": 4}
+    action = {"action": "residual", "authority": 0.2} if fields else {}
+    config = TrainConfig(problem=problem(encoding=encoding, **action, **fields), trim=0.5)
+    net = random_net(len(config.problem.layout.scale), 8)
+    file = export_policy(net, config, tmp_path, {}, ("Relu", "Tanh"), 0.6 if fields else 1.0)
+    setting = made(f"predicted/{file}", tmp_path)
+    code = bench.compiled(setting, tmp_path, (COMPILER, "-O0"))
+    known = bench.known(setting, bench.drawn_rows(setting, 400))
+    found = bench.parity(setting, code, known)
+    assert found.other_statuses == 0
+    assert found.steering <= 1e-12
+    assert 250 < found.usable < 390
+    assert known.answers[:, 0].std() > 0.01
 
 
 @needs_compiler

@@ -151,7 +151,7 @@ class Policy(ControllerComponent):
             decision, state = self._through(state, features, shifted)
             steer, status = decision.steer, max(decision.status, status)
         else:
-            action = float(_answer(state, features)[0])
+            action = float(network_answer(state, features)[0])
             steer = action
             if state.rate_step > 0.0:
                 steer = memory[kernel.LAST_COMMAND] + action * state.rate_step
@@ -167,7 +167,7 @@ class Policy(ControllerComponent):
         assert state.adjuster is not None
         adjusted = state.base_state
         if state.held == 0:
-            adjusted = state.adjuster.adjust(adjusted, _answer(state, features))
+            adjusted = state.adjuster.adjust(adjusted, network_answer(state, features))
         decision, adjusted = adjusted.step(observation)
         held = (state.held + 1) % state.period
         return decision, state._replace(base_state=adjusted, held=held)
@@ -193,7 +193,7 @@ class Policy(ControllerComponent):
         return min(max(shift, -self.trim_limit), self.trim_limit)
 
 
-def _answer(state: PolicyState, features: FloatArray) -> Any:
+def network_answer(state: PolicyState, features: FloatArray) -> Any:
     """The network's actions (m,)."""
     with np.errstate(over="ignore"):  # the network clips: infinity is as good as 1e300
         single = features.astype(np.float32)

@@ -10,6 +10,9 @@ import numpy as np
 
 from steersman.controllers.base import ControllerComponent, designed
 from steersman.delivery.c_text import identifier
+from steersman.delivery.graph import ExactNetwork, read_network
+from steersman.delivery.translate.functions import CALLS
+from steersman.delivery.translate.policies import POLICY_CALLS
 from steersman.delivery.translate.program import Parameter, Program
 from steersman.delivery.translate.statements import Statements
 from steersman.delivery.translate.values import (
@@ -30,9 +33,11 @@ from steersman.delivery.translate.values import (
     type_of,
 )
 from steersman.errors import ConfigError
+from steersman.network_file import PolicyNetwork
 from steersman.types import Observation
 from steersman.vehicles import Vehicle
 
+CALLS.update(POLICY_CALLS)
 _PASSES = 8
 DESIGN = "design"
 """What the names of numbers begin with that the controller makes before the first step."""
@@ -61,8 +66,7 @@ class Setting(NamedTuple):
         Raises:
             ConfigError: its equations have no solution for this vehicle.
         """
-        made = designed(self.controller, self.vehicle, self.dt)
-        return _changed(made, DESIGN, self.values) if self.values else made
+        return _prepared(designed(self.controller, self.vehicle, self.dt), self.values)
 
     @property
     def prefix(self) -> str:
@@ -127,17 +131,31 @@ def translated(setting: Setting) -> Translated:
     raise ConfigError("no C code can be made of this controller: its state keeps growing")
 
 
-def _changed(value: Any, path: str, values: Mapping[str, float]) -> Any:
-    """A part of a first state with other numbers in its arrays."""
-    if isinstance(value, tuple):
-        names = getattr(value, "_fields", range(len(value)))
-        pairs = zip(names, value, strict=True)
-        parts = [_changed(each, f"{path}.{name}", values) for name, each in pairs]
-        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
-    if isinstance(value, np.ndarray):
+def _prepared(start: Any, values: Mapping[str, float]) -> Any:
+    """A first state with other numbers in its arrays, and with exact networks."""
+    done: dict[int, Any] = {}
+
+    def part(value: Any, path: str) -> Any:
+        if isinstance(value, tuple):
+            names = getattr(value, "_fields", range(len(value)))
+            parts = [part(v, f"{path}.{k}") for k, v in zip(names, value, strict=True)]
+            return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+        if not isinstance(value, np.ndarray | PolicyNetwork):
+            return value
+        if id(value) not in done:  # what two fields hold stays one
+            done[id(value)] = _replaced(value, path, values)
+        return done[id(value)]
+
+    return part(start, DESIGN)
+
+
+def _replaced(value: Any, path: str, values: Mapping[str, float]) -> Any:
+    if isinstance(value, PolicyNetwork):
+        return ExactNetwork(read_network(*value.made_of[:2]))
+    changed = {i: values[f"{path}[{i}]"] for i in range(value.size) if f"{path}[{i}]" in values}
+    if changed:
         value = value.copy()
-        for i in range(value.size):
-            value.flat[i] = values.get(f"{path}[{i}]", value.flat[i])
+        value.flat[list(changed)] = list(changed.values())
     return value
 
 

@@ -138,6 +138,19 @@ def exact(network: Network, features: Single) -> FloatArray:
     return flow
 
 
+class ExactNetwork:
+    """A network in float64 behind the scaled features, as a function of features (1, n)."""
+
+    def __init__(self, network: Network) -> None:
+        """Keep it."""
+        self.network = network
+
+    def __call__(self, features: Single) -> FloatArray:
+        """The actions (m,)."""
+        answer: FloatArray = exact(self.network, features)[0]
+        return answer
+
+
 def activated(activation: str, values: Any) -> Any:
     """``values`` behind an activation."""
     if activation == RELU:

@@ -159,7 +159,7 @@ def _compiled(function: Callable[..., float], frozen: tuple[tuple[str, Any], ...
     placed = _Columns(groups, where).visit(parse(function))
     placed.args = ast.arguments([], [ast.arg(name) for name in names], None, [], [], None, [])
     address = address_of(placed, function, function.__globals__, _SIGNATURE)
-    return Formula(function, tree, address, placed)
+    return COMPILED.setdefault(address, Formula(function, tree, address, placed))
 
 
 def address_of(
@@ -201,6 +201,8 @@ def _reason(error: Exception) -> str:
     return (told or lines or [type(error).__name__])[0]
 
 
+# Formulas by their addresses.
+COMPILED: dict[int, Formula] = {}
 # What has to stay in memory as long as its address is used, and what it has raised.
 _KEPT: list[Any] = []
 _FAULTS: list[Exception] = []

@@ -186,8 +186,8 @@ class Expressions(Operators):
                 start = self.value(first)
                 if isinstance(start, Scalar):
                     return Bundle(slice, (start, Static(self.static(self.value(count)))))
-        ends = [None if each is None else self.static(self.value(each)) for each in (first, last)]
-        return Static(slice(*ends))
+        three = (first, last, node.step)
+        return Static(slice(*(each and self.static(self.value(each)) for each in three)))
 
     def _listcomp(self, node: ast.ListComp | ast.GeneratorExp) -> Value:
         (loop,) = node.generators

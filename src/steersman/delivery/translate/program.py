@@ -274,7 +274,8 @@ class Program:
 @cache
 def _parsed(function: Callable[..., Any]) -> tuple[ast.FunctionDef, frozenset[tuple[str, int]]]:
     """A function's syntax tree, and the names that it reads with their lines."""
-    tree = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
+    tree = getattr(function, "placed", None)
+    tree = tree or ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
     assert isinstance(tree, ast.FunctionDef)
     return tree, frozenset(
         (each.id, each.lineno)
