@@ -251,6 +251,14 @@ def test_training_takes_a_python_function(tmp_path: FilePath) -> None:
     assert result.policy.is_file()
     with pytest.raises(ConfigError, match="a file cannot hold a Python function"):
         sm.train(str(tmp_path / "calm" / "config.yaml"), out=tmp_path / "again")
+    # It goes on with the function of that name, and with no other.
+    told: list[str] = []
+    again = sm.train(config, reward=calm, out=tmp_path / "calm", resume=True, notify=told.append)
+    assert told == [f"{tmp_path / 'calm'}: finished already"]
+    assert again.policy == result.policy
+    for other in (None, abs):
+        with pytest.raises(ConfigError, match=r"has the Python function .*calm; go on from Python"):
+            sm.train(config, reward=other, out=tmp_path / "calm", resume=True)
 
 
 # --------------------------------------------------------------------------- the one sum

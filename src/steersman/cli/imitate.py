@@ -41,12 +41,13 @@ def imitate(
     problem, validation, seed, trim and threads are taken. Writes what steersman train writes.
     """
     kept = FilePath(out) / "config.yaml"
-    if not words and resume and kept.is_file():
-        words = [str(kept)]
+    words = words or []
+    if resume and kept.is_file() and all("=" in word for word in words):
+        words = [str(kept), *words]
     import steersman as sm
     from steersman.api.driving import announce
 
-    config = sm.configure("imitate", *(words or []), notify=note)
+    config = sm.configure("imitate", *words, notify=note)
     announce(config.problem.plant, note, config.problem.vehicle)
     folder = files.out_folder(out)
     try:

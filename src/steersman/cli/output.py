@@ -38,7 +38,7 @@ def console(stream: TextIO, like: TextIO) -> Console:
     return Console(
         file=stream,
         force_terminal=terminal,
-        width=None if terminal else _WIDTH,
+        width=None if terminal or "COLUMNS" in os.environ else _WIDTH,
         markup=False,
         highlight=False,
         emoji=False,

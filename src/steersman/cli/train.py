@@ -51,7 +51,8 @@ def train(
     import steersman as sm
     from steersman.api.driving import announce
 
-    words = words or (_resumed(out, chosen) if resume else [])
+    if resume and all("=" in word for word in words):
+        words = [*_resumed(out, chosen), *words]
     config = sm.configure("train", *words, notify=note)
     announce(config.problem.plant, note, config.problem.vehicle)
     folder = files.out_folder(out)

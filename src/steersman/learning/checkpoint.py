@@ -159,7 +159,7 @@ def check_folder(config: LearningConfig, out: FilePath, *, overwrite: bool, resu
 
 def _check_same(config: LearningConfig, file: FilePath) -> None:
     try:
-        kept = build(type(config), read_yaml(file))
+        kept = build(type(config), _with_functions(read_yaml(file), config))
     except ConfigError as error:
         raise ConfigError(f"{file}: {error}") from None
     found = first_difference(dump(config), dump(kept))
@@ -168,6 +168,25 @@ def _check_same(config: LearningConfig, file: FilePath) -> None:
         raise ConfigError(
             f"{given!r} is given, but {file} has {had!r}; a training resumes as it began", where
         )
+
+
+def _with_functions(tree: dict[str, Any], config: LearningConfig) -> dict[str, Any]:
+    """A kept configuration with the Python functions that it names, taken from ``config``.
+
+    Raises:
+        ConfigError: it names one that ``config`` has not.
+    """
+    ours = {str(dump(t)["function"]): t for t in config.problem.task.terms if t.kind == "function"}
+    for term in tree.get("problem", {}).get("task", {}).get("terms", ()):
+        if term.get("kind") == "function":
+            name = term["function"]
+            if name not in ours:
+                raise ConfigError(
+                    f"its reward has the Python function {name}; go on from Python with the same "
+                    "one: sm.train(..., reward=FUNCTION, resume=True)"
+                )
+            term["function"] = ours[name].function
+    return tree
 
 
 def first_difference(

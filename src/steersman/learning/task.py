@@ -164,7 +164,7 @@ class SteeringChange(RewardTerm):
 class FunctionTerm(RewardTerm):
     """A plain Python function of a :class:`Judged`, called at every step of every vehicle.
 
-    It costs some microseconds a step, and a training with it cannot be resumed from its YAML file.
+    It costs some microseconds a step; a training goes on where one of its name is given again.
     """
 
     function: Any = required("-", "Python function of the judged step.")
