@@ -25,10 +25,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import Field
 
 from steersman.commands import configuration
-from steersman.controllers.base import ControllerComponent
+from steersman.delivery.compiled import CompiledController
 from steersman.delivery.controller import Setting
 from steersman.delivery.controller_package import write_controller
 from steersman.delivery.controller_text import TOLERANCE, answers, counted_steps
@@ -37,8 +36,7 @@ from steersman.files import write_text
 from steersman.kernels.active_set import MOST_STEPS
 from steersman.provenance import provenance
 from steersman.rollout import run
-from steersman.types import Decision, FloatArray, Observation, Status
-from steersman.vehicles import Vehicle
+from steersman.types import FloatArray, Status
 from steersman.words import short
 
 CONTROLLERS = (
@@ -67,53 +65,6 @@ QEMU = (
 )  # fmt: skip
 
 
-class InC(ControllerComponent):
-    """A compiled controller, called from Python; the bytes of its C state are its state."""
-
-    code: Any = Field(exclude=True)
-    prefix: str
-    single: bool
-
-    def function(self, name: str) -> Any:
-        """One of its functions."""
-        found = getattr(self.code, f"{self.prefix}_{name}")
-        found.restype = ctypes.c_int if name in {"step", "size"} else None
-        return found
-
-    def packed(self, seen: Observation) -> Any:
-        """An observation as C has it."""
-        given = [*seen[:8], *seen.preview.ravel()]
-        return np.array(given, np.float32 if self.single else np.float64)
-
-    def real(self, value: float = 0.0) -> Any:
-        """A number as C has it."""
-        return ctypes.c_float(value) if self.single else ctypes.c_double(value)
-
-    def init(self, vehicle: Vehicle, dt: float) -> bytes:
-        """The state before the first step."""
-        state = ctypes.create_string_buffer(self.function("size")())
-        self.function("init")(state, None)
-        return state.raw
-
-    def decide(self, state: bytes, observation: Observation) -> Any:
-        """Not called: a step of C is whole."""
-        raise NotImplementedError
-
-    def step(self, state: bytes, observation: Observation | None) -> tuple[Decision, bytes]:
-        """The decision of the C code."""
-        steer, after = self.real(), ctypes.create_string_buffer(state, len(state))
-        given = None if observation is None else self.packed(observation)
-        at = None if given is None else ctypes.c_void_p(given.ctypes.data)
-        status = self.function("step")(after, at, ctypes.byref(steer))
-        return Decision(float(steer.value), Status(status)), after.raw
-
-    def executed(self, state: bytes, steer: float) -> bytes:
-        """Another command was executed."""
-        after = ctypes.create_string_buffer(state, len(state))
-        self.function("executed")(after, self.real(steer))
-        return after.raw
-
-
 def make(setting: Setting, folder: Path, words: Sequence[str], *more: str) -> Path:
     """Compile the C code in ``folder`` with ``batch.c.in``; ``words`` are compiler and flags."""
     text = Path(__file__).with_name("batch.c.in").read_text(encoding="ascii")
@@ -125,10 +76,12 @@ def make(setting: Setting, folder: Path, words: Sequence[str], *more: str) -> Pa
     return file
 
 
-def compiled(setting: Setting, folder: Path, words: Sequence[str]) -> InC:
+def compiled(setting: Setting, folder: Path, words: Sequence[str]) -> CompiledController:
     """Compile the C code in ``folder`` as a library."""
     file = make(setting, folder, words, "-shared", "-fPIC")
-    return InC(code=ctypes.CDLL(str(file)), prefix=setting.prefix, single=setting.single)
+    return CompiledController(
+        code=ctypes.CDLL(str(file)), prefix=setting.prefix, single=setting.single
+    )
 
 
 def setting_of(word: str, single_: bool = False) -> Setting:
@@ -190,7 +143,7 @@ class Parity(NamedTuple):
     other_statuses: int
 
 
-def in_batch(setting: Setting, code: InC, rows: FloatArray) -> FloatArray:
+def in_batch(setting: Setting, code: CompiledController, rows: FloatArray) -> FloatArray:
     """What the C code answers, (n, 2)."""
     out = np.empty((len(rows), 2))
     state = ctypes.create_string_buffer(code.init(setting.vehicle, setting.dt))
@@ -212,7 +165,7 @@ def compared(setting: Setting, said: FloatArray, expected: FloatArray) -> Parity
     return Parity(len(said), usable, float(apart.max()), beyond, int(other.sum()))
 
 
-def parity(setting: Setting, code: InC, of: Known) -> Parity:
+def parity(setting: Setting, code: CompiledController, of: Known) -> Parity:
     """Compare the C code with what Python answered."""
     return compared(setting, in_batch(setting, code, of.rows), of.answers)
 
@@ -226,7 +179,7 @@ def sanitised(setting: Setting, folder: Path, of: Known) -> Parity:
     return compared(setting, said, of.answers[: len(rows)])
 
 
-def drive_difference(word: str, code: InC, duration: float = 60.0) -> float:
+def drive_difference(word: str, code: CompiledController, duration: float = 60.0) -> float:
     """Largest difference of path, heading and steering between a drive by Python and one by C."""
     lost = "disturbances=[{kind: dropouts, share: 0.1}]"
     words = ["path=monza", f"duration={duration}", "sensor.position_noise=0.02", lost]
@@ -237,7 +190,7 @@ def drive_difference(word: str, code: InC, duration: float = 60.0) -> float:
     return max(float(np.abs(here.columns[k] - there.columns[k]).max()) for k in names)
 
 
-def microseconds(code: InC, setting: Setting) -> dict[str, float]:
+def microseconds(code: CompiledController, setting: Setting) -> dict[str, float]:
     """Of one step in C, less that of the call from Python, and in Python; the sides take turns."""
     rows = [row.seen for row in drawn_rows(setting, 200)]
     packed = [code.packed(each) for each in rows]

@@ -24,7 +24,7 @@ from steersman.delivery.observations import straight
 from steersman.files import write_text
 from steersman.provenance import provenance
 
-CONTROLLERS = ("tuned/lqr", "tuned/mpc_delay", "precision")
+CONTROLLERS = ("tuned/lqr", "tuned/mpc_delay", "tuned/mpc_delay --compiled", "precision")
 ECHO = """
 import socket
 line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -56,7 +56,7 @@ def started(words: list[str]) -> tuple[subprocess.Popen[str], socket.socket]:
 def measured(word: str, form: str, count: int) -> dict[str, object]:
     """Quantiles of both round trips [ms]."""
     seen = straight(15, 2.0)._replace(lateral_error=0.1)
-    node, asked = started([sys.executable, "-m", "steersman", "node", word, "--udp", "0"])
+    node, asked = started([sys.executable, "-m", "steersman", "node", *word.split(), "--udp", "0"])
     echo, other = started([sys.executable, "-c", ECHO])
     times = np.zeros((count, 2))
     begun = time.perf_counter()

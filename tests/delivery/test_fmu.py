@@ -20,6 +20,7 @@ from steersman.cli.exported import ToExport, model_of
 from steersman.commands import configuration
 from steersman.controllers.policy import Policy
 from steersman.controllers.stanley import Stanley
+from steersman.delivery import compiled
 from steersman.delivery.controller import Setting
 from steersman.delivery.controller_text import answers, rows_of
 from steersman.delivery.fmu import archive
@@ -46,7 +47,7 @@ DRIVE = (
 @pytest.fixture(autouse=True)
 def quickly_and_strictly(monkeypatch: pytest.MonkeyPatch) -> None:
     flags = (*STRICT, "-ffp-contract=off", "-fvisibility=hidden", "-shared", "-O0")
-    monkeypatch.setattr(archive, "_FLAGS", flags)
+    monkeypatch.setattr(archive, "FLAGS", flags)
 
 
 @cache
@@ -189,7 +190,7 @@ def test_a_policy_answers_as_in_python(tmp_path: FilePath) -> None:
 def test_without_a_compiler_there_are_sources_alone(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(archive, "COMPILERS", ("no_such_compiler",))
+    monkeypatch.setattr(compiled, "COMPILERS", ("no_such_compiler",))
     words = ["export", "tuned/pure_pursuit", "--to", "fmu", "--fmi", "3", "--out", str(tmp_path)]
     result = CliRunner().invoke(app, words)
     assert "no binary in the FMU: there is no C compiler here" in result.stderr

@@ -26,6 +26,8 @@ from steersman.config import resolve
 from steersman.controllers import exchange
 from steersman.controllers.exchange import ANSWER, ASKED, QUESTION, Question, to_json, to_record
 from steersman.delivery import serving
+from steersman.delivery.compiled import compiled_controller
+from steersman.delivery.controller import Setting
 from steersman.delivery.node import ControllerNode
 from steersman.delivery.observations import straight
 from steersman.errors import ConfigError, DataError
@@ -104,6 +106,21 @@ def test_a_supervisor_is_told_of_what_did_not_come() -> None:
             _, state = supervisor.step(state, None)
         decision, state = supervisor.step(state, observed(k))
         assert asked(made, line(Question(observed(k), sequence=k)))["steer"] == decision.steer
+
+
+@needs_compiler
+def test_the_compiled_controller_answers_as_in_python() -> None:
+    controller = resolve("controller", "tuned/stanley")
+    made = compiled_controller(Setting("node", controller, CAR, 0.05, 15, 2.0))
+    fast = ControllerNode(made, CAR, 0.05, straight(15, 2.0))
+    slow = node("tuned/stanley")
+    for k in range(20):
+        message = line(Question(observed(k), k % 2, None, None, 0.1 if k == 9 else None))
+        answer, expected = asked(fast, message), asked(slow, message)
+        assert abs(answer.pop("steer") - expected.pop("steer")) < 1e-12
+        assert answer == expected
+    other = asked(fast, line(Question(straight(9, 2.0))))
+    assert "9 waypoints 2 m apart, the compiled controller takes 15" in other["error"]
 
 
 def test_a_late_answer_says_so_and_what_cannot_be_measured_is_a_fallback() -> None:

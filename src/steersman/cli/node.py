@@ -48,6 +48,9 @@ def node(
             help="From question to answer; else the control period.",
         ),
     ] = None,
+    compiled: Annotated[
+        bool, typer.Option("--compiled", help="Compile the controller's C code, and run that.")
+    ] = False,
     count: Annotated[
         int | None, typer.Option("--count", min=1, help="End after so many datagrams.")
     ] = None,
@@ -71,13 +74,17 @@ def node(
 
     config, vehicle = loop_of(run, words or ())
     tell_compiling()
-    made = ControllerNode(
-        in_front(config.controller, config.estimator, config.predictor),
-        vehicle,
-        config.plant.dt,
-        straight(config.sensor.count, config.sensor.spacing),
-        deadline,
-    )
+    sensor, dt = config.sensor, config.plant.dt
+    steers = whole = in_front(config.controller, config.estimator, config.predictor)
+    if compiled:
+        from steersman.delivery.compiled import compiled_controller
+        from steersman.delivery.controller import Setting
+
+        steers = compiled_controller(
+            Setting("node", whole, vehicle, dt, sensor.count, sensor.spacing)
+        )
+    seen = straight(sensor.count, sensor.spacing)
+    made = ControllerNode(steers, vehicle, dt, seen, deadline, gaps=whole.gaps)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         if udp is None:

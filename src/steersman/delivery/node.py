@@ -88,6 +88,8 @@ class ControllerNode:
         dt: float,
         example: Observation,
         deadline: float | None = None,
+        *,
+        gaps: bool = False,
     ) -> None:
         """Design the controller, and compile what it needs.
 
@@ -97,11 +99,12 @@ class ControllerNode:
             dt: control period [s].
             example: something to try it with.
             deadline: from question to answer [s]; None: the control period.
+            gaps: whether the controller is told of observations that did not come.
 
         Raises:
             ConfigError: the controller has no solution for the vehicle.
         """
-        self._controller, self._dt = controller, dt
+        self._controller, self._dt, self._gaps = controller, dt, gaps or controller.gaps
         self._deadline = dt if deadline is None else deadline
         self._start = designed(controller, vehicle, dt)
         warm_up(controller, self._start, example)
@@ -167,7 +170,7 @@ class ControllerNode:
             self._counts["stale"] += 1
             raise NoQuestion(f"sequence: given {sequence} after {drive.sequence}")
         self._counts["lost"] += ahead - 1
-        if self._controller.gaps:
+        if self._gaps:
             for _ in range(min(ahead - 1, _MOST_MISSED)):
                 _, state = self._controller.step(state, None)  # type: ignore[arg-type]
         return state

@@ -4,25 +4,20 @@ from __future__ import annotations
 
 import hashlib
 import platform
-import shutil
-import subprocess
 import sys
-import tempfile
 import uuid
 import zipfile
 from collections.abc import Callable, Iterable
 from pathlib import Path as FilePath
 
 from steersman.delivery import c_text
+from steersman.delivery.compiled import FLAGS, shared_library
 from steersman.delivery.fmu.description import build_description, compiled_files, model_description
 from steersman.delivery.fmu.model import INPUT, OUTPUT, PARAMETER, FmuModel
-from steersman.delivery.package import COMPILERS
-from steersman.errors import one_line
+from steersman.errors import ConfigError
 from steersman.files import replacing
 
 VERSIONS = (2, 3)
-_FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-shared")
-_LONGEST = 300.0
 # System as Python calls it: as FMI 2 and FMI 3 do, and what a library ends in.
 _SYSTEMS = {
     "linux": ("linux", "linux", ".so"),
@@ -53,11 +48,15 @@ def write_fmu(
     if fmi != VERSIONS[0]:
         contents["sources/buildDescription.xml"] = build_description(model, fmi).encode()
     place, suffix = binary_place(fmi)
-    binary = _compiled(sources, compiled_files(model, fmi), tell) if place else None
-    if binary is not None:
-        contents[f"binaries/{place}/{model.prefix}{suffix}"] = binary
-        tell(f"FMI {fmi}.0 for co-simulation: {_counts(model)}; binary for {place}, and sources")
-    elif not place:
+    if place:
+        try:
+            binary = shared_library(sources, compiled_files(model, fmi), FLAGS)
+        except ConfigError as error:
+            tell(f"no binary in the FMU: {error}; sources/ can be compiled elsewhere")
+        else:
+            contents[f"binaries/{place}/{model.prefix}{suffix}"] = binary
+            tell(f"FMI {fmi}.0 for co-simulation: {_counts(model)}; sources, binary for {place}")
+    else:
         tell(f"no binary in the FMU: FMI {fmi}.0 has no name for this platform; compile sources/")
     file = folder / f"{name}.fmu"
     with replacing(file) as stream, zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -78,33 +77,6 @@ def binary_place(fmi: int) -> tuple[str, str]:
     if fmi == VERSIONS[0]:
         return (f"{two}64" if two and processor == "x86_64" else ""), suffix
     return (f"{processor}-{three}" if three and processor else ""), suffix
-
-
-def _compiled(
-    sources: dict[str, str], files: Iterable[str], tell: Callable[[str], object]
-) -> bytes | None:
-    """The shared library; None, with a sentence why, if there is no compiler or it fails."""
-    compiler = next((found for found in map(shutil.which, COMPILERS) if found), None)
-    if compiler is None:
-        tell("no binary in the FMU: there is no C compiler here; where there is one, export again")
-        return None
-    with tempfile.TemporaryDirectory() as scratch:
-        for each, content in sources.items():
-            FilePath(scratch, each).write_text(content, encoding="utf-8")
-        shared = _FLAGS if sys.platform == "win32" else (*_FLAGS, "-fPIC")
-        words = [compiler, *shared, "-o", "out", *files, "-lm"]
-        try:
-            done = subprocess.run(
-                words, capture_output=True, text=True, check=False, cwd=scratch, timeout=_LONGEST
-            )
-        except (OSError, subprocess.SubprocessError) as error:
-            tell(f"no binary in the FMU: {one_line(str(error))[:160]}")
-            return None
-        if done.returncode != 0:
-            why = one_line(done.stderr)[:160]
-            tell(f"no binary in the FMU: {FilePath(compiler).name} says {why}")
-            return None
-        return FilePath(scratch, "out").read_bytes()
 
 
 def _words(model: FmuModel) -> dict[str, object]:
