@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path as FilePath
@@ -13,6 +12,7 @@ from steersman import words as words_
 from steersman.config import build, lookup, resolve
 from steersman.core_yaml import read_yaml
 from steersman.errors import ConfigError, DataError
+from steersman.files import read_json
 from steersman.kernels.vehicle import GRAVITY
 from steersman.policy_file import LEARNED
 from steersman.vehicles import CarlaModel3V1, Vehicle, VehicleFile
@@ -203,9 +203,8 @@ def _of_policy(file: str) -> tuple[str, Sequence[Vehicle]]:
 
 def _of_tuning(result: FilePath) -> Sequence[Vehicle]:
     try:
-        suite = json.loads(result.read_text(encoding="utf-8")).get("suite", [])
-        return cars_of([run.get("vehicle") for run in suite])
-    except (OSError, ValueError, AttributeError, TypeError):
+        return cars_of([run.get("vehicle") for run in read_json(result).get("suite", [])])
+    except (DataError, AttributeError, TypeError):
         return []  # another command's, or none of ours
 
 

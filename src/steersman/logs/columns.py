@@ -69,11 +69,13 @@ def read_columns(
 
 
 def check_time(sheet: Sheet, time: FloatArray) -> None:
-    """Refuse times that are missing or do not increase.
+    """Refuse times that are missing or do not increase, and a file without any.
 
     Raises:
         DataError: names the line.
     """
+    if not time.size:
+        raise sheet.fault(sheet.title_line, "no row follows the titles")
     absent = np.flatnonzero(np.isnan(time))
     if absent.size:
         raise sheet.fault(sheet.lines[absent[0]], "time is missing")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from steersman.errors import DataError
 from steersman.paths import smoothing as spline
-from steersman.paths.points import Points
+from steersman.paths.points import Points, refuse_far
 from steersman.types import FloatArray
 
 # Points nearer than this share of the usual spacing, or than this [m], are one.
@@ -57,6 +57,7 @@ def cleaned(points: Points, by: Cleaning) -> Points:
         DataError: there are too few, or their course cannot be used.
     """
     _enough(points)
+    refuse_far(points)
     points = _apart(points, by)
     loop = points.closed if by.loop is None else by.loop
     if by.loop is not False:

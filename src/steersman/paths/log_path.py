@@ -69,5 +69,7 @@ def _speed(signals: dict[str, FloatArray], time: FloatArray, rows: NDArray[np.in
         if values is not None and np.isfinite(values[rows]).any():
             good = np.isfinite(values)
             return np.asarray(np.maximum(np.interp(time[rows], time[good], values[good]), 0.0))
+    if rows.size == 1:
+        return np.zeros(1)
     east, north = (np.gradient(signals[name][rows], time[rows]) for name in ("x", "y"))
     return np.asarray(np.hypot(east, north))

@@ -27,6 +27,8 @@ _SPACING = 1.0
 _TURN = 0.1
 _PROBES = 8
 _SHARPEST = 10.0
+# Pieces of a curve: 250 km of straight road, or what a spline makes of one wrong position.
+_MOST_PIECES = 250_000
 
 
 class PointPath(PathComponent):
@@ -181,6 +183,13 @@ def _samples(points: Points, curve: _Curve) -> FloatArray:
         )
     need = np.maximum(np.max(speed, axis=1) / _SPACING, np.max(bend * speed, axis=1) / _TURN)
     count = np.maximum(np.ceil(need * width), 1.0).astype(np.int64)
+    if count.sum() > _MOST_PIECES:
+        row = int(np.argmax(count))
+        raise points.fault(
+            row,
+            f"after this point the curve takes {count[row]} of its {count.sum()} pieces, the most"
+            f" is {_MOST_PIECES}; are the positions there right, and in metres?",
+        )
     which = np.repeat(np.arange(len(count)), count)
     nth = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
     inner = curve.knots[which] + width[which] * nth / count[which]

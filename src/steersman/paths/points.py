@@ -184,17 +184,26 @@ def _speeds(sheet: Sheet, found: Found) -> FloatArray:
     return speed
 
 
+def refuse_far(points: Points) -> None:
+    """Refuse positions whose distances would be no numbers.
+
+    Raises:
+        DataError: there is one.
+    """
+    far = np.flatnonzero(np.maximum(np.abs(points.x), np.abs(points.y)) > _FARTHEST)
+    if far.size:
+        row = int(far[0])
+        place = f"({points.x[row]:g}, {points.y[row]:g})"
+        raise points.fault(row, f"{place} is too far; positions are in metres")
+
+
 def _checked(
     points: Points, pair: tuple[str, str], sheet: Sheet, found: Mapping[str, Found]
 ) -> Points:
     """Points in metres, each where the earth or a road can be."""
     if pair == ("latitude", "longitude"):
         return in_the_plane(points)
-    far = np.flatnonzero(np.maximum(np.abs(points.x), np.abs(points.y)) > _FARTHEST)
-    if far.size:
-        row = int(far[0])
-        place = f"({points.x[row]:g}, {points.y[row]:g})"
-        raise points.fault(row, f"{place} is too far; positions are in metres")
+    refuse_far(points)
     chords = np.hypot(np.diff(points.x), np.diff(points.y))
     length = float(np.sum(chords))
     if 0.0 < length < _TOO_SHORT and np.all(np.abs(points.y) <= _NORTHMOST):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path as FilePath
 from typing import ClassVar
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from steersman.config import register, required
 from steersman.errors import DataError
+from steersman.files import read_json
 from steersman.paths.point_path import PointPath
 from steersman.paths.points import Points
 
@@ -31,11 +31,11 @@ class TumReference(PointPath):
             DataError: it cannot be read, or has no such lists.
         """
         try:
-            data = json.loads(self.file.read_text(encoding="utf-8"))
+            data = read_json(self.file)
             x, y, speed = (np.array(data[name], dtype=np.float64) for name in _COLUMNS)
-        except OSError as error:
-            raise DataError(f"{self.file}: cannot be read ({error.strerror})") from None
-        except (ValueError, TypeError, KeyError, RecursionError):
+        except DataError:
+            raise
+        except (ValueError, TypeError, KeyError):
             needs = ", ".join(_COLUMNS)
             raise DataError(f"{self.file}: needs lists of numbers {needs}") from None
         good = x.ndim == 1 and x.shape == y.shape == speed.shape
