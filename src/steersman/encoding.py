@@ -25,6 +25,7 @@ from steersman.features import (
     FineLateralError,
     HeadingError,
     LastCommand,
+    LastShare,
     LateralError,
     LateralErrorIntegral,
     LateralVelocity,
@@ -32,7 +33,9 @@ from steersman.features import (
     PastCommands,
     PastErrors,
     RoadCurvatures,
+    SpeedError,
     Waypoints,
+    WishedSpeeds,
     YawRate,
 )
 from steersman.kernels import encode as kernel
@@ -149,12 +152,16 @@ class EncodingComponent(Component):
         """The features in their order; the action is ``rate``, ``direct`` or ``residual``."""
 
     @final
-    def layout(self, spacing: float, dt: float, action: str) -> Layout:
+    def layout(self, spacing: float, dt: float, action: str, *, joint: bool = False) -> Layout:
         """The input for waypoints ``spacing`` [m] apart and the control period ``dt`` [s].
 
-        A residual policy also reads the last command and, at the end, the base's.
+        A joint policy also reads wished speeds and what it made of them; a residual one the last
+        command and, at the end, the base's.
         """
         features = list(self.features_for(action))
+        if joint:
+            wishes = WishedSpeeds(), SpeedError(), LastShare()
+            features += [one for one in wishes if one not in features]
         if action == "residual":
             if LastCommand() not in features:
                 features.append(LastCommand())

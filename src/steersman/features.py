@@ -13,7 +13,7 @@ from steersman.config import Component, param, register
 from steersman.kernels import encode as kernel
 from steersman.kernels import observe
 from steersman.kernels.formula import Formula, Group, compiled, own_group
-from steersman.types import Observation
+from steersman.types import FloatArray, Observation
 
 # The formulas that renew a feature's cells.
 UPDATES = ("begin", "advance", "remember")
@@ -35,7 +35,9 @@ _LOOP = Group(
         "base_command": kernel.BASE_COMMAND,
         "dt": kernel.DT,
         "spacing": kernel.SPACING,
-    }
+        "last_share": kernel.LAST_SHARE,
+    },
+    ("wishes", kernel.WISHES),
 )
 
 
@@ -50,6 +52,10 @@ class Loop(Protocol):
     """Control period [s]."""
     spacing: float
     """Distance between waypoints [m]."""
+    last_share: float
+    """Share of the wished speed that the last joint action allowed [-]."""
+    wishes: FloatArray
+    """Rows of wished speed [m/s] and distance ahead [m]; under a joint action only."""
 
 
 class Feature(Component):
@@ -69,6 +75,9 @@ class Feature(Component):
     """Factor under mirroring left and right: -1 for what is positive to the left, else 1."""
     scale: ClassVar[float] = 1.0
     """Factor that brings it to about unit size [1/unit]."""
+
+    joint: ClassVar[bool] = False
+    """Whether it needs a joint action, which alone knows the wished speed."""
 
     value: ClassVar[Callable[..., float]]
     begin: ClassVar[Callable[..., float] | None] = None
@@ -425,6 +434,77 @@ class PastCommands(_Past):
     def remember(self, loop: Loop, memory: Sequence[float], i: int) -> float:
         """The last command [-]; the others move on by one."""
         return memory[i - 1] if i > 0 else loop.last_command
+
+
+@register("feature", "past_speeds")
+class PastSpeeds(_Past):
+    """Speeds of the last control steps less the present one, newest first: what pedals did."""
+
+    unit, sign = "m/s", 1.0
+
+    def label(self, i: int, spacing: float) -> str:
+        """How many steps ago."""
+        return f"v_x_{i + 1}_ago_less_now [m/s]"
+
+    def value(self, seen: Observation, memory: Sequence[float], i: int) -> float:
+        """Difference of longitudinal velocities [m/s]."""
+        return memory[i] - seen.v_x
+
+    def begin(self, seen: Observation) -> float:
+        """The present speed [m/s]."""
+        return seen.v_x
+
+    def remember(self, seen: Observation, memory: Sequence[float], i: int) -> float:
+        """The speed of this step [m/s]; the others move on by one."""
+        return memory[i - 1] if i > 0 else seen.v_x
+
+
+@register("feature", "wished_speeds")
+class WishedSpeeds(Feature):
+    """Speed wished now beside the vehicle and at every third waypoint ahead."""
+
+    unit, sign, scale, joint = "m/s", 1.0, 1.0 / 15.0, True
+    count: int = param(kernel.N_WISHES, "-", "Places.", ge=1, le=kernel.N_WISHES)
+
+    @property
+    def size(self) -> int:
+        """One number for each place."""
+        return self.count
+
+    @property
+    def reads(self) -> int:
+        """Up to the last place."""
+        return kernel.STRIDE * (self.count - 1) + 1
+
+    def label(self, i: int, spacing: float) -> str:
+        """The distance ahead."""
+        return f"wished_speed_{kernel.STRIDE * i * spacing:g}m [{self.unit}]"
+
+    def value(self, loop: Loop, i: int) -> float:
+        """The speed [m/s]."""
+        return float(loop.wishes[i, 0])
+
+
+@register("feature", "speed_error")
+class SpeedError(Feature):
+    """Longitudinal velocity less the speed wished here and now."""
+
+    unit, sign, scale, joint = "m/s", 1.0, 0.3, True
+
+    def value(self, seen: Observation, loop: Loop) -> float:
+        """Positive where the car is too fast [m/s]."""
+        return float(seen.v_x - loop.wishes[0, 0])
+
+
+@register("feature", "last_share")
+class LastShare(Feature):
+    """Share of the wished speed that the last action allowed."""
+
+    sign, joint = 1.0, True
+
+    def value(self, loop: Loop) -> float:
+        """In [0, 1]."""
+        return loop.last_share
 
 
 @register("feature", "base_command_less_last")

@@ -23,7 +23,8 @@ UNITS = {
     "angle": "rad",
     "steer": "1 = full lock, left positive",
     "action": "[-1, 1]: steering, steering rate over rate_limit, correction over authority, or "
-    "places of the parameters between their bounds",
+    "places of the parameters between their bounds; joint: then the speed, 0 and above as wished, "
+    "-1 standstill",
 }
 SIGNS = {
     "frame": "ISO 8855: x forward, y left, z up; waypoints are in the vehicle's frame",
@@ -51,6 +52,8 @@ class PolicyCard(BaseModel):
     files: dict[FileName, Digest]
     """SHA-256 of each file that the card was delivered with."""
     action: str
+    joint: bool = False
+    """Whether a second action is the speed, see ``units``."""
     rate_limit: float | None = Field(gt=0)
     """Largest rate of normalised steering [1/s] if the action is ``rate``, else null."""
     base: dict[str, Any] | None = None
@@ -82,10 +85,12 @@ class PolicyCard(BaseModel):
     @property
     def actions(self) -> int:
         """Outputs of the network."""
-        return len(self.parameters or "1")
+        return len(self.parameters or "1") + self.joint
 
     @model_validator(mode="after")
     def _whole(self) -> PolicyCard:
+        if self.joint and self.parameters:
+            raise ValueError("joint: parameters of a base do not go with a speed")
         if self.base is None and (self.authority or self.parameters):
             raise ValueError("authority and parameters are those of a base")
         if self.base is not None and (self.authority is None) == (not self.parameters):

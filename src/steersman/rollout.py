@@ -176,6 +176,7 @@ class RunningDrive:
             disturbances=disturbances,
             seed=config.seed,
             fine=isinstance(config.plant, SimulatorConfig) and config.plant.record,
+            wishes=True,
         )
         self._rows: list[FloatArray] = []
         self._more: list[tuple[float, ...]] = []
@@ -215,6 +216,7 @@ class RunningDrive:
                 failed = ControllerError(f"{error}, at t = {time:.2f} s")
                 failed.__cause__ = error.__cause__
                 return ending.ERROR, failed
+            fleet.speed_limit[0] = decision.speed_limit
             row = np.concatenate((fleet.state[0], fleet.tracking[0]))
             try:
                 simulation.step(np.array([decision.steer]))

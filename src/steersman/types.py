@@ -7,6 +7,7 @@ command in [-1, 1]; 1 is full lock to the left.
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum
 from typing import NamedTuple, TypeAlias
 
@@ -14,6 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray: TypeAlias = NDArray[np.float64]
+
+
+NO_WISH: FloatArray = np.zeros(0)
 
 
 class VehicleState(NamedTuple):
@@ -70,6 +74,8 @@ class Observation(NamedTuple):
     """Waypoints ahead in the vehicle's frame [m], shape (n, 2); row 0 is beside the car."""
     spacing: float
     """Distance between waypoints along the path [m]."""
+    wished: FloatArray = NO_WISH
+    """Speeds wished now at the waypoints [m/s], shape (n,); (0,) where no speed is wished."""
 
     @property
     def speed(self) -> float:
@@ -147,6 +153,8 @@ class Decision(NamedTuple):
     """What steers, as a supervisor decided."""
     reason: Reason = Reason.NONE
     """Why it is not the supervised controller, or why that steers by what would be seen."""
+    speed_limit: float = math.nan
+    """The largest speed for the next period [m/s]; NaN: that which is wished."""
 
 
 class Pose(NamedTuple):

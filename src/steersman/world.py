@@ -82,6 +82,7 @@ class Simulation:
         fine: bool = False,
         lesson: Lesson | None = None,
         memory: int = 0,
+        wishes: bool = False,
     ) -> None:
         """Prepare ``n`` vehicles; :meth:`begin` each before the first step.
 
@@ -100,6 +101,7 @@ class Simulation:
             lesson: features, reward and meaning of the actions; None: actions are steering
                 commands.
             memory: width of the learner's memory.
+            wishes: observations have the speeds wished ahead.
 
         Raises:
             ConfigError: the plant drives one vehicle, and more are wanted; the sensor's latency
@@ -134,6 +136,7 @@ class Simulation:
             errors=observe.N_MEASURED + 1 if errors else 0,
             shifts=sensor.count if sensor.error_range > 0.0 else 0,
             late=late + 1 if late else 0,
+            wishes=sensor.count if wishes else 0,
             fine=self.world.substeps if fine else 0,
             memory=memory,
             features=0 if lesson is None else len(lesson.scale),
@@ -168,7 +171,7 @@ class Simulation:
         clock[kernel.CLOCK_LIMIT] = clock[kernel.CLOCK_GOAL] = np.inf
         observe.track(world.paths, road, state, s, fleet.tracking[i])
         fleet.memory[i], fleet.inputs[i] = 0.0, 0.0
-        fleet.sent[i] = 0.0
+        fleet.sent[i], fleet.speed_limit[i] = 0.0, np.nan
         fleet.ended[i] = kernel.RUNNING
         self._times[i] = self.dt * -np.arange(self._times.shape[1])
         for one in self._disturbers:
@@ -237,7 +240,10 @@ class Simulation:
         """What a controller of vehicle ``i`` gets now."""
         row = self.fleet.rows[i].copy()  # controllers may keep it
         time = float(self._times[i, -1]) if self._watched else self.time(i)
-        return to_observation(row, time, self.sensor.spacing)
+        wished = self.fleet.wishes[i]
+        if wished.shape[0] == 0 or np.isnan(wished[0]):
+            return to_observation(row, time, self.sensor.spacing)
+        return to_observation(row, time, self.sensor.spacing)._replace(wished=wished.copy())
 
     def preview(self, i: int) -> FloatArray:
         """The waypoints of that alone (count, 2), a view that the next measurement changes [m]."""

@@ -53,7 +53,7 @@ def test_several_drives_ask_one_program_and_it_ends_with_them() -> None:
     driver = Demonstrator(program(), CarlaModel3(), 0.05)
     for n in range(2):
         driver.restart(n)
-    left, right = (driver.propose(n, seen(0, side)) for n, side in ((0, 1.0), (1, -1.0)))
+    left, right = (driver.propose(n, seen(0, side)).steer for n, side in ((0, 1.0), (1, -1.0)))
     assert left == -right > 0.01
     drives = [state.drive for state in driver._states.values()]
     assert drives == [0, 1]
@@ -67,7 +67,7 @@ def test_several_drives_ask_one_program_and_it_ends_with_them() -> None:
     again = Demonstrator(program(), CarlaModel3(), 0.05)
     again.restore(saved)
     assert again._states[0].program is driver._states[0].program
-    assert again.propose(0, seen(1)) == left
+    assert again.propose(0, seen(1)).steer == left
     assert copy.deepcopy(driver._states[0]) == driver._states[0]
     assert pickle.loads(pickle.dumps(driver._states[0])) == driver._states[0]
     del driver, again

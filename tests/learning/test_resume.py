@@ -363,7 +363,7 @@ def test_every_controller_goes_on_from_its_plain_state(kind: str, tmp_path: File
         second.restore(snapshot.read(stream))
     for k, row in enumerate(late):
         seen = to_observation(row, 1.0 + 0.05 * k, 2.0)
-        ours, theirs = (d.propose(3, seen) for d in (first, second))
+        ours, theirs = (d.propose(3, seen).steer for d in (first, second))
         assert ours == theirs
 
 

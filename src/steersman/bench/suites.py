@@ -2,7 +2,8 @@
 
 ``standard`` is the test suite, ``core`` a part of it; ``standard_1`` and ``core_1`` are those of
 the first stage. ``tuning`` is what gains are tuned on. ``quick`` shows in seconds that a controller
-drives at all. ``faults`` breaks sensors, actuators and controllers on the way.
+drives at all. ``faults`` breaks sensors, actuators and controllers on the way. ``beyond_grip``
+wishes more speed than grip allows.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path as FilePath
 
+from steersman.bench.beyond import beyond_grip
 from steersman.bench.courses import changing, constant
 from steersman.bench.disturbance import Disturbance, Mixed
 from steersman.bench.first_stage import HELD_OUT, core_1, first_disturbances, standard_1
@@ -76,6 +78,7 @@ SUITES: dict[str, Callable[[], Suite]] = {
     "tuning": tuning,
     "quick": quick,
     "faults": faults,
+    "beyond_grip": beyond_grip,
 }
 
 

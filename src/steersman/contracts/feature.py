@@ -106,7 +106,8 @@ def drive(
     encode, tell_base, remember = functions if compiled else [f.py_func for f in functions]
     table = layout.table
     memory, out = np.zeros(kernel.memory_size(table)), np.empty((len(rows), len(layout.names)))
-    for row, command, line in zip(rows, commands, out, strict=True):
+    for k, (row, command, line) in enumerate(zip(rows, commands, out, strict=True)):
+        kernel.see_wishes(10.0 + np.arange(5.0) + 0.1 * k, _SPACING, memory)
         encode(table, row, memory, line)
         if isinstance(layout.features[-1], BaseCorrection):
             tell_base(table, row, memory, 1.5 * command, line)

@@ -14,7 +14,7 @@ from steersman.types import FloatArray
 
 _COUNT = 50
 # What does not change its sign where left and right are exchanged.
-_EVEN = ("speed", "v_x", "dt")
+_EVEN = ("speed", "v_x", "dt", "wished_speed", "a_x")
 
 
 def it_is_what_it_declares(term: RewardTerm) -> Iterator[str]:
@@ -60,6 +60,8 @@ def steps() -> FloatArray:
     columns |= {
         "course_error": columns["heading_error"] + slip,
         "dt": np.full(_COUNT, 0.05),
+        "wished_speed": rng.uniform(1.0, 20.0, _COUNT),
+        "a_x": rng.normal(0.0, 2.0, _COUNT),
     }
     return np.column_stack([columns[name] for name in Judged._fields])
 

@@ -65,6 +65,13 @@ class ControllerComponent(Component):
         """
         return state
 
+    def speed_limit(self, state: Any) -> float:
+        """The largest speed for the next control period [m/s], from the state after a decision.
+
+        NaN: that which is wished. Controllers that drive slower than wished override this.
+        """
+        return math.nan
+
     def step(self, state: Any, observation: Observation) -> tuple[Decision, Any]:
         """Decide the steering for the next control period, in [-1, 1].
 
@@ -75,14 +82,14 @@ class ControllerComponent(Component):
         """
         seen = usable(observation)
         if seen is None:
-            return present(observation), state
+            return present(observation)._replace(speed_limit=self.speed_limit(state)), state
         steer, status, after = self.decide(state, seen)
         if not math.isfinite(steer):
-            return present(observation), state
+            return present(observation)._replace(speed_limit=self.speed_limit(state)), state
         if not -1.0 <= steer <= 1.0:
             steer = within_limits(steer)
             status = Status.SATURATED if status == Status.SOLVED else status
-        return Decision(steer, status), after
+        return Decision(steer, status, speed_limit=self.speed_limit(after)), after
 
 
 class Wrapper(ControllerComponent):

@@ -43,11 +43,15 @@ class Candidate(NamedTuple):
     """Time since its last fault [s]."""
     hasty: float = 0.0
     """Time for which its commands have changed too fast [s]."""
+    speed_limit: float = math.nan
+    """The largest speed of its last decision [m/s]; NaN: that which is wished."""
 
     def failed(self, fault: Reason, *, restart: bool = False) -> Candidate:
         """The same after a fault; ``restart`` if its state may be damaged."""
         if restart:
-            return Candidate(self.fresh, self.fresh, fault=fault, healthy=0.0)
+            return Candidate(
+                self.fresh, self.fresh, fault=fault, healthy=0.0, speed_limit=self.speed_limit
+            )
         return self._replace(fault=fault, healthy=0.0)
 
 
@@ -81,6 +85,7 @@ def checked_step(
         decision, state = controller.step(before.state, own)
         steer: Any = decision.steer  # of another package's controller it may be anything
         status: Any = decision.status
+        speed: Any = getattr(decision, "speed_limit", math.nan)
     except Exception as error:  # of any kind: a failing controller must not end the supervisor
         if first and isinstance(error, ConfigError):
             raise
@@ -90,6 +95,7 @@ def checked_step(
         return before.failed(Reason.COMMAND, restart=True)
     after = _judged(before, float(steer), last, rules)
     after = after._replace(state=state, status=_status(status))
+    after = after._replace(speed_limit=float(speed) if _is_number(speed) else math.nan)
     fault = _fault(after, took, rules)
     if fault is not Reason.NONE:
         return after.failed(fault)

@@ -51,10 +51,12 @@ class Estimated(Wrapper):
         """
         seen = usable(observation)
         if seen is None:
-            return present(observation), state
+            limit = self.controller.speed_limit(state.controller)
+            return present(observation)._replace(speed_limit=limit), state
         chain: tuple[Any, ...] = ()
         for one, before in zip(self._chain(), state.chain, strict=True):
             seen, after = one.estimate(before, seen)
+            seen = seen._replace(wished=observation.wished)
             chain = (*chain, after)
         decision, inner = self.controller.step(state.controller, seen)
         return decision, self._told(EstimatedState(chain, inner), decision.steer)

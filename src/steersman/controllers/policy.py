@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple
 
@@ -57,6 +58,10 @@ class PolicyState(NamedTuple):
     """Control steps for which an action holds."""
     held: int = 0
     """Control steps for which the present one has held."""
+    joint: bool = False
+    """Whether a second action is the speed."""
+    limit: float = math.nan
+    """The largest speed for the next control period [m/s]."""
 
 
 @register("controller", "policy")
@@ -116,6 +121,7 @@ class Policy(ControllerComponent):
             card.base_share,
             adjuster,
             card.period,
+            joint=card.joint,
         )
 
     def read(self) -> tuple[bytes, PolicyCard]:
@@ -138,6 +144,8 @@ class Policy(ControllerComponent):
         row[observe.O_D] += shift
         row[observe.O_PREVIEW + 1 :: 2] -= shift
         memory = state.memory.copy()
+        if state.joint:
+            kernel.see_wishes(self._wished(observation), table.spacing, memory)
         features = np.zeros(state.features)
         kernel.encode(table, row, memory, features)
         shifted = to_observation(row, observation.time, table.spacing)
@@ -151,14 +159,35 @@ class Policy(ControllerComponent):
             decision, state = self._through(state, features, shifted)
             steer, status = decision.steer, max(decision.status, status)
         else:
-            action = float(network_answer(state, features)[0])
-            steer = action
+            answer = network_answer(state, features)
+            action = steer = float(answer[0])
+            if state.joint:
+                share = 1.0 + min(max(float(answer[1]), -1.0), 0.0)
+                memory[kernel.LAST_SHARE] = share
+                state = state._replace(limit=share * float(observation.wished[0]))
             if state.rate_step > 0.0:
                 steer = memory[kernel.LAST_COMMAND] + action * state.rate_step
             elif state.base is not None:
                 steer = start + state.authority * action
         kernel.remember(table, row, memory, within_limits(steer))
         return float(steer), status, self.executed(state, float(within_limits(steer)))
+
+    def speed_limit(self, state: PolicyState) -> float:
+        """The share of the wished speed that a joint policy allows [m/s]; else NaN."""
+        return state.limit
+
+    def _wished(self, observation: Observation) -> FloatArray:
+        """The speeds wished ahead [m/s].
+
+        Raises:
+            ConfigError: there are none.
+        """
+        if not len(observation.wished):
+            raise ConfigError(
+                f"{self.file}: takes a share of the wished speed, but none is wished; name a speed "
+                "such as speed=constant_speed or speed=profile"
+            )
+        return observation.wished
 
     def _through(
         self, state: PolicyState, features: FloatArray, observation: Observation
@@ -235,7 +264,7 @@ def card_layout(card: PolicyCard) -> Layout:
     action = "direct" if card.rate_limit is None else "rate"
     if card.base is not None:
         action = "parameters" if card.parameters else "residual"
-    layout = encoding.layout(card.spacing, card.dt, action)
+    layout = encoding.layout(card.spacing, card.dt, action, joint=card.joint)
     if len(layout.names) != len(card.scale):
         raise DataError(f"{len(card.scale)} scales for {len(layout.names)} features")
     if layout.reads > card.waypoints:  # the kernel would read beyond the row

@@ -188,7 +188,9 @@ class Supervisor(Wrapper):
         elif steer != wanted and status is Status.SOLVED:
             status = Status.SATURATED
         reason = gap if driver is Driver.INNER else after.reason
-        return Decision(steer, status, driver, reason), self._executed(after, steer)
+        # Whatever steers, the last limit of the supervised controller holds.
+        limit = candidates[Driver.INNER].speed_limit
+        return Decision(steer, status, driver, reason, limit), self._executed(after, steer)
 
     def _checked(
         self,

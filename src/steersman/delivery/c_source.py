@@ -54,6 +54,8 @@ def parts(source: Source, network: Network) -> Parts:
         DataError: its network or its card holds what the C text has no place for.
     """
     card = source.card
+    if card.joint:
+        raise DataError(f"{source.file}: its second action is the speed, which C does not have yet")
     if card.parameters:
         kind = (card.base or {}).get("kind")
         raise DataError(f"{source.file}: sets parameters of {kind!r}, which is not written in C")

@@ -42,7 +42,7 @@ def reward(
     given[1, 0], given[1, _PREVIOUS] = tape.memory[t, n, enc.LAST_COMMAND], 1.0
     commands, judged = rows(given), rows(work[JUDGED:])
     demo = tape.demo[t, n]
-    rew.describe(rows(work), rows(place), commands[0], commands[1], demo, dt, judged)
+    rew.describe(rows(work), rows(place), commands[0], commands[1], demo, dt, math.nan, judged)
     rew.judge(slopes.reward, judged, rows(work[REWARD:]))
     out = work[REWARD + rew.TOTAL]
     adjoint.state[n, car.VX] += weight * out[_VX]

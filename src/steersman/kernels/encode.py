@@ -12,8 +12,10 @@ from steersman.types import FloatArray
 # Scaled features are clipped to this.
 FEATURE_LIMIT = 100.0
 # Columns of a memory row; behind them are the cells of the features that remember something.
-STARTED, LAST_COMMAND, BASE_COMMAND, DT, SPACING = range(5)
-CELLS = 5
+STARTED, LAST_COMMAND, BASE_COMMAND, DT, SPACING, LAST_SHARE, WISHES = range(7)
+# From WISHES on: pairs of wished speed [m/s] and distance ahead [m], at every third waypoint.
+N_WISHES, STRIDE = 5, 3
+CELLS = WISHES + 2 * N_WISHES
 # Columns of EncodingTable.numbers and, behind the formulas, of EncodingTable.cells.
 _FORMULA, _INDEX, _OWN, _CELL = range(4)
 _BEGIN, _ADVANCE, _REMEMBER, _PLACE = range(4)
@@ -66,6 +68,20 @@ def remember(table: EncodingTable, row: FloatArray, memory: FloatArray, command:
     """Update the cells that remember this step; then ``command`` is the last command."""
     _update(table, row, memory, _REMEMBER)
     memory[LAST_COMMAND] = command
+
+
+@kernel
+def see_wishes(wished: FloatArray, spacing: float, memory: FloatArray) -> None:
+    """Write the speeds wished at the waypoints [m/s], to be read by the next :func:`encode`.
+
+    Places beyond the last waypoint have its speed.
+    """
+    if memory[STARTED] == 0.0:
+        memory[LAST_SHARE] = 1.0
+    last = wished.shape[0] - 1
+    for j in range(N_WISHES):
+        memory[WISHES + 2 * j] = wished[min(j * STRIDE, last)]
+        memory[WISHES + 2 * j + 1] = j * STRIDE * spacing
 
 
 @kernel

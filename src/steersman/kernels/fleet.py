@@ -69,6 +69,11 @@ class Fleet(NamedTuple):
     """(N,) int64 what arrives of the next observation: MEASURED, FROZEN, DROPPED or NOTHING."""
     bounds: FloatArray
     """(N, 2) the least and the largest steering command that the actuator takes [-]."""
+    speed_limit: FloatArray
+    """(N,) the largest speed that the controller allows in this step [m/s]; NaN: that which is
+    wished."""
+    wishes: FloatArray
+    """(N, waypoints or 0) speeds wished at the waypoints [m/s]; NaN under a held throttle."""
     sent: FloatArray
     """(N,) steering command that the actuator got in this step [-]."""
     fine: FloatArray
@@ -81,6 +86,10 @@ class Fleet(NamedTuple):
     """(N,) steering that the demonstrator proposes now."""
     base: FloatArray
     """(N,) steering of the base controller now, which the actions correct."""
+    shares: FloatArray
+    """(N,) share of the wished speed that the action allows in this step, in [0, 1]."""
+    demo_shares: FloatArray
+    """(N,) share that the demonstrator proposes now."""
     executed: FloatArray
     """(N,) steering command of this step, before the actuator's faults."""
     reward: FloatArray
@@ -104,6 +113,7 @@ def empty_fleet(
     errors: int = 0,
     shifts: int = 0,
     late: int = 0,
+    wishes: int = 0,
     fine: int = 0,
     memory: int = 0,
     features: int = 0,
@@ -124,12 +134,16 @@ def empty_fleet(
         levels=np.ones(n),
         arrives=np.zeros(n, dtype=np.int64),
         bounds=np.tile([-1.0, 1.0], (n, 1)),
+        speed_limit=np.full(n, np.nan),
+        wishes=np.zeros((n, wishes)),
         sent=np.zeros(n),
         fine=np.zeros((n, fine, 2)),
         memory=np.zeros((n, memory)),
         inputs=np.zeros((n, features)),
         demo=np.zeros(n),
         base=np.zeros(n),
+        shares=np.ones(n),
+        demo_shares=np.ones(n),
         executed=np.zeros(n),
         reward=np.zeros((n, 4)),
         judged=np.zeros(rew.N_JUDGED),

@@ -17,9 +17,9 @@ NO_DEMONSTRATION, FIXED, ADAPTIVE = 0, 1, 2
 # Columns of what is judged; the state is that after the step.
 (
     SPEED, LATERAL_ERROR, HEADING_ERROR, COURSE_ERROR, SIDE_SLIP, CURVATURE, V_X, V_Y, YAW_RATE,
-    STEER, PREVIOUS_STEER, DEMONSTRATED_STEER, DT,
-) = range(13)  # fmt: skip
-N_JUDGED = 13
+    STEER, PREVIOUS_STEER, DEMONSTRATED_STEER, DT, WISHED_SPEED, A_X,
+) = range(15)  # fmt: skip
+N_JUDGED = 15
 # Columns of what comes out.
 TOTAL, R_TRACK, C_TRACK, C_DIFF = range(4)
 
@@ -57,12 +57,13 @@ def describe(
     previous: float,
     demonstrated: float,
     dt: float,
+    wished: float,
     out: FloatArray,
 ) -> None:
     """Write the step (N_JUDGED,) that led to a state and its tracking row, for :func:`judge`.
 
     ``steer`` is the executed command, ``previous`` the one before, ``demonstrated`` the
-    demonstrator's, ``dt`` the control period [s].
+    demonstrator's, ``dt`` the control period [s], ``wished`` the speed wished then [m/s].
     """
     v_x, v_y = state[vehicle.VX], state[vehicle.VY]
     out[SPEED], out[SIDE_SLIP] = np.hypot(v_x, v_y), np.arctan2(v_y, v_x)
@@ -70,7 +71,7 @@ def describe(
     out[LATERAL_ERROR], out[HEADING_ERROR] = tracking[observe.D], tracking[observe.HEADING]
     out[COURSE_ERROR], out[CURVATURE] = tracking[observe.COURSE], tracking[observe.KAPPA]
     out[STEER], out[PREVIOUS_STEER], out[DEMONSTRATED_STEER] = steer, previous, demonstrated
-    out[DT] = dt
+    out[DT], out[WISHED_SPEED], out[A_X] = dt, wished, state[vehicle.AX]
 
 
 @kernel

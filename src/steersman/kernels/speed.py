@@ -56,6 +56,31 @@ def target_speed(
 
 
 @kernel
+def wishes(
+    speed: SpeedTable,
+    n: int,
+    table: PathTable,
+    p: int,
+    time: float,
+    s: float,
+    spacing: float,
+    out: FloatArray,
+) -> None:
+    """Write the target speeds [m/s] of this time at places ``spacing`` apart [m] from ``s`` on.
+
+    A vehicle whose throttle is held has none: NaN.
+    """
+    length, closed = table.meta[p, paths.LENGTH], table.meta[p, paths.CLOSED] > 0.0
+    for i in range(out.shape[0]):
+        there = s + i * spacing
+        if closed:
+            there -= length * math.floor(there / length)
+        out[i] = target_speed(speed, n, table, p, time, there)
+        if speed.rows[n, IS_PROFILE] == 0.0:
+            out[i] = math.nan
+
+
+@kernel
 def pedals(  # noqa: PLR0917 - numba takes no keyword-only arguments
     speed: SpeedTable,
     n: int,
@@ -66,16 +91,21 @@ def pedals(  # noqa: PLR0917 - numba takes no keyword-only arguments
     v: float,
     integral: float,
     dt: float,
+    most: float = math.nan,
 ) -> tuple[float, float, float]:
     """Throttle, brake and the new integral (itself in units of pedal travel).
 
     The sum of both terms is throttle when positive, brake when negative; the integral stops
-    where the pedals do (anti-windup by clamping).
+    where the pedals do (anti-windup by clamping). A target above ``most`` [m/s] becomes that,
+    unless it is NaN.
     """
     row = speed.rows[n]
     if row[IS_PROFILE] == 0.0:
         return row[CONSTANT_THROTTLE], 0.0, integral
-    error = target_speed(speed, n, table, p, time, s) - v
+    target = target_speed(speed, n, table, p, time, s)
+    if most < target:
+        target = max(most, 0.0)
+    error = target - v
     wanted = integral + row[K_I] * error * dt
     raw = row[K_P] * error + wanted
     if -1.0 < raw < 1.0 or raw * error < 0.0:

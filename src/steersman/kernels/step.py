@@ -36,6 +36,8 @@ def encode(lesson: Lesson, fleet: Fleet, n: int) -> None:
     """Features of vehicle ``n`` from its observation; without one they stay what they were."""
     if np.isnan(fleet.rows[n, obs.O_D]):
         return
+    if fleet.wishes.shape[1] > 0:
+        enc.see_wishes(fleet.wishes[n], lesson.encoding.spacing, fleet.memory[n])
     enc.encode(lesson.encoding, fleet.rows[n], fleet.memory[n], fleet.inputs[n])
     enc.normalise(fleet.inputs[n], lesson.scale)
 
@@ -63,7 +65,8 @@ def command(lesson: Lesson, fleet: Fleet, n: int, action: float, dt: float) -> t
 def judge(lesson: Lesson, fleet: Fleet, n: int, steer: float, previous: float) -> None:
     """Fill reward and features of vehicle ``n`` after its step."""
     state, tracking, dt = fleet.state[n], fleet.tracking[n], lesson.encoding.dt
-    rew.describe(state, tracking, steer, previous, fleet.demo[n], dt, fleet.judged)
+    wished = fleet.wishes[n, 0] if fleet.wishes.shape[1] > 0 else np.nan
+    rew.describe(state, tracking, steer, previous, fleet.demo[n], dt, wished, fleet.judged)
     rew.judge(lesson.reward, fleet.judged, fleet.reward[n])
     encode(lesson, fleet, n)
 

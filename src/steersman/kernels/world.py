@@ -17,7 +17,7 @@ from steersman.kernels import vehicle as car
 from steersman.kernels.compiled import inlined, kernel
 from steersman.kernels.fleet import Fleet, World
 from steersman.kernels.path import CLOSED, LENGTH
-from steersman.kernels.speed import pedals
+from steersman.kernels.speed import pedals, wishes
 from steersman.kernels.vehicle import VehicleTable
 from steersman.types import FloatArray
 
@@ -80,7 +80,19 @@ def look(world: World, fleet: Fleet, n: int) -> None:
     """Renew the observation of vehicle ``n``, whose tracking row is up to date.
 
     With latency it is one measured some control periods ago; at the start of a drive, the first.
+    The speeds wished ahead are no measurement: they are those of the true place and time.
     """
+    if fleet.wishes.shape[1] > 0:
+        wishes(
+            world.speed,
+            n,
+            world.paths,
+            fleet.path[n],
+            fleet.clock[n, CLOCK_STEPS] * world.dt,
+            fleet.tracking[n, obs.S],
+            world.spacing,
+            fleet.wishes[n],
+        )
     late = fleet.late[n]
     if late.shape[0] == 0:
         _measure(world, fleet, n, fleet.rows[n])
@@ -147,6 +159,7 @@ def decide(world: World, fleet: Fleet, n: int, steer: float) -> float:
         speed,
         clock[CLOCK_INTEGRAL],
         dt,
+        fleet.speed_limit[n],
     )
     fleet.sent[n] = min(max(steer, fleet.bounds[n, 0]), fleet.bounds[n, 1])
     command[0], command[1], command[2] = fleet.sent[n], throttle, brake

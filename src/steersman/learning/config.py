@@ -43,10 +43,11 @@ class ValidationConfig(Settings):
     vehicles: int = param(32, "-", "Drives.", ge=1)
     interval: int = param(10_000, "steps", "Environment steps between validations.", gt=0)
     seed: int = param(12345, "-", "Seed of starts, speeds, cars and sensor errors.", ge=0)
-    select: Literal["typical", "rms"] = param(
+    select: Literal["typical", "rms", "reward"] = param(
         "typical",
         "-",
-        "The best policy by the geometric mean of the drives' mean errors, or by the RMS error.",
+        "The best policy by the geometric mean of the drives' mean errors, by the RMS error, or by "
+        "the mean reward of a step, 0 for those that were not driven.",
     )
     steer_weight: float = param(
         0.0, "m", "Price of the RMS change of steering per step in the score.", ge=0
@@ -87,6 +88,14 @@ class TrainConfig(Settings):
     @model_validator(mode="after")
     def _fitting(self) -> TrainConfig:
         self.agent.check(self.problem.demonstration, self.steps)
+        if self.problem.joint and not self.agent.joint:
+            raise ConfigError(
+                f"agent {self.agent.kind} cannot learn it: it differentiates steering alone; name "
+                "ddpg, td3, sac or ppo",
+                ("problem", "joint"),
+            )
+        if self.keep and self.problem.joint:
+            raise ConfigError("datasets hold no wished speeds; set keep=false", ("keep",))
         if self.keep and self.problem.period > 1:
             raise ConfigError(
                 "keeps every control step, but an action holds for problem.period = "

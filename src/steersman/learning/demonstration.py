@@ -15,7 +15,7 @@ from steersman.errors import ConfigError
 from steersman.learning.privilege import Truth, informed
 from steersman.learning.schedules import Constant, Schedule
 from steersman.learning.snapshot import Tree, changed, rebuilt
-from steersman.types import FloatArray, Observation, Status
+from steersman.types import Decision, FloatArray, Observation, Status
 from steersman.vehicles import Vehicle
 
 
@@ -196,11 +196,12 @@ class Demonstrator:
         """Tell what steering vehicle ``n`` executed since the last proposal."""
         self._states[n] = self._begun[n][0].executed(self._states[n], steer)
 
-    def propose(self, n: int, observation: Observation) -> float:
-        """Normalised steering for vehicle ``n`` from its observation; NaN: none is shown now."""
+    def propose(self, n: int, observation: Observation) -> Decision:
+        """Steering (NaN: none is shown now) and speed limit for vehicle ``n``."""
         seen = observation if self._truth is None else self._truth.observation(n)
         decision, self._states[n] = self._begun[n][0].step(self._states[n], seen)
-        return math.nan if decision.status == Status.ABSENT else decision.steer
+        absent = decision.status == Status.ABSENT
+        return decision._replace(steer=math.nan) if absent else decision
 
     def snapshot(self) -> dict[str, Any]:
         """The state kept for each vehicle, without what ``init`` makes again."""
@@ -225,6 +226,17 @@ def demonstrated_action(
     if rate_limit == 0.0:
         return demo.copy()
     return np.clip((demo - last_command) / (dt * rate_limit), -1.0, 1.0)
+
+
+def share_of(limit: float, wished: float) -> float:
+    """A speed limit as a share in [0, 1] of the wished speed, both in [m/s]; NaN is no limit.
+
+    >>> share_of(8.0, 10.0), share_of(12.0, 10.0), share_of(float("nan"), 10.0), share_of(0.0, 0.0)
+    (0.8, 1.0, 1.0, 1.0)
+    """
+    if not limit < wished:
+        return 1.0
+    return max(limit, 0.0) / wished
 
 
 def demonstrated_correction(demo: FloatArray, base: FloatArray, authority: float) -> FloatArray:

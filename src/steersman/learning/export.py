@@ -105,6 +105,7 @@ def export_policy(
     card = PolicyCard(
         files={file.name: sha256(data)},
         action=problem.action,
+        joint=problem.joint,
         rate_limit=problem.rate_limit if problem.indirect else None,
         base=dump(problem.base),
         authority=None if problem.corrected is None else problem.authority,

@@ -21,6 +21,7 @@ from steersman.learning.demonstration import (
     Demonstrator,
     demonstrated_action,
     demonstrated_correction,
+    share_of,
 )
 from steersman.learning.privilege import Truth
 from steersman.learning.problem import Problem
@@ -28,7 +29,7 @@ from steersman.learning.snapshot import Tree, fill
 from steersman.learning.spread import CarSpread, lateral_cap
 from steersman.plants.mover import Seat, Shared
 from steersman.profiles import Profile, write_profile
-from steersman.types import FloatArray, Pose
+from steersman.types import Decision, FloatArray, Pose
 from steersman.world import Simulation
 
 _UNCAPPED = 1e6
@@ -43,6 +44,9 @@ class FleetStart(NamedTuple):
     heading: float
     profile: Profile
     speed: float
+    """NaN: that which is wished there [m/s]."""
+    share: float = 1.0
+    """Share of that at which it starts."""
 
 
 class FleetDriver:
@@ -73,6 +77,7 @@ class FleetDriver:
             shared=shared,
             lesson=self.lesson,
             memory=encode.memory_size(self.lesson.encoding),
+            wishes=problem.joint,
         )
         self.world, self.mover = self.simulation.world, self.simulation.mover
         self.fleet: Fleet = self.simulation.fleet
@@ -165,7 +170,8 @@ class FleetDriver:
         speed = math.nan
         if profile.throttle is not None:
             speed = source.start_speed(problem.roads[road], s)
-        return FleetStart(road, s, float(offset), float(heading), profile, speed)
+        share = 1.0 - rng.uniform(0.0, spread.slower) if spread.slower > 0.0 else 1.0
+        return FleetStart(road, s, float(offset), float(heading), profile, speed, share)
 
     def begin(self, i: int, start: FleetStart) -> None:
         """Put vehicle ``i`` at a start, in the steady turn of the road there."""
@@ -177,7 +183,8 @@ class FleetDriver:
         )
         if math.isnan(speed):
             write_profile(profile, i, world.speed.rows, world.speed.times, world.speed.speeds)
-            speed = speed_kernel.target_speed(world.speed, i, world.paths, road, 0.0, start.s)
+            wished = speed_kernel.target_speed(world.speed, i, world.paths, road, 0.0, start.s)
+            speed = start.share * wished
         self.simulation.begin(i, road, start.s, pose, speed, profile)
         length, closed = world.paths.meta[road, [paths.LENGTH, paths.CLOSED]]
         goal = math.inf if closed > 0.0 else length - start.s
@@ -201,19 +208,23 @@ class FleetDriver:
     def _propose(self, i: int, *, restart: bool = False) -> None:
         """Compute the steering of base and demonstrator for the present state of vehicle ``i``."""
         fleet, base, demonstrator = self.fleet, self._corrected, self._demonstrator
-        proposed = 0.0
+        proposed = Decision(0.0)
         if base is not None:  # the last state of an episode has its feature, too
             proposed = self._ask(base, i, restart=restart)
-            fleet.base[i] = self.base_share * proposed
+            fleet.base[i] = self.base_share * proposed.steer
             encode.tell_base(
                 self.lesson.encoding, fleet.rows[i], fleet.memory[i], fleet.base[i], fleet.inputs[i]
             )
             encode.normalise(fleet.inputs[i, -1:], self.lesson.scale[-1:])
         if demonstrator is not None and fleet.ended[i] == kernel.RUNNING:
-            same = demonstrator is base
-            fleet.demo[i] = proposed if same else self._ask(demonstrator, i, restart=restart)
+            if demonstrator is not base:
+                proposed = self._ask(demonstrator, i, restart=restart)
+            fleet.demo[i] = proposed.steer
+            if self.problem.joint:
+                wished = fleet.wishes[i, 0]
+                fleet.demo_shares[i] = share_of(proposed.speed_limit, wished)
 
-    def _ask(self, proposer: Demonstrator, i: int, *, restart: bool) -> float:
+    def _ask(self, proposer: Demonstrator, i: int, *, restart: bool) -> Decision:
         if restart:
             proposer.restart(i)
         else:
@@ -242,10 +253,19 @@ class FleetDriver:
         """
         actions = actions.reshape(self.n, -1)
         if self._adjusted is None:
+            if self.problem.joint:
+                self._limit(actions[:, 1])
             self.advance(np.ascontiguousarray(actions[:, 0]))
             yield np.ones(self.n, dtype=bool)
         else:
             yield from self._adjusted.steps(self, actions)
+
+    def _limit(self, actions: FloatArray) -> None:
+        """Limit the speeds of the next control step by actions (n,) in [-1, 1]."""
+        fleet = self.fleet
+        fleet.shares[:] = 1.0 + np.clip(actions, -1.0, 0.0)
+        fleet.memory[:, encode.LAST_SHARE] = fleet.shares
+        fleet.speed_limit[:] = fleet.shares * fleet.wishes[:, 0]
 
     def advance(self, commands: FloatArray) -> None:
         """One control step of the vehicles under commands (n,) as the kernels take them."""
@@ -261,12 +281,16 @@ class FleetDriver:
     def demonstrated_actions(self) -> FloatArray:
         """The demonstrator's action for the present observations, (n, m) in [-1, 1]."""
         fleet, lesson = self.fleet, self.lesson
-        if lesson.authority > 0.0:
-            return demonstrated_correction(fleet.demo, fleet.base, lesson.authority)[:, None]
         if self._adjusted is not None:
             return np.tile(self._shown, (self.n, 1))
-        last = self.last_commands()
-        return demonstrated_action(fleet.demo, last, lesson.rate_limit, self.dt)[:, None]
+        if lesson.authority > 0.0:
+            shown = demonstrated_correction(fleet.demo, fleet.base, lesson.authority)
+        else:
+            last = self.last_commands()
+            shown = demonstrated_action(fleet.demo, last, lesson.rate_limit, self.dt)
+        if self.problem.joint:
+            return np.column_stack([shown, fleet.demo_shares - 1.0])
+        return shown[:, None]
 
     def snapshot(self) -> dict[str, Any]:
         """All that changes while driving."""

@@ -64,7 +64,8 @@ class Truth:
             NO_SHIFT,
             row,
         )
-        return to_observation(row, simulation.time(n), sensor.spacing)
+        seen = to_observation(row, simulation.time(n), sensor.spacing)
+        return seen._replace(wished=fleet.wishes[n].copy())
 
 
 def informed(component: C, delay: float) -> C:

@@ -82,10 +82,13 @@ class Spread(Settings):
         gt=0,
     )
     used_grip: float = param(
-        0.6, "-", "Share of that grip which speed caps ask for at most.", gt=0, le=1
+        0.6, "-", "Share of that grip which speed caps ask for at most.", gt=0, le=2
     )
     offset: float = param(0.0, "m", "Start up to this far beside the path.", ge=0)
     heading: float = param(0.0, "rad", "Start turned by up to this.", ge=0)
+    slower: float = param(
+        0.0, "-", "Start slower than wished by a share of up to this.", ge=0, lt=1
+    )
 
 
 class Problem(Settings):
@@ -111,6 +114,11 @@ class Problem(Settings):
         "-",
         "The action is the steering rate (indirect), the steering (direct), what is added to the "
         "base's steering (residual), or the base's parameters.",
+    )
+    joint: bool = param(
+        False,
+        "-",
+        "A second action is the speed: 0 and above the wished one, -1 standstill, linear between.",
     )
     rate_limit: float = param(PAPER_RATE, "1/s", "Steering rate of action 1.", gt=0)
     base: Annotated[ControllerComponent | None, Of("controller", optional=True)] = param(
@@ -194,6 +202,31 @@ class Problem(Settings):
         return self
 
     @model_validator(mode="after")
+    def _joined(self) -> Problem:
+        """Speeds are for joint actions, and joint actions for speeds."""
+        if self.joint and self.action == "parameters":
+            raise ConfigError(
+                "true is not allowed with action parameters, whose base drives as fast as wished",
+                ("joint",),
+            )
+        held = next((one for one in self.speeds if not isinstance(one, SpeedTracking)), None)
+        if self.joint and held is not None:
+            raise ConfigError(
+                f"{held.kind} wishes no speed, of which a joint action takes a share; name another "
+                "one, or set joint=false",
+                ("speeds",),
+            )
+        judged = [(one, "task") for one in self.task.terms]
+        for one, where in (*judged, *((one, "encoding") for one in self.layout.features)):
+            if one.joint and not self.joint:
+                raise ConfigError(
+                    f"{one.kind} needs the wished speed, which joint actions alone have; set "
+                    "joint=true",
+                    (where,),
+                )
+        return self
+
+    @model_validator(mode="after")
     def _one_road_speed(self) -> Problem:
         if len(self.speeds) > 1:
             for source in self.speeds:
@@ -261,12 +294,15 @@ class Problem(Settings):
     @property
     def turned(self) -> FloatArray:
         """(m,) factor on each action that gives that of the mirrored scene."""
-        return np.ones(len(self.parameters)) if self.parameters else np.array([-1.0])
+        if self.parameters:
+            return np.ones(len(self.parameters))
+        return np.array([-1.0, 1.0] if self.joint else [-1.0])
 
     @property
     def layout(self) -> Layout:
         """Layout of the network's input."""
-        return self.encoding.layout(self.sensor.spacing, self.plant.dt, self.action)
+        spacing, dt = self.sensor.spacing, self.plant.dt
+        return self.encoding.layout(spacing, dt, self.action, joint=self.joint)
 
     def lesson(self) -> Lesson:
         """Features, reward and meaning of the actions, as the kernels read them."""

@@ -180,7 +180,8 @@ def start_at_base(policy: Any, problem: Problem, operators: tuple[str, str]) -> 
     """
     if problem.base is None:
         return
-    own = [each.action(problem.base) for each in problem.adjustments()] or [0.0]
+    own = [each.action(problem.base) for each in problem.adjustments()]
+    own = own or [0.0] * len(problem.turned)
     bias = torch.tensor(own, dtype=torch.float32).clamp(-_STEEPEST, _STEEPEST)
     if operators[1] == "Tanh":
         bias = torch.atanh(bias)

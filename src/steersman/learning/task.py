@@ -65,6 +65,10 @@ class Judged(NamedTuple):
     """Steering command of the demonstrator for this step; 0 without one."""
     dt: float
     """Control period [s]."""
+    wished_speed: float = math.nan
+    """Speed wished then [m/s]; NaN but for joint actions."""
+    a_x: float = 0.0
+    """Longitudinal acceleration [m/s^2]."""
 
 
 _STEP = Group({name: k for k, name in enumerate(Judged._fields)})
@@ -79,6 +83,8 @@ class RewardTerm(Component):
 
     unit: ClassVar[str] = "-"
     """Unit of the term before it is weighted."""
+    joint: ClassVar[bool] = False
+    """Whether it needs a joint action, which alone is judged by its speed."""
     weight: float = param(1.0, "-", "Factor on the term.", ge=0)
     value: ClassVar[Callable[..., float]]
 
@@ -158,6 +164,43 @@ class SteeringChange(RewardTerm):
         """Weighted."""
         change = step.steer - step.previous_steer
         return -(0.5 * self.weight * change * change)
+
+
+@register("reward", "speed_progress")
+class SpeedProgress(RewardTerm):
+    """Velocity along the path over the wished speed, at most 1."""
+
+    joint = True
+
+    def value(self, step: Judged) -> float:
+        """Weighted; where standstill is wished, standing is all of it."""
+        along = step.speed * math.cos(step.course_error)
+        return self.weight * min((along + 1.0) / (step.wished_speed + 1.0), 1.0)
+
+
+@register("reward", "speed_error")
+class SpeedErrorPrice(RewardTerm):
+    """Minus the difference of speed and wished speed, over ``scale``."""
+
+    joint = True
+    scale: float = param(1.0, "m/s", "Divisor.", gt=0)
+
+    def value(self, step: Judged) -> float:
+        """Weighted."""
+        return -(self.weight * abs(step.speed - step.wished_speed) / self.scale)
+
+
+@register("reward", "comfort")
+class Comfort(RewardTerm):
+    """Minus half the squared longitudinal acceleration, over ``scale``."""
+
+    joint = True
+    scale: float = param(3.0, "m/s^2", "Acceleration at which the price is half the weight.", gt=0)
+
+    def value(self, step: Judged) -> float:
+        """Weighted."""
+        share = step.a_x / self.scale
+        return -(0.5 * self.weight * share * share)
 
 
 @register("reward", "function")
@@ -263,7 +306,7 @@ class TaskComponent(Component):
         previous = states[0, STEER]
         for k, command in enumerate(steer):
             place = states[k + 1], tracking[k + 1]
-            kernel.describe(*place, command, previous, demonstrated[k], dt, step)
+            kernel.describe(*place, command, previous, demonstrated[k], dt, math.nan, step)
             kernel.judge(table, step, out[k])
             previous = command
         check()

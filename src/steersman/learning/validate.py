@@ -39,7 +39,8 @@ class Score(NamedTuple):
     total: float
     """What selects the best policy [m], plus the price of steering: either the geometric mean of
     the drives' mean errors, so that a millimetre counts where drives are easy and a decimetre
-    where they are hard, times one plus the failures; or the RMS error."""
+    where they are hard, times one plus the failures; or the RMS error. By the reward it is minus
+    its mean, without unit."""
 
     def columns(self) -> dict[str, float]:
         """What ``progress.csv`` has of it."""
@@ -63,6 +64,7 @@ class _Part(NamedTuple):
     failures: int
     changes: float
     moves: int
+    reward: float
     worst: tuple[float, Episode]
     """The largest mean error of a drive [m], and this drive."""
 
@@ -128,7 +130,10 @@ class Validator:
         activity = (changes / max(sum(part.moves for part in parts), 1)) ** 0.5
         failures = sum(part.failures for part in parts)
         rms = float(np.sqrt((errors**2).mean()))
-        base = rms if self._config.select == "rms" else typical * (1.0 + failures)
+        if self._config.select == "reward":
+            base = -sum(part.reward for part in parts) / errors.size
+        else:
+            base = rms if self._config.select == "rms" else typical * (1.0 + failures)
         total = base + self._config.steer_weight * activity
         return Score(float(errors.mean()), rms, failures, activity, total)
 
@@ -143,7 +148,7 @@ class Validator:
         alive = np.ones(driver.n, dtype=bool)
         failed = np.zeros(driver.n, dtype=bool)
         counted = np.ones((self._steps, driver.n), dtype=bool)
-        changes, moves = 0.0, 0
+        changes, moves, reward = 0.0, 0, 0.0
         before, record = driver.last_commands().copy(), FleetRecord(driver)
         for k, _ in zip(range(self._steps), self._drive_on(act), strict=False):
             record.stepped(alive)
@@ -155,6 +160,7 @@ class Validator:
             before = driver.last_commands().copy()
             changes += float((step[alive] ** 2).sum())
             moves += int(alive.sum())
+            reward += float(fleet.reward[alive & ~lost, 0].sum())
             failed |= alive & lost
             alive &= ~ended
             # A drive that reached the end of its road is over; one that failed goes on costing.
@@ -164,7 +170,7 @@ class Validator:
         each = np.nan_to_num(errors, nan=corridor).mean(axis=0, where=counted)
         worst = int(each.argmax())
         found = float(each[worst]), record.episode(worst)
-        return _Part(errors, counted, int(failed.sum()), changes, moves, found)
+        return _Part(errors, counted, int(failed.sum()), changes, moves, reward, found)
 
     def _drive_on(self, act: Callable[[Any], Any]) -> Iterator[Any]:
         """Drive, with a pause after each control step, until no vehicle is left."""

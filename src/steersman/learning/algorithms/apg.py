@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from steersman.config import Of, param, register
 from steersman.learning.algorithms.base import OnPolicyComponent
@@ -23,6 +23,7 @@ class Apg(OnPolicyComponent):
     demonstrator; the demonstration's reward works.
     """
 
+    joint: ClassVar[bool] = False
     gamma: float = param(0.99, "-", "Discount per control step.", gt=0, lt=1)
     batch: int = param(1024, "-", "Transitions in a batch of the critic.", ge=1)
     learning_rate: Annotated[Schedule, Of("schedule")] = param(

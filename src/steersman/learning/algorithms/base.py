@@ -37,6 +37,8 @@ class AgentComponent(Component):
         "gamma": "0.9..0.99",
         "batch": "64|128|256|512",
     }
+    joint: ClassVar[bool] = True
+    """Whether it can learn a joint action."""
     hidden: tuple[int, int] = param((128, 128), "-", "Units of the two hidden layers.")
     gamma: float = param(0.95, "-", "Discount per control step.", gt=0, lt=1)
     batch: int = param(256, "-", "Transitions in a batch.", ge=1)

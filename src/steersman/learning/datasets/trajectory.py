@@ -106,7 +106,7 @@ def base_steering(problem: Problem, rows: FloatArray, steer: FloatArray) -> Floa
         if k:
             base.executed(0, float(steer[k - 1]))
         time = k * problem.plant.dt
-        out[k] = base.propose(0, to_observation(row, time, problem.sensor.spacing))
+        out[k] = base.propose(0, to_observation(row, time, problem.sensor.spacing)).steer
     return out
 
 
@@ -120,6 +120,10 @@ def actions_for(
     Raises:
         ConfigError: the actions are a controller's parameters, which steering does not tell.
     """
+    if problem.joint:
+        raise ConfigError(
+            "true is not allowed; recorded steering has no speed that was wished", ("joint",)
+        )
     if problem.parameters:
         raise ConfigError(
             "'parameters' cannot be found in recorded steering; set it to rate, direct or residual",
