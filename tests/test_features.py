@@ -30,7 +30,8 @@ from steersman.features import (
 )
 from steersman.kernels import observe
 from steersman.kernels.formula import Group, call, compiled
-from steersman.learning.task import FunctionTerm, Judged, PaperTask, RewardTerm, TaskComponent
+from steersman.learning.rewards import FunctionTerm, Judged, RewardTerm
+from steersman.learning.task import PaperTask, TaskComponent
 from steersman.policy_file import locate, read_policy, shipped
 from steersman.types import Observation
 

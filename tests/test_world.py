@@ -16,8 +16,8 @@ from steersman.disturbances import SensorBias
 from steersman.episode import Episode
 from steersman.faults import Fault
 from steersman.learning.env import PathFollowingEnv
-from steersman.learning.fleet import FleetStart
 from steersman.learning.problem import Problem
+from steersman.learning.starts import FleetStart
 from steersman.learning.vec_env import PathFollowingVecEnv
 from steersman.paths.analytic import Circle
 from steersman.plants.multibody import MultiBody

@@ -58,8 +58,8 @@ if TYPE_CHECKING:
     from steersman.learning.parallel import TrainingEvent as TrainingEvent
     from steersman.learning.parallel import TrainingJob as TrainingJob
     from steersman.learning.parallel import train_all as train_all
-    from steersman.learning.task import Judged as Judged
-    from steersman.learning.task import RewardTerm as RewardTerm
+    from steersman.learning.rewards import Judged as Judged
+    from steersman.learning.rewards import RewardTerm as RewardTerm
     from steersman.metrics.base import summarise as summarise
     from steersman.outcome import Attempt as Attempt
     from steersman.paths.base import PathComponent
@@ -111,7 +111,7 @@ _FRONT_DOOR = {
     "speed": ("Speed",),
     "vehicles": ("Vehicle",),
     "features": ("Feature", "Loop"),  # what a network reads
-    "learning.task": ("RewardTerm", "Judged"),  # what is rewarded
+    "learning.rewards": ("RewardTerm", "Judged"),  # what is rewarded
     "plants.motion": ("VehicleMotion",),  # a car in a world of one's own (carla_standin)
     "plants.carla_frame": ("CarlaFrame",),  # CARLA's axes, for a client or server of one's own
     "paths.xodr.ways": ("lane_starts",),  # where cars may be put on a map (carla_standin)

@@ -30,7 +30,7 @@ FAMILIES: dict[str, str] = {
     "disturbance": "steersman.disturbances",
     "feature": "steersman.features",
     "encoding": "steersman.encoding",
-    "reward": "steersman.learning.task",
+    "reward": "steersman.learning.rewards",
     "task": "steersman.learning.task",
     "agent": "steersman.learning.algorithms",
     "schedule": "steersman.learning.schedules",

@@ -238,12 +238,8 @@ class RunningDrive:
         fleet = self.simulation.fleet
         steer, throttle, brake = fleet.sent[0], fleet.command[0, 1], fleet.command[0, 2]
         self._rows.append(row)
-        self._more.append(
-            (
-                *(time, steer, throttle, brake, took),
-                *(float(decision.status), float(decision.driver), float(decision.reason)),
-            )
-        )
+        how = float(decision.status), float(decision.driver), float(decision.reason)
+        self._more.append((time, steer, throttle, brake, took, *how))
         if fleet.fine.shape[1]:
             self._fine.append(fleet.fine[0].copy())
 

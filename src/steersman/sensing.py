@@ -75,6 +75,24 @@ def to_observation(row: FloatArray, time: float, spacing: float) -> Observation:
     return Observation(time, d, heading, v_x, v_y, rate, steer, kappa, preview, spacing)
 
 
+def to_row(observation: Observation, waypoints: int, spacing: float) -> FloatArray:
+    """An observation as the kernels' row.
+
+    Raises:
+        ConfigError: the sensor's waypoints are not those that the policy was trained with.
+    """
+    given = len(observation.preview)
+    if given < waypoints or abs(observation.spacing - spacing) > _SAME:
+        raise ConfigError(
+            f"the policy reads {waypoints} waypoints {spacing:g} m apart, but the sensor gives "
+            f"{given}, {observation.spacing:g} m apart; set sensor.count and sensor.spacing"
+        )
+    row = np.empty(kernel.O_PREVIEW + 2 * waypoints)
+    row[: kernel.O_PREVIEW] = observation[1:8]
+    row[kernel.O_PREVIEW :] = observation.preview[:waypoints].ravel()
+    return row
+
+
 @cache
 def _fit_weights(count: int, spacing: float) -> FloatArray:
     """Pseudo-inverse of the parabola's design matrix, made once and never written into."""

@@ -17,16 +17,8 @@ from steersman.errors import ConfigError
 from steersman.kernels import reward as kernel
 from steersman.learning.fleet import FleetDriver
 from steersman.learning.problem import Problem
-from steersman.learning.task import (
-    FunctionTerm,
-    Imitation,
-    Judged,
-    PaperTask,
-    PreciseTask,
-    Progress,
-    SteeringChange,
-    TaskComponent,
-)
+from steersman.learning.rewards import FunctionTerm, Imitation, Judged, Progress, SteeringChange
+from steersman.learning.task import PaperTask, PreciseTask, TaskComponent
 
 from .problems import problem, tiny
 

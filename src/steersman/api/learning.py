@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from steersman.learning.imitation.imitate import ImitationResult
     from steersman.learning.parallel import TrainingEvent
     from steersman.learning.progress import ImitationRow, TrainResult, TrainRow
+    from steersman.learning.rewards import Judged
     from steersman.learning.seeds import TrainedSeeds
-    from steersman.learning.task import Judged
     from steersman.studies.search import SearchResult
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from steersman.contracts import Contract
 from steersman.errors import SteersmanError
 from steersman.kernels.formula import call, numbers_of
-from steersman.learning.task import Judged, RewardTerm
+from steersman.learning.rewards import Judged, RewardTerm
 from steersman.types import FloatArray
 
 _COUNT = 50

@@ -21,7 +21,7 @@ from steersman.kernels.encode import EncodingTable
 from steersman.network_file import PolicyNetwork
 from steersman.policy_file import LEARNED, PolicyCard, locate, read_policy
 from steersman.provenance import missing_plugins
-from steersman.sensing import to_observation
+from steersman.sensing import to_observation, to_row
 from steersman.types import Decision, FloatArray, Observation, Status
 from steersman.vehicles import Vehicle
 
@@ -173,7 +173,7 @@ class Policy(ControllerComponent):
         return float(steer), status, self.executed(state, float(within_limits(steer)))
 
     def speed_limit(self, state: PolicyState) -> float:
-        """The share of the wished speed that a joint policy allows [m/s]; else NaN."""
+        """What a joint policy allows [m/s]; else NaN."""
         return state.limit
 
     def _wished(self, observation: Observation) -> FloatArray:
@@ -183,10 +183,8 @@ class Policy(ControllerComponent):
             ConfigError: there are none.
         """
         if not len(observation.wished):
-            raise ConfigError(
-                f"{self.file}: takes a share of the wished speed, but none is wished; name a speed "
-                "such as speed=constant_speed or speed=profile"
-            )
+            what = "takes a share of the wished speed, but none is wished; set speed=constant_speed"
+            raise ConfigError(f"{self.file}: {what}, or another but constant_throttle")
         return observation.wished
 
     def _through(
@@ -227,24 +225,6 @@ def network_answer(state: PolicyState, features: FloatArray) -> Any:
     with np.errstate(over="ignore"):  # the network clips: infinity is as good as 1e300
         single = features.astype(np.float32)
     return state.run(single[None, :])
-
-
-def to_row(observation: Observation, waypoints: int, spacing: float) -> FloatArray:
-    """An observation as the kernels' row.
-
-    Raises:
-        ConfigError: the sensor's waypoints are not those that the policy was trained with.
-    """
-    given = len(observation.preview)
-    if given < waypoints or abs(observation.spacing - spacing) > _SAME:
-        raise ConfigError(
-            f"the policy reads {waypoints} waypoints {spacing:g} m apart, but the sensor gives "
-            f"{given}, {observation.spacing:g} m apart; set sensor.count and sensor.spacing"
-        )
-    row = np.empty(observe.O_PREVIEW + 2 * waypoints)
-    row[: observe.O_PREVIEW] = observation[1:8]
-    row[observe.O_PREVIEW :] = observation.preview[:waypoints].ravel()
-    return row
 
 
 def card_layout(card: PolicyCard) -> Layout:

@@ -14,8 +14,8 @@ from steersman.errors import ConfigError, shortened, suggestion
 from steersman.learning.algorithms.base import AgentComponent
 from steersman.learning.algorithms.ddpg import Ddpg
 from steersman.learning.problem import CARS_DIFFER, Problem
+from steersman.learning.rewards import FunctionTerm, Judged
 from steersman.learning.schedules import Schedule
-from steersman.learning.task import FunctionTerm, Judged
 from steersman.paths.base import PathComponent
 from steersman.paths.random_road import RandomRoad
 from steersman.plants.base import has_one_car

@@ -17,9 +17,10 @@ from steersman.kernels import world as kernel
 from steersman.kernels.encode import FEATURE_LIMIT
 from steersman.kernels.fleet import Fleet
 from steersman.kernels.vehicle import PSI, STEER, VX, VY, WHEEL, X, Y
-from steersman.learning.fleet import FleetDriver, FleetStart
+from steersman.learning.fleet import FleetDriver
 from steersman.learning.options import EpisodeOptions
 from steersman.learning.problem import Problem
+from steersman.learning.starts import FleetStart
 from steersman.paths.base import PathComponent
 from steersman.rendering import RenderedStep, RoadRenderer, road_line
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -27,26 +27,13 @@ from steersman.learning.privilege import Truth
 from steersman.learning.problem import Problem
 from steersman.learning.snapshot import Tree, fill
 from steersman.learning.spread import CarSpread, lateral_cap
+from steersman.learning.starts import FleetStart, draw_start
 from steersman.plants.mover import Seat, Shared
 from steersman.profiles import Profile, write_profile
 from steersman.types import Decision, FloatArray, Pose
 from steersman.world import Simulation
 
 _UNCAPPED = 1e6
-
-
-class FleetStart(NamedTuple):
-    """How an episode of one vehicle begins."""
-
-    road: int
-    s: float
-    offset: float
-    heading: float
-    profile: Profile
-    speed: float
-    """NaN: that which is wished there [m/s]."""
-    share: float = 1.0
-    """Share of that at which it starts."""
 
 
 class FleetDriver:
@@ -143,7 +130,7 @@ class FleetDriver:
         """Begin a new episode of vehicle ``i``; ``change`` makes its start from the drawn one."""
         problem, rng = self.problem, self.simulation.rngs[i]
         self._spread.vary(i, rng)
-        start = self._draw_start(rng)
+        start = draw_start(problem, self.world, rng)
         start = start if change is None else change(start)
         slippery, limit = problem.spread.slippery, problem.spread.a_lat_max
         if slippery > 0.0 and rng.uniform() < slippery:
@@ -155,23 +142,6 @@ class FleetDriver:
         if self._adjusted is not None:
             self._adjusted.restart(i)
         self._propose(i, restart=True)
-
-    def _draw_start(self, rng: np.random.Generator) -> FleetStart:
-        problem, spread = self.problem, self.problem.spread
-        road = int(rng.integers(len(problem.roads)))
-        length = self.world.paths.meta[road, paths.LENGTH]
-        closed = self.world.paths.meta[road, paths.CLOSED] > 0.0
-        s = 0.0
-        if problem.start == "anywhere":
-            s = float(rng.uniform(0.0, length if closed else 0.7 * length))
-        source = problem.speeds[int(rng.integers(len(problem.speeds)))]
-        profile = source.draw(rng, problem.episode_time)
-        offset, heading = rng.uniform(-1.0, 1.0, 2) * (spread.offset, spread.heading)
-        speed = math.nan
-        if profile.throttle is not None:
-            speed = source.start_speed(problem.roads[road], s)
-        share = 1.0 - rng.uniform(0.0, spread.slower) if spread.slower > 0.0 else 1.0
-        return FleetStart(road, s, float(offset), float(heading), profile, speed, share)
 
     def begin(self, i: int, start: FleetStart) -> None:
         """Put vehicle ``i`` at a start, in the steady turn of the road there."""

@@ -9,7 +9,7 @@ from pydantic import field_validator
 
 from steersman.config import Of, Settings, param
 from steersman.errors import ConfigError
-from steersman.learning.fleet import FleetStart
+from steersman.learning.starts import FleetStart
 from steersman.paths.base import PathComponent, Start
 from steersman.speed import FASTEST, ConstantSpeed
 
@@ -60,5 +60,5 @@ class EpisodeOptions(Settings):
             start = start._replace(s=given.s, offset=given.offset, heading=given.heading)
         if self.speed is not None:
             profile = ConstantSpeed(speed=self.speed).profile()
-            start = start._replace(profile=profile, speed=math.nan)
+            start = start._replace(profile=profile, speed=math.nan, share=1.0)
         return start

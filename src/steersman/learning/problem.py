@@ -24,6 +24,7 @@ from steersman.faults import Fault
 from steersman.kernels.speed import SpeedTable
 from steersman.kernels.step import Lesson
 from steersman.learning.demonstration import Demonstration
+from steersman.learning.spread import Spread
 from steersman.learning.task import PreciseTask, TaskComponent
 from steersman.paths.base import PathComponent
 from steersman.plants.base import PlantComponent
@@ -45,50 +46,6 @@ CARS_DIFFER = (
     *("mass", "yaw_inertia", "stiffness", "friction", "slippery"),
     *("steer_rate", "steer_bias"),
 )
-
-
-class Spread(Settings):
-    """How far cars and starts differ from episode to episode; zero: not at all."""
-
-    mass: float = param(0.0, "-", "Mass is scaled by up to 1 +- this.", ge=0, lt=1)
-    yaw_inertia: float = param(0.0, "-", "Yaw inertia is scaled by up to 1 +- this.", ge=0, lt=1)
-    stiffness: float = param(0.0, "-", "Each axle's stiffness, up to 1 +- this.", ge=0, lt=1)
-    friction: float = param(0.0, "-", "Friction is scaled by up to 1 +- this.", ge=0, lt=1)
-    delay: float = param(0.0, "s", "Longest additional steering delay.", ge=0, le=0.4)
-    steer_rate: float = param(
-        0.0, "-", "The steering actuator's rates are lower by up to this share.", ge=0, lt=1
-    )
-    steer_bias: float = param(
-        0.0, "rad", "Inner wheel angle at centred steering, up to this to either side.", ge=0
-    )
-    waypoints: float = param(
-        0.0,
-        "-",
-        "Errors of waypoints and of the other sensors are scaled by a draw from 1 - this to 1.",
-        ge=0,
-        le=1,
-    )
-    nominal: float = param(
-        0.0, "-", "Share of episodes with the nominal car, delay and sensor.", ge=0, le=1
-    )
-    a_lat_max: float | None = param(
-        None, "m/s^2", "So are those whose speed cap allows more than this; null: none.", gt=0
-    )
-    slippery: float = param(0.0, "-", "Share of episodes on a slippery road.", ge=0, le=1)
-    least_friction: float = param(
-        0.4,
-        "-",
-        "Tyre friction there: from this to the vehicle's own, evenly in its logarithm.",
-        gt=0,
-    )
-    used_grip: float = param(
-        0.6, "-", "Share of that grip which speed caps ask for at most.", gt=0, le=2
-    )
-    offset: float = param(0.0, "m", "Start up to this far beside the path.", ge=0)
-    heading: float = param(0.0, "rad", "Start turned by up to this.", ge=0)
-    slower: float = param(
-        0.0, "-", "Start slower than wished by a share of up to this.", ge=0, lt=1
-    )
 
 
 class Problem(Settings):
