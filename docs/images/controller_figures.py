@@ -13,7 +13,9 @@ from steersman.controllers.base import ControllerComponent
 from steersman.controllers.lqr import Lqr
 from steersman.controllers.supervisor import Supervisor
 from steersman.paths.analytic import Circle, DoubleLaneChange, FigureEight
+from steersman.paths.generated import ClothoidRoad
 from steersman.sensing import WaypointSensor
+from steersman.speed import ConstantSpeed
 from steersman.types import Observation, Status
 from steersman.vehicles import Vehicle
 
@@ -319,7 +321,20 @@ def everybody() -> dict[str, Any]:
     return {"title": title, "x": "time [s]", "y": "lateral error [m]", "lines": lines}
 
 
+def grip_speed() -> dict[str, Any]:
+    """A slippery road makes bends slow, and the ways into and out of them long."""
+    road, lines = ClothoidRoad(seed=3, distance=300.0), []
+    for friction in (1.0, 0.5, 0.3):
+        controller = {"kind": "grip_speed", "inner": "tuned/lqr", "friction": friction}
+        sensor, wished = WaypointSensor(count=25), ConstantSpeed(speed=20.0)
+        episode = drive(controller, road, speed=wished, sensor=sensor)
+        lines.append({"name": f"friction {friction:g}", "x": episode["s"], "y": episode["v_x"]})
+    title = "Speed on one road where 20 m/s are wished, by the friction that is reckoned with"
+    return {"title": title, "x": "arc length [m]", "y": "speed [m/s]", "lines": lines}
+
+
 FIGURES = {
+    "grip_speed": grip_speed,
     "pid": pid,
     "pid_feedforward": pid_feedforward,
     "bearing_pid": bearing_pid,

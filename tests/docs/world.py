@@ -21,7 +21,17 @@ from .pages import ROOT, blocks
 
 POLICY = ROOT / "src" / "steersman" / "policies" / "precision.onnx"
 # Folders of trainings (or imitations), of trainings with several seeds, of tunings, of drives.
-TRAININGS = ("agent", "agent2", "dagger", "residual", "mpc_weights", "demo/training", "bc", "mine")
+TRAININGS = (
+    "agent",
+    "agent2",
+    "dagger",
+    "residual",
+    "mpc_weights",
+    "joint",
+    "demo/training",
+    "bc",
+    "mine",
+)
 SEEDS = ("five", "five_td3")
 TUNINGS = ("tune", "tuned", "tune_pid", "stanley")
 DRIVES = ("monza_mpc", "monza_agent", "first")

@@ -25,6 +25,8 @@ from steersman.vehicles import Vehicle
 
 # Waypoints that a curvature needs.
 _FEWEST = 4
+# The limit moves on from the last one, unless that is so far from the speed [m/s].
+_AWAY = 0.5
 # Least curvature that limits a speed [1/m].
 _STRAIGHT = 1e-4
 
@@ -35,13 +37,17 @@ class GripSpeedState(NamedTuple):
     inner: Any
     friction: float
     """Nominal friction [-]."""
+    dt: float
     limit: float = math.nan
     """The largest speed for the next control period [m/s]."""
 
 
 @register("controller", "grip_speed")
 class GripSpeed(Wrapper):
-    """Lets a controller steer and limits the speed to what grip allows in the bends ahead."""
+    """Lets a controller steer and limits the speed to what grip allows in the bends ahead.
+
+    The limit changes no faster than the grip that is left to pedals allows.
+    """
 
     inner: Annotated[ControllerComponent, Of("controller")] = param(
         "tuned/mpc_delay", "-", "The controller that steers."
@@ -52,8 +58,10 @@ class GripSpeed(Wrapper):
     found: bool = param(
         False, "-", "Reckon with the friction that mpc_delay or nmpc finds, if that is lower."
     )
-    used: float = param(0.8, "-", "Share of the grip for bends.", gt=0, le=1)
-    braking: float = param(0.4, "-", "Share of the grip for braking before them.", gt=0, le=1)
+    used: float = param(0.6, "-", "Share of the grip for bends.", gt=0, le=1)
+    braking: float = param(
+        0.4, "-", "Share of the grip for braking before them, and for speeding up.", gt=0, le=1
+    )
 
     @model_validator(mode="after")
     def _finds(self) -> GripSpeed:
@@ -66,7 +74,7 @@ class GripSpeed(Wrapper):
     def init(self, vehicle: Vehicle, dt: float) -> GripSpeedState:
         """State before the first step."""
         friction = vehicle.friction if self.friction is None else self.friction
-        return GripSpeedState(self.inner.init(vehicle, dt), friction)
+        return GripSpeedState(self.inner.init(vehicle, dt), friction, dt)
 
     def step(
         self, state: GripSpeedState, observation: Observation
@@ -78,7 +86,12 @@ class GripSpeed(Wrapper):
             friction = min(friction, inner.motion.friction)
         seen = usable(observation)
         if seen is not None and len(seen.preview) >= _FEWEST:
-            state = state._replace(limit=self._fastest(seen, friction * GRAVITY))
+            grip = friction * GRAVITY
+            last, most = seen.v_x, self.braking * grip * state.dt
+            if math.isfinite(state.limit):
+                last = min(max(state.limit, last - _AWAY), last + _AWAY)
+            limit = min(max(self._fastest(seen, grip), last - most), last + most)
+            state = state._replace(limit=limit)
         return decision._replace(speed_limit=state.limit), state
 
     def speed_limit(self, state: GripSpeedState) -> float:
