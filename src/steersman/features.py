@@ -446,7 +446,9 @@ class PastSpeeds(_Past):
         """How many steps ago."""
         return f"v_x_{i + 1}_ago_less_now [m/s]"
 
-    def value(self, seen: Observation, memory: Sequence[float], i: int) -> float:
+    def value(  # type: ignore[override]
+        self, seen: Observation, memory: Sequence[float], i: int
+    ) -> float:
         """Difference of longitudinal velocities [m/s]."""
         return memory[i] - seen.v_x
 

@@ -202,7 +202,7 @@ def test_c_of_a_policy_of_the_speed_is_refused(tmp_path: FilePath) -> None:
 
     source = read_source(constant_policy(tmp_path, -0.3).file)
     with pytest.raises(DataError, match="second action is the speed"):
-        parts(source, None)  # type: ignore[arg-type] - it is refused before it is read
+        parts(source, None)  # type: ignore[arg-type]
 
 
 class Slow(ControllerComponent):

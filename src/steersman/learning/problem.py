@@ -21,9 +21,11 @@ from steersman.disturbances import DisturbanceComponent, Disturber
 from steersman.encoding import EncodingComponent, ExtendedEncoding, Layout
 from steersman.errors import ConfigError
 from steersman.faults import Fault
+from steersman.features import Feature
 from steersman.kernels.speed import SpeedTable
 from steersman.kernels.step import Lesson
 from steersman.learning.demonstration import Demonstration
+from steersman.learning.rewards import RewardTerm
 from steersman.learning.spread import Spread
 from steersman.learning.task import PreciseTask, TaskComponent
 from steersman.paths.base import PathComponent
@@ -173,8 +175,8 @@ class Problem(Settings):
                 "one, or set joint=false",
                 ("speeds",),
             )
-        judged = [(one, "task") for one in self.task.terms]
-        for one, where in (*judged, *((one, "encoding") for one in self.layout.features)):
+        of_task: list[tuple[RewardTerm | Feature, str]] = [(t, "task") for t in self.task.terms]
+        for one, where in (*of_task, *((f, "encoding") for f in self.layout.features)):
             if one.joint and not self.joint:
                 raise ConfigError(
                     f"{one.kind} needs the wished speed, which joint actions alone have; set "
