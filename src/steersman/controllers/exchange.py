@@ -60,7 +60,8 @@ class NoQuestion(ValueError):
 def to_json(question: Question) -> dict[str, Any]:
     """The question as a line's object, without what is not said."""
     seen = question.seen
-    numbers: dict[str, Any] = seen._asdict() | {"preview": seen.preview.tolist()}
+    numbers: dict[str, Any] = seen._asdict()
+    numbers |= {name: numbers[name].tolist() for name in ("preview", "wished")}
     counted = {} if question.sequence is None else {"sequence": question.sequence}
     context = {"drive": question.drive, "dt": question.dt, "executed": question.executed}
     return context | counted | numbers
@@ -81,7 +82,7 @@ def read_question(message: bytes) -> Question:
     if not isinstance(data, dict):
         raise NoQuestion(f"expected an object of JSON, given {type(data).__name__}")
     numbers = [_number(data, each) for each in _NUMBERS]
-    seen = Observation._make([*numbers, _points(data), _number(data, "spacing")])
+    seen = Observation(*numbers, _points(data), _number(data, "spacing"))
     dt, executed = (data.get(name) for name in ("dt", "executed"))
     return Question(
         seen,
@@ -102,7 +103,7 @@ def _from_record(message: bytes) -> Question:
         size = f"{QUESTION.size} + {_POINT} x {count}, at most {MOST_WAYPOINTS} waypoints"
         raise NoQuestion(f"a record of {len(message)} bytes, expected {size}")
     points = np.frombuffer(message, "<f8", 2 * count, QUESTION.size).reshape(count, 2)
-    seen = Observation._make([*numbers[:-1], points.astype(np.float64), numbers[-1]])
+    seen = Observation(*numbers[:-1], points.astype(np.float64), numbers[-1])
     other = None if math.isnan(executed) else _steering(executed)
     return Question(seen, drive, sequence, dt or None, other, record=True)
 

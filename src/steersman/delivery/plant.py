@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from steersman.delivery import c_text
 from steersman.delivery.c_text import fill
 from steersman.delivery.translate.lines import indented, without_unused
@@ -113,7 +115,8 @@ def translated_plant(name: str, config: RunConfig) -> TranslatedPlant:
     drive = RunningDrive(config)
     simulation = drive.simulation
     simulation.look(0)
-    world, fleet = simulation.world, simulation.fleet
+    # What is wished is for controllers beside the pedals, which have no C.
+    world, fleet = simulation.world, simulation.fleet._replace(wishes=np.zeros((1, 0)))
     program = Program(single=False)
     writer = Statements(program, {}, {"__builtins__": {}}, NEVER)
     inputs = [Scalar(f"given->{each}", REAL) for each in ("steer_command", "throttle", "brake")]
