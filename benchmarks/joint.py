@@ -88,10 +88,10 @@ def figures(run: RunConfig) -> dict[str, Any]:
     }
 
 
-def beyond(names: dict[str, str]) -> list[dict[str, Any]]:
+def beyond(names: dict[str, str], every: int) -> list[dict[str, Any]]:
     """A row for each drive of the suite."""
     rows = []
-    for scenario in beyond_grip().scenarios():
+    for scenario in beyond_grip().scenarios()[::every]:
         share = round(demanded_grip(scenario.run), 3)
         found = {name: figures(run_of(scenario, name, file)) for name, file in names.items()}
         best = found["oracle"]["seconds"]
@@ -180,11 +180,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("policies", nargs="*")
     parser.add_argument("--out", required=True)
+    parser.add_argument("--every", type=int, default=1, help="drive every so many-th scenario")
     given = parser.parse_args()
     learned = {f"joint_{k}" if k else "joint": file for k, file in enumerate(given.policies)}
-    rows = beyond({**dict.fromkeys(("lateral", "dry_profile", "found", "oracle"), ""), **learned})
+    peers = {**dict.fromkeys(("lateral", "dry_profile", "found", "oracle"), ""), **learned}
+    rows = beyond(peers, given.every)
     found = {
         "commit": provenance()["commit"],
+        "every": given.every,
         "beyond_grip": summary(rows),
         "usual": usual({"lateral": "", **learned}),
         "rows": rows,

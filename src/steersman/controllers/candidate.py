@@ -85,7 +85,7 @@ def checked_step(
         decision, state = controller.step(before.state, own)
         steer: Any = decision.steer  # of another package's controller it may be anything
         status: Any = decision.status
-        speed: Any = getattr(decision, "speed_limit", math.nan)
+        speed: Any = decision.speed_limit
     except Exception as error:  # of any kind: a failing controller must not end the supervisor
         if first and isinstance(error, ConfigError):
             raise

@@ -34,7 +34,7 @@ from steersman.delivery.translate.values import (
 )
 from steersman.errors import ConfigError
 from steersman.network_file import PolicyNetwork
-from steersman.types import Observation
+from steersman.types import NO_WISH, Observation
 from steersman.vehicles import Vehicle
 
 CALLS.update(POLICY_CALLS)
@@ -212,7 +212,8 @@ class _Pass:
     def _seen(self) -> Value:
         numbers = [Scalar(f"seen->{name}", REAL) for name in _NUMBERS]
         preview = Array("&seen->preview[0][0]", (self.setting.waypoints, 2), Root("seen"))
-        seen = Bundle(Observation, (*numbers, preview, Static(self.setting.spacing)))
+        spacing, wished = Static(self.setting.spacing), Static(NO_WISH)
+        seen = Bundle(Observation, (*numbers, preview, spacing, wished))
         return (
             Maybe(Scalar("(given != NULL)", BOOL), seen) if self.setting.controller.gaps else seen
         )
