@@ -31,6 +31,7 @@ from steersman.bench.suite import Scenario
 from steersman.config import build, resolve
 from steersman.files import write_text
 from steersman.kernels.vehicle import GRAVITY
+from steersman.policy_file import read_policy
 from steersman.provenance import provenance
 from steersman.rollout import RunConfig, attempt
 from steersman.speed import SpeedProfile
@@ -71,7 +72,13 @@ def run_of(scenario: Scenario, name: str, policy: str) -> RunConfig:
         changes |= {"speed": profile(friction, 20.0), "nominal": None}
     if policy:
         controller = {"kind": "policy", "file": policy}
+        changes["sensor"] = run.sensor.model_copy(update={"count": waypoints(policy)})
     return run.model_copy(update={**changes, "controller": resolve("controller", controller)})
+
+
+def waypoints(policy: str) -> int:
+    """How many a policy reads."""
+    return read_policy(Path(policy))[1].waypoints
 
 
 def figures(run: RunConfig) -> dict[str, Any]:
@@ -155,7 +162,8 @@ def usual(names: dict[str, str]) -> dict[str, Any]:
         out[task] = {}
         for name, file in names.items():
             controller = {"kind": "policy", "file": file} if file else STEERS
-            run = build(RunConfig, {**wish, "controller": controller})
+            sensor = {"kind": "waypoints", "count": waypoints(file)} if file else "waypoints"
+            run = build(RunConfig, {**wish, "controller": controller, "sensor": sensor})
             out[task][name] = figures(run)
             if task == "nedc":
                 out[task][name]["speed_rms_m_s"] = speed_error(run)
