@@ -98,7 +98,7 @@ def _encode(out: Expressions, given: list[Value], _: Named) -> Value:
     table, row, memory, _to = given
     kept, seen, whole = out.array(memory), out.array(row), opened(table)
     kept.root.written = True
-    started, last, base, dt, spacing = (kept.element(str(i)) for i in range(encode.CELLS))
+    started, last, base, dt, spacing = map(kept.element, map(str, range(5)))
     out.lines += [
         f"if ({started} == {out.program.literal(0.0)}) {{",
         f"{started} = {out.program.literal(1.0)};",
