@@ -41,7 +41,6 @@ EXAMPLES = (
     "\b\n"
 )
 STEERS = "a controller, or a policy"
-CLASSICAL = "a controller that is no policy"
 UNIT = "a controller, a policy, or a vehicle with its road"
 _PRECISIONS = ("single", "double")
 _FMI = (2, 3)
@@ -87,10 +86,11 @@ def _fmu(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
 
 def _ros2(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
     from steersman.delivery.ros2 import write_package
+    from steersman.words import unknown
 
-    setting = setting_of(wanted)
+    setting = setting_of(wanted, alone=True)
     if setting is None:
-        raise ConfigError(f"{wanted.run}: only a classical controller can be a ROS 2 package yet")
+        raise unknown("controller", wanted.run)
     return write_package(setting, folder)
 
 
@@ -115,7 +115,7 @@ def _minari(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
 TARGETS = (
     Target("c", STEERS, "C99 source without dependencies, test vector, Makefile, card", _c),
     Target("fmu", UNIT, "a unit for co-simulation (FMI 2.0, 3.0), binary and sources", _fmu),
-    Target("ros2", CLASSICAL, "a package (ament_cmake) with a node for Autoware's messages", _ros2),
+    Target("ros2", STEERS, "a package (ament_cmake) with a node for Autoware's messages", _ros2),
     Target("onnx", POLICY, "the network as a checked ONNX file with its card", _onnx),
     Target("mcap", DRIVE, "a recording with ROS 2 messages", _mcap),
     Target("minari", DATA, "a dataset of what was seen and done", _minari, dataset_home),

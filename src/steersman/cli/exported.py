@@ -33,14 +33,17 @@ class ToExport(NamedTuple):
     """What the names of files and functions hold; nothing: a short name of RUN."""
 
 
-def setting_of(wanted: ToExport) -> Setting | None:
-    """What a controller is exported for: the loop of a drive; None for a policy alone."""
+def setting_of(wanted: ToExport, *, alone: bool = False) -> Setting | None:
+    """What a controller is exported for: the loop of a drive.
+
+    None for what is no controller, and for a policy alone, unless ``alone``: it has C of its own.
+    """
     from steersman import words
 
     family = "controller"
     if not words.means(family, wanted.run):
         return None
-    if words.fields_of(family, wanted.run)["kind"] == "policy":
+    if not alone and words.fields_of(family, wanted.run)["kind"] == "policy":
         return None
     from steersman.delivery.controller import DESIGN, Setting
     from steersman.delivery.controller_package import read_table
