@@ -17,12 +17,14 @@ HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
 
 import controller_figures  # noqa: E402 - they lie beside this file, which is no package
+import geometry_figures  # noqa: E402
 import learning_figures  # noqa: E402
 import vehicle_figures  # noqa: E402
 
 from steersman.report.svg import LinePlot, PlotLine  # noqa: E402
 
-FIGURES: dict[str, Callable[[], dict[str, Any]]] = {
+FIGURES: dict[str, Callable[[], Any]] = {
+    **geometry_figures.FIGURES,
     **vehicle_figures.FIGURES,
     **controller_figures.FIGURES,
     **learning_figures.FIGURES,
@@ -31,7 +33,9 @@ FIGURES: dict[str, Callable[[], dict[str, Any]]] = {
 
 def drawn(name: str) -> str:
     """A figure as SVG."""
-    figure = FIGURES[name]()
+    figure: dict[str, Any] | str = FIGURES[name]()
+    if isinstance(figure, str):  # a drawing, no plot
+        return figure
     lines = [PlotLine(**line) for line in figure.pop("lines")]
     return LinePlot(name, lines=lines, **figure).svg()
 
