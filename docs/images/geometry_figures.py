@@ -8,17 +8,14 @@ from html import escape
 
 Point = tuple[float, float]
 WIDTH, HEIGHT = 640, 320
+# Pages make the grey of attributes the colour of their text (docs/hooks). A style holds for all of
+# the page that a figure becomes a part of, therefore the class.
 STYLE = """
-text { font: 15px sans-serif; fill: #1a1c1f; }
-path { fill: none; stroke: #1a1c1f; stroke-width: 1.6; }
-path.road { stroke: #8a9099; stroke-width: 2.4; } .thin { stroke-width: 1; }
-.dash { stroke-width: 1; stroke-dasharray: 5 4; } path.main { stroke: #0a6ebd; stroke-width: 2.4; }
-.wheel { stroke-width: 8; stroke-linecap: butt; } text.main { fill: #0a6ebd; }
-.dot { fill: #1a1c1f; stroke: none; }
-@media (prefers-color-scheme: dark) {
-text { fill: #e4e7ea; } path { stroke: #e4e7ea; } .dot { fill: #e4e7ea; }
-path.main { stroke: #59b4f5; } text.main { fill: #59b4f5; } path.road { stroke: #7d858f; }
-}
+.drawing text { font: 15px sans-serif; stroke: none; }
+.drawing path { fill: none; stroke-width: 1.6; } .drawing circle { stroke: none; }
+.drawing .road { stroke: #a0a0a0; stroke-width: 2.4; } .drawing .thin { stroke-width: 1; }
+.drawing .dash { stroke-width: 1; stroke-dasharray: 5 4; } .drawing .wheel { stroke-width: 8; }
+.drawing path.main { stroke: #2b86d9; stroke-width: 2.4; } .drawing text.main { fill: #2b86d9; }
 """
 
 
@@ -60,11 +57,12 @@ class Drawing:
     def dot(self, p: Point) -> None:
         """A point."""
         x, y = self._at(p).split()
-        self._parts.append(f'<circle class="dot" cx="{x}" cy="{y}" r="4"/>')
+        self._parts.append(f'<circle cx="{x}" cy="{y}" r="4"/>')
 
     def svg(self) -> str:
         """The drawing."""
-        head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" role="img">'
+        box = f'viewBox="0 0 {WIDTH} {HEIGHT}" role="img" fill="#808080" stroke="#808080"'
+        head = f'<svg xmlns="http://www.w3.org/2000/svg" class="drawing" {box}>'
         return "\n".join([head, *self._parts, "</svg>", ""])
 
 

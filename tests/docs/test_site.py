@@ -103,7 +103,7 @@ def test_no_formula_is_left_as_it_was_written(site: FilePath) -> None:
 
 def test_figures_take_the_colour_of_the_page(site: FilePath) -> None:
     text = (site / "equations" / "vehicle.html").read_text(encoding="utf-8")
-    assert text.count('<span class="figure"') == 3
+    assert text.count('<span class="figure"') == 4
     assert 'fill="currentColor"' in text
     assert "#808080" not in text
 
