@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 import time
 from pathlib import Path as FilePath
 from types import SimpleNamespace
 from typing import Any
+
+from steersman.policy_file import locate
 
 SUITE = """
 courses:
@@ -23,6 +26,8 @@ RECORDED: dict[str, Any] = {
 RUNS = "suite=[{path: {kind: circle, radius: 30}, speed: {kind: constant_speed}, duration: 1}]"
 NARROW = ("ranges={mass: 0, friction: 0, waypoint_noise: 0, speed: 0.3, delay: 0.4}", "duration=1")
 NOBODY = "plant.port=1"
+CARD = json.loads(locate("precision").with_suffix(".json").read_text(encoding="utf-8"))
+READS = f"encoding={json.dumps(CARD['encoding'])}"
 # In an order in which one makes what a later one needs.
 CALLS: dict[str, tuple[str, ...]] = {
     "list": (),
@@ -32,6 +37,7 @@ CALLS: dict[str, tuple[str, ...]] = {
     "identify": ("recording.npz", "--holdout", "0"),
     "report": ("drive", "--out", "page.html"),
     "export": ("precision", "--to", "onnx", "--out", "export"),
+    "adopt": ("policy.onnx", READS, "action=rate", "--out", "adopted"),
     "train": ("demo", "--out", "train"),
     "search": ("demo", "agent.gamma=0.9..0.99", "seeds=0", "--trials", "1", "--out", "search"),
     "imitate": ("demo", "--out", "imitate"),
@@ -66,7 +72,6 @@ def prepare(folder: FilePath) -> None:
     import shutil
 
     from steersman.config import build
-    from steersman.policy_file import locate
     from steersman.rollout import RunConfig, run
 
     (folder / "small.yaml").write_text(SUITE)
