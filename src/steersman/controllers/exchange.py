@@ -10,13 +10,13 @@ from __future__ import annotations
 import json
 import math
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from steersman.bounds import from_json
-from steersman.types import Observation, Status
+from steersman.types import FloatArray, Observation, Status
 
 MOST_WAYPOINTS, LONGEST = 1000, 100_000
 """Most waypoints of an observation, and the longest line [bytes]."""
@@ -82,7 +82,7 @@ def read_question(message: bytes) -> Question:
     if not isinstance(data, dict):
         raise NoQuestion(f"expected an object of JSON, given {type(data).__name__}")
     numbers = [_number(data, each) for each in _NUMBERS]
-    seen = Observation(*numbers, _points(data), _number(data, "spacing"))
+    seen = _seen(numbers, _points(data), _number(data, "spacing"))
     dt, executed = (data.get(name) for name in ("dt", "executed"))
     return Question(
         seen,
@@ -91,6 +91,11 @@ def read_question(message: bytes) -> Question:
         None if dt is None else _number(data, "dt"),
         None if executed is None else _steering(_number(data, "executed")),
     )
+
+
+def _seen(numbers: Sequence[float], points: FloatArray, spacing: float) -> Observation:
+    values: dict[str, Any] = dict(zip(_NUMBERS, numbers, strict=True))
+    return Observation(**values, preview=points, spacing=spacing)
 
 
 def _from_record(message: bytes) -> Question:
@@ -103,7 +108,7 @@ def _from_record(message: bytes) -> Question:
         size = f"{QUESTION.size} + {_POINT} x {count}, at most {MOST_WAYPOINTS} waypoints"
         raise NoQuestion(f"a record of {len(message)} bytes, expected {size}")
     points = np.frombuffer(message, "<f8", 2 * count, QUESTION.size).reshape(count, 2)
-    seen = Observation(*numbers[:-1], points.astype(np.float64), numbers[-1])
+    seen = _seen(numbers[:-1], points.astype(np.float64), numbers[-1])
     other = None if math.isnan(executed) else _steering(executed)
     return Question(seen, drive, sequence, dt or None, other, record=True)
 

@@ -14,6 +14,7 @@ from steersman.errors import ConfigError, DataError
 from steersman.files import make_folder, replacing, write_text
 from steersman.learning import running, snapshot
 from steersman.learning.imitation.config import LearningConfig
+from steersman.learning.rewards import FunctionTerm
 from steersman.learning.snapshot import Tree
 
 FOLDER = "resume"
@@ -176,7 +177,8 @@ def _with_functions(tree: dict[str, Any], config: LearningConfig) -> dict[str, A
     Raises:
         ConfigError: it names one that ``config`` has not.
     """
-    ours = {str(dump(t)["function"]): t for t in config.problem.task.terms if t.kind == "function"}
+    terms = [term for term in config.problem.task.terms if isinstance(term, FunctionTerm)]
+    ours = {term.model_dump()["function"]: term.function for term in terms}
     for term in tree.get("problem", {}).get("task", {}).get("terms", ()):
         if term.get("kind") == "function":
             name = term["function"]
@@ -185,7 +187,7 @@ def _with_functions(tree: dict[str, Any], config: LearningConfig) -> dict[str, A
                     f"its reward has the Python function {name}; go on from Python with the same "
                     "one: sm.train(..., reward=FUNCTION, resume=True)"
                 )
-            term["function"] = ours[name].function
+            term["function"] = ours[name]
     return tree
 
 
