@@ -187,5 +187,5 @@ _comparison(">", operator.gt)
 _comparison(">=", operator.ge)
 _comparison("==", operator.eq)
 _comparison("!=", operator.ne)
-for each in (bool, int, math.ceil, math.floor):
+for each in (math.isnan, bool, int, math.ceil, math.floor):
     _plain_value(each)
