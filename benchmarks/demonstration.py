@@ -3,12 +3,13 @@
     python benchmarks/demonstration.py
 
 Every method is the same training (``base`` in ``results.json``) but for the options in
-``METHODS``; nothing is tuned. At each quarter of the steps the best policy so far, by validation,
-drives scenarios of the suite ``core`` whose oracle is known: its regret, the drives that it lost,
-and the processor time until then. Trainings go through the engine, each in a process of its own; a
-run that was interrupted goes on. ``results.json`` has everything, ``results.md`` the table: medians
-over seeds [least, most], and the regret at the end over that without a demonstrator, as the
-geometric mean over seeds with a 95 % interval (Student's t, seeds paired).
+``methods``; nothing is tuned. At each quarter of the steps the best validation so far and the
+processor time are noted; at the end the best policy, by validation, drives scenarios of the suite
+``core`` whose oracle is known: its regret, and the drives that it lost. Trainings go through the
+engine, each in a process of its own; a run that was interrupted goes on. ``results.json`` has
+everything, ``results.md`` the table: medians over seeds [least, most], and the regret at the end
+over that without a demonstrator, as the geometric mean over seeds with a 95 % interval (Student's
+t, seeds paired).
 """
 
 from __future__ import annotations
@@ -160,25 +161,28 @@ def driven_by(words: str, plan: Sequence[Scenario], oracle: Mapping[str, OracleC
     return {"regret_mm": 1e3 * mean, "median_regret_mm": 1e3 * median, "lost": lost}
 
 
+def learned(folder: Path) -> Any:
+    """What the training's own record says of a stage: its best policy's validation, and costs."""
+    card = json.loads((folder / "policy.json").read_text(encoding="utf-8"))
+    with (folder / "progress.csv").open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    return {
+        "best_at_steps": card["training"]["steps"],
+        "base_share": card["base_share"] if card["base"] else None,
+        "cpu_seconds": float(rows[-1]["seconds"]),
+        "off_track": float(rows[-1]["off_track_resets"]),
+        "validation_mm": min(float(row["validation_error_mm"]) for row in rows),
+    }
+
+
 def judged(folder: Path, plan: Sequence[Scenario], oracle: Mapping[str, OracleCost]) -> Any:
     """Regret and lost drives of the policy in a folder; kept there."""
     kept = folder / f"judged_{len(plan)}.json"
     if kept.exists():
         return json.loads(kept.read_text(encoding="utf-8"))
     driven = driven_by(f"agent={folder / 'policy.onnx'}", plan, oracle)
-    card = json.loads((folder / "policy.json").read_text(encoding="utf-8"))
-    with (folder / "progress.csv").open(encoding="utf-8") as stream:
-        last = list(csv.DictReader(stream))[-1]
-    out = {
-        **driven,
-        "best_at_steps": card["training"]["steps"],
-        "base_share": card["base_share"] if card["base"] else None,
-        "cpu_seconds": float(last["seconds"]),
-        "off_track": float(last["off_track_resets"]),
-        "validation_mm": float(last["validation_error_mm"]),
-    }
-    write_text(kept, json.dumps(out) + "\n")
-    return out
+    write_text(kept, json.dumps(driven) + "\n")
+    return driven
 
 
 def spread(values: Sequence[float], digits: int = 0) -> str:
@@ -200,8 +204,8 @@ def ratio(own: Sequence[float], base: Sequence[float]) -> str:
 
 def markdown(found: Mapping[str, Mapping[int, Mapping[int, Any]]], at: Sequence[int]) -> str:
     """The table: regrets at the stages, then what there is at the end, without failed seeds."""
-    heads = ["method", *(f"regret at {step:,} [mm]" for step in at)]
-    heads += [f"over {BASELINE}", "lost", "off track", "CPU s", "seeds"]
+    heads = ["method", *(f"validation at {step:,} [mm]" for step in at)]
+    heads += ["regret [mm]", f"over {BASELINE}", "lost", "off track", "CPU s", "seeds"]
     lines = ["| " + " | ".join(heads) + " |", "|" + " --- |" + " ---: |" * (len(heads) - 1)]
     for method, seeds in found.items():
         if not seeds:
@@ -209,9 +213,11 @@ def markdown(found: Mapping[str, Mapping[int, Mapping[int, Any]]], at: Sequence[
         ends = [each[at[-1]] for each in seeds.values()]
         base = found.get(BASELINE, {})
         pairs = [s for s in seeds if s in base]
-        regrets = [[each[step]["regret_mm"] for each in seeds.values()] for step in at]
+        errors = [[each[step]["validation_mm"] for each in seeds.values()] for step in at]
+        regrets = [end["regret_mm"] for end in ends]
         own, other = ([each[s][at[-1]]["regret_mm"] for s in pairs] for each in (seeds, base))
-        cells = [method, *map(spread, regrets), ratio(own, other) if pairs else ""]
+        cells = [method, *map(spread, errors), spread(regrets)]
+        cells += [ratio(own, other) if pairs else ""]
         cells += [spread([end[name] for end in ends]) for name in ("lost", "off_track")]
         cells += [spread([end["cpu_seconds"] for end in ends]), str(len(seeds))]
         lines.append("| " + " | ".join(cells) + " |")
@@ -250,7 +256,9 @@ def main() -> None:
     found: dict[str, dict[int, dict[int, Any]]] = {method: {} for method in given.methods}
     for (method, seed), job in jobs.items():
         if job.name not in failed:
-            found[method][seed] = {step: judged(stage(job, step), plan, oracle) for step in at}
+            stages = {step: learned(stage(job, step)) for step in at}
+            stages[at[-1]] |= judged(stage(job, at[-1]), plan, oracle)
+            found[method][seed] = stages
     out = make_folder(given.out)
     record = {
         "agent": given.agent,

@@ -9,6 +9,8 @@ import pytest
 
 from steersman.bench.results import BenchResult, IntervalEstimate
 
+from .pages import PAGES
+
 ROOT = Path(__file__).resolve().parents[2]
 RECORD = "results/bench/results.json"
 NUMBER = r"-?[\d.]+"
@@ -60,3 +62,21 @@ def unit(cell: str) -> float:
     """The last decimal place of a cell's first number."""
     digits = re.findall(NUMBER, cell)[0].partition(".")[2]
     return float(10.0 ** -len(digits))
+
+
+MARKED = [
+    (page, record)
+    for page in PAGES
+    if page.name != "README.md"  # its table of the demo turns the record's
+    for record in re.findall(r"<!-- (results/\S+\.md) -->", page.read_text(encoding="utf-8"))
+]
+
+
+@pytest.mark.parametrize(("page", "record"), MARKED)
+def test_a_table_of_text_is_that_of_its_record(page: Path, record: str) -> None:
+    kept = (ROOT / record).read_text(encoding="utf-8").splitlines()
+    table = page.read_text(encoding="utf-8").partition(f"<!-- {record} -->\n")[2].lstrip()
+    lines = table.split("\n\n", 1)[0].splitlines()
+    assert len(lines) > 2
+    for line in lines[:1] + lines[2:]:
+        assert line in kept, line
