@@ -152,6 +152,7 @@ def test_what_a_tuning_found_is_designed_for_its_car(
     assert "was tuned for" not in found.stderr
     same = steersman("export", "tune", "--to", "c", "--out", "b", "nominal=mine.yaml")
     assert "the car of the tuning" not in same.stderr
+    assert "vehicle: mine.yaml leaves friction (1.0" in same.stderr
     other = steersman("export", "tune", "--to", "c", "--out", "o", "vehicle=carla_model3")
     assert "controller: tune was tuned for mine.yaml (mass 2000, here 1" in other.stderr
     tables = [read_table(tmp_path / name / "tune.csv") for name in ("a", "b", "o")]

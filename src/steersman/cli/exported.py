@@ -71,6 +71,7 @@ def loop_of(run: str, words: Sequence[str]) -> tuple[RunConfig, Vehicle]:
         ConfigError: a word is unknown or not allowed.
     """
     from steersman.api.cars import made_for_another, tuned_on
+    from steersman.api.driving import announce
     from steersman.commands import configuration
 
     named = f"controller={run}"
@@ -84,6 +85,7 @@ def loop_of(run: str, words: Sequence[str]) -> tuple[RunConfig, Vehicle]:
                 f" ({found[0]}); nominal=CAR designs for another"
             )
     car = config.nominal or config.vehicle
+    announce(config.plant, note, car)
     other = made_for_another(config.controller, [named], car)
     if other is not None:
         note(f"controller: {other}")
@@ -109,11 +111,13 @@ def model_of(wanted: ToExport) -> FmuModel:
     from steersman.delivery.fmu import model
 
     if words.means("vehicle", wanted.run):
+        from steersman.api.driving import announce
         from steersman.commands import configuration
         from steersman.delivery.plant import translated_plant
 
         policy_of(wanted._replace(words=(), name=""))
         config = configuration("drive", [f"vehicle={wanted.run}", *wanted.words])
+        announce(config.plant, note, config.vehicle)
         return model.plant_model(translated_plant(wanted.name or words.short(wanted.run), config))
     setting = setting_of(wanted)
     if setting is not None:

@@ -102,6 +102,16 @@ def words(made: Translated) -> dict[str, Any]:
     }
 
 
+# What a header says of observations that cannot be used.
+_HELD = """\
+ * get the measured steering in [-1, 1] (0 if that is not finite either) and ..._FALLBACK; the state
+ * stays as it was."""
+_BRIDGED = """\
+ * and observations that do not arrive, are bridged for a while by what the supervisor reckons, with
+ * ..._SOLVED; then another controller steers, or the steering is held, with ..._FALLBACK. Count
+ * faults by the state's driver and reason, not by what step() returns."""
+
+
 def header(made: Translated) -> str:
     """The header."""
     s, literal = made.setting, made.program.literal
@@ -125,6 +135,7 @@ def header(made: Translated) -> str:
             "spacing_plain": f"{s.spacing:g}",
             "count": len(entries(made)),
             "gaps": fill("gap.h.in", _named_numbers(made)) if s.controller.gaps else "",
+            "unusable": _BRIDGED if s.controller.gaps else _HELD,
             "parameter_fields": _block(parameters),
             "state_fields": _block(fields),
         },

@@ -64,8 +64,9 @@ def _words(made: Translated) -> dict[str, object]:
     numbers = [each.value for each in text.entries(made)]
     reset = f"{setting.prefix}_reset(&state_);\n        "
     gap = (
-        f"      if (drives_) {{\n        {setting.prefix}_step(&state_, nullptr, &steer);\n"
-        "        publish(steer);\n      }\n"
+        "      // Nothing is published once the supervisor can only hold the steering.\n"
+        f"      if (drives_ && {setting.prefix}_step(&state_, nullptr, &steer) != "
+        f"{setting.prefix.upper()}_FALLBACK) {{\n        publish(steer);\n      }}\n"
         if setting.controller.gaps
         else "      // Nothing is published: whoever receives it has to notice.\n"
     )
