@@ -205,7 +205,15 @@ def ratio(own: Sequence[float], base: Sequence[float]) -> str:
 def markdown(found: Mapping[str, Mapping[int, Mapping[int, Any]]], at: Sequence[int]) -> str:
     """The table: regrets at the stages, then what there is at the end, without failed seeds."""
     heads = ["method", *(f"validation at {step:,} [mm]" for step in at)]
-    heads += ["regret [mm]", f"over {BASELINE}", "lost", "off track", "CPU s", "seeds"]
+    heads += [
+        "regret, mean [mm]",
+        "median [mm]",
+        f"over {BASELINE}",
+        "lost",
+        "off track",
+        "CPU s",
+        "seeds",
+    ]
     lines = ["| " + " | ".join(heads) + " |", "|" + " --- |" + " ---: |" * (len(heads) - 1)]
     for method, seeds in found.items():
         if not seeds:
@@ -216,7 +224,8 @@ def markdown(found: Mapping[str, Mapping[int, Mapping[int, Any]]], at: Sequence[
         errors = [[each[step]["validation_mm"] for each in seeds.values()] for step in at]
         regrets = [end["regret_mm"] for end in ends]
         own, other = ([each[s][at[-1]]["regret_mm"] for s in pairs] for each in (seeds, base))
-        cells = [method, *map(spread, errors), spread(regrets)]
+        typical = [end["median_regret_mm"] for end in ends]
+        cells = [method, *map(spread, errors), spread(regrets), spread(typical)]
         cells += [ratio(own, other) if pairs else ""]
         cells += [spread([end[name] for end in ends]) for name in ("lost", "off_track")]
         cells += [spread([end["cpu_seconds"] for end in ends]), str(len(seeds))]
@@ -257,7 +266,7 @@ def main() -> None:
     for (method, seed), job in jobs.items():
         if job.name not in failed:
             stages = {step: learned(stage(job, step)) for step in at}
-            stages[at[-1]] |= judged(stage(job, at[-1]), plan, oracle)
+            stages[at[-1]] = judged(stage(job, at[-1]), plan, oracle) | stages[at[-1]]
             found[method][seed] = stages
     out = make_folder(given.out)
     record = {
@@ -274,7 +283,8 @@ def main() -> None:
     }
     write_text(out / "results.json", json.dumps(record, indent=1) + "\n")
     text = markdown(found, at)
-    text += f"\nThe teacher alone ({TEACHER}): regret {teacher['regret_mm']:.0f} mm, "
+    text += f"\nThe teacher alone ({TEACHER}): regret {teacher['regret_mm']:.0f} mm, median "
+    text += f"{teacher['median_regret_mm']:.0f} mm, "
     text += f"{teacher['lost']} of {len(plan)} drives lost.\n"
     text += "".join(f"\n- {name}: {why}" for name, why in failed.items())
     write_text(out / "results.md", text)
