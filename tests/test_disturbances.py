@@ -68,8 +68,9 @@ def test_a_late_observation_is_that_of_some_steps_ago(periods: int) -> None:
     assert np.array_equal(episode["x"], exact["x"])
     for k in range(len(late)):
         then = on_time[max(k - periods, 0)]
+        arrays: Any = {"preview": None, "wished": None}
         assert late[k].time == pytest.approx((k - periods) * 0.05)
-        assert late[k]._replace(time=then.time, preview=None) == then._replace(preview=None)
+        assert late[k]._replace(time=then.time, **arrays) == then._replace(**arrays)
         assert np.array_equal(late[k].preview, then.preview)
 
 

@@ -16,7 +16,10 @@ from steersman.kernels import observe as obs
 from steersman.kernels.formula import call
 
 SPACING, DT, COUNT = 2.0, 0.05, 15
-FEATURES: list[Feature] = [each() for _, each in sorted(components("feature").items())]  # type: ignore[misc]
+# Those of a joint action, which no algorithm with analytic gradients takes, are left out.
+FEATURES: list[Feature] = [  # type: ignore[misc]
+    each() for _, each in sorted(components("feature").items()) if not each.joint
+]
 
 
 def numbers(layout: Layout, memory: Any, row: Any) -> Any:

@@ -13,6 +13,7 @@ from steersman.config import override
 from steersman.errors import ConfigError
 from steersman.learning.config import TrainConfig, train_config
 from steersman.learning.networks import WeightAverage
+from steersman.learning.running import RunningTraining
 from steersman.learning.train import _Training
 from steersman.policy_file import read_policy
 
@@ -42,7 +43,7 @@ def test_own_weights_come_back_whatever_happens() -> None:
 def trained(config: TrainConfig, out: FilePath) -> list[Any]:
     """The policy's weights after every step of all vehicles."""
     seen: list[Any] = []
-    training = _Training(config, out, None, None)
+    training = _Training(config, out, lambda _: None, RunningTraining(out, 0, config.steps, None))
     step = training._after_step
 
     def spy() -> None:

@@ -284,6 +284,7 @@ def test_writes_what_a_training_writes(done: FilePath) -> None:
     names = {file.name for file in done.iterdir()}
     assert names == {
         "config.yaml", "progress.csv", "checkpoints", "tensorboard", "policy.onnx", "policy.json",
+        "validation.npz",
     }  # fmt: skip
     table = rows(done)
     assert list(table[0]) == list(ImitationRow._fields)

@@ -11,6 +11,7 @@ import pytest
 from steersman.learning.config import TrainConfig
 from steersman.learning.datasets import store
 from steersman.learning.datasets.trajectory import Trajectory, Who, features, steps
+from steersman.learning.running import RunningTraining
 from steersman.learning.train import _Training, train
 
 from .problems import RESIDUAL, tiny
@@ -56,7 +57,8 @@ def test_every_step_is_there_and_who_drove(done: FilePath) -> None:
 
 def test_it_is_what_the_replay_buffer_holds(tmp_path: FilePath) -> None:
     """The buffer learns from executed actions in the states that were kept."""
-    training = _Training(config(keep=True), tmp_path, None, None)
+    state = RunningTraining(tmp_path, 0, STEPS, None)
+    training = _Training(config(keep=True), tmp_path, lambda _: None, state)
     training.run()
     buffer = training.agent.replay_buffer  # type: ignore[attr-defined]
     position = buffer.pos

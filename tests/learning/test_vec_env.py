@@ -14,6 +14,7 @@ from steersman.kernels import vehicle as car
 from steersman.kernels import world as kernel
 from steersman.learning.env import PathFollowingEnv
 from steersman.learning.fleet import FleetDriver
+from steersman.learning.starts import draw_start
 from steersman.learning.vec_env import PathFollowingVecEnv
 
 from .problems import RESIDUAL, problem
@@ -279,7 +280,7 @@ def test_sensor_errors_are_scaled_from_drive_to_drive() -> None:
         driver.seed(0)
         driver.fleet.levels[:] = level
         for i in range(driver.n):
-            driver.begin(i, driver._draw_start(np.random.default_rng(i)))
+            driver.begin(i, draw_start(driver.problem, driver.world, np.random.default_rng(i)))
             driver.look(i)
         driver.step(np.zeros(2))
         rows = driver.fleet.rows[:, [observe.O_VX, observe.O_VY]]

@@ -96,8 +96,10 @@ class PathFollowingVecEnv(VecEnv):
         self._lengths += 1
         self.steps += self.num_envs
         self.sum_error += float(np.abs(fleet.tracking[:, observe.D]).sum())
-        # np.maximum keeps NaN.
-        self.largest_reward = float(np.maximum(self.largest_reward, np.abs(reward).max()))
+        # np.maximum keeps NaN; what a policy earns whose action is NaN tells nothing of the terms.
+        acted = np.isfinite(self._actions).reshape(self.num_envs, -1).all(axis=1)
+        largest = np.abs(reward[acted]).max(initial=0.0)
+        self.largest_reward = float(np.maximum(self.largest_reward, largest))
         done = fleet.ended != kernel.RUNNING
         infos: list[dict[str, Any]] = self._infos
         out = fleet.inputs.astype(np.float32)
