@@ -27,7 +27,7 @@ CURSOR, CLOSER = 9.1, 2
 
 
 def drive(name: str) -> ReportRun:
-    """A part of a lap, with a delay of the steering that nobody is told of."""
+    """A part of a lap, with a delay of the steering that no controller is told of."""
     file = tuned.locate(f"tuned/{name}")
     controller = name if file is None else read_yaml(file)["controller"]
     tree = {

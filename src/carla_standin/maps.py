@@ -17,7 +17,7 @@ _DEFAULT = "StandInStraight"
 _FOLDER = "Carla/Maps/"
 # Distance of a spawn point from the beginning of its lane [m].
 _INTO_THE_LANE = 5.0
-# Elements of a client's map: nobody is served while it is read. Town07 of CARLA has
+# Elements of a client's map: no client is served while it is read. Town07 of CARLA has
 # 17 454.
 _MOST_ELEMENTS = 50_000
 

@@ -49,7 +49,7 @@ class TrainingDiverged(SteersmanError, RuntimeError):
 
 
 class TrainingStopped(SteersmanError, RuntimeError):
-    """Training was stopped by somebody who watched it; it can go on."""
+    """Training was stopped on request; it can go on."""
 
 
 def how_to_install(extra: str) -> str:

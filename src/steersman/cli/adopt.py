@@ -1,4 +1,4 @@
-"""``steersman adopt``: somebody else's network as a controller."""
+"""``steersman adopt``: a network trained elsewhere as a controller."""
 
 from __future__ import annotations
 

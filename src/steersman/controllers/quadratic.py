@@ -8,7 +8,7 @@ from steersman.kernels import active_set
 from steersman.kernels.condensed_qp import all_finite
 from steersman.types import FloatArray
 
-# Lists to which the steps of every program are appended (-1: unsolved), while somebody counts them.
+# Lists to which the steps of every program are appended (-1: unsolved), while a caller counts them.
 COUNTED: list[list[int]] = []
 
 

@@ -27,7 +27,7 @@ def serve_stream(node: ControllerNode, source: BinaryIO, to: BinaryIO) -> None:
     """Answer lines and records of a stream until it ends.
 
     Raises:
-        DataError: a record is damaged, so that nobody knows where the next message begins.
+        DataError: a record is damaged, so that the beginning of the next message is unknown.
     """
     gc.freeze()
     while first := source.read(1):

@@ -1,4 +1,4 @@
-"""A person at the wheel of a training: steps wait for their moment while somebody holds it.
+"""A person at the wheel of a training: steps wait for their moment while a person holds it.
 
 :mod:`steersman.live.relay` asks for each step of the training; the page sends the wheel's angle, or
 that there are no hands on it. Without a page at the wheel the training runs on, unhindered.

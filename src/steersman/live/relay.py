@@ -1,7 +1,7 @@
 """A demonstrator for ``controller=process``: whoever holds the wheel of a live page.
 
 ``python -m steersman.live.relay FOLDER`` hands each line of its input to the page's server, whose
-address is a file in ``FOLDER``. While nobody is there it answers ``{"steer": null}`` at once.
+address is a file in ``FOLDER``. While no person is there it answers ``{"steer": null}`` at once.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ from pathlib import Path as FilePath
 
 FILE = "address.json"
 """Where a server says how to reach it; readable by its user alone."""
-# Until a server that is not there, or has nobody at its wheel, is asked again [s].
+# Until a server that is not there, or has no person at its wheel, is asked again [s].
 _QUIET = 0.25
 # A server answers at the moment of the step; one that is stopped in between does not [s].
 _PATIENCE = 10.0
 
 
 class Relay:
-    """Asks the server for each step, unless nobody was there a moment ago."""
+    """Asks the server for each step, unless no person was there a moment ago."""
 
     def __init__(self, folder: FilePath) -> None:
         """The server of the file in the folder, which may come and go."""
         self._file, self._asked_again = folder / FILE, 0.0
 
     def answer(self, line: str) -> float | None:
-        """Steering in [-1, 1] for a line of ``controller=process``; None: nobody steers."""
+        """Steering in [-1, 1] for a line of ``controller=process``; None: no person steers."""
         if time.monotonic() < self._asked_again:
             return None
         steer = None

@@ -196,7 +196,7 @@ def reachable(address: LiveAddress, folder: FilePath) -> Iterator[None]:
     place = {"url": f"http://{HOST}:{address.port}/ask", "headers": {TOKEN: address.token}}
     file.unlink(missing_ok=True)
     with os.fdopen(os.open(file, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600), "w") as stream:
-        json.dump(place, stream)  # the token is nobody else's
+        json.dump(place, stream)  # the token is private
     try:
         yield
     finally:

@@ -75,7 +75,7 @@ _MISSING = Variable("missing", "-", INPUT, 0.0, "1: no observation arrived.", wh
 
 
 def _seen(waypoints: int, spacing: float) -> list[Variable]:
-    """What a controller sees; a straight road before somebody says more."""
+    """What a controller sees; a straight road until inputs are set."""
     out = [Variable(name, unit, INPUT, 0.0, "As observed.") for name, unit in SEEN]
     for i in range(waypoints):
         where = f"Waypoint {i * spacing:g} m ahead, in the vehicle's frame."
