@@ -200,3 +200,10 @@ def test_what_is_beyond_grip_is_counted_apart() -> None:
     assert (pid.beyond.runs, pid.beyond.failures) == (1, 1)
     assert set(found.by["grip"]) == {"within 60 %", "60 to 90 %", "beyond"}
     assert found.by["disturbance"]["ice"]["pid"].failures == 1
+
+
+def test_where_all_is_beyond_grip_that_is_summed_up() -> None:
+    rows = [row("pid", "a", 1.5, "ice", grip_share=1.2, completed=False)]
+    rows.append(row("pid", "b", 1.0, "ice", grip_share=1.3))
+    pid = summarise_rows(rows, [PID]).controllers["pid"]
+    assert (pid.runs, pid.failures, pid.beyond) == (2, 1, None)

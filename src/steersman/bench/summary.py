@@ -92,11 +92,13 @@ def summarise_rows(
 ) -> Summary:
     """Figures of every controller, in the order of their error over all scenarios.
 
-    Scenarios beyond grip are summed up for themselves, and under their disturbances and paths.
+    Scenarios beyond grip are summed up for themselves, and under their disturbances and paths;
+    where there are no others, they are all there is to sum up.
     """
     driven = {e.name: [row for row in rows if row.controller == e.name] for e in entrants}
-    beyond = {name: [row for row in own if row.beyond_grip] for name, own in driven.items()}
-    table = {name: [r for r in own if not r.beyond_grip] for name, own in driven.items()}
+    apart = any(not row.beyond_grip for row in rows)
+    beyond = {name: [r for r in own if apart and r.beyond_grip] for name, own in driven.items()}
+    table = {n: [r for r in own if not (apart and r.beyond_grip)] for n, own in driven.items()}
     learned = {e.name: e.learned for e in entrants}
     figures = {name: _figures(own) for name, own in table.items()}
     order = sorted(table, key=lambda name: figures[name]["all"].rms_m.value)

@@ -118,7 +118,7 @@ def _show(outcome: BenchResult, folder: str) -> None:
             _interval(found.clean.rms_m, 1e3),
             _interval(found.disturbed.rms_m, 1e3),
             _interval(found.disturbed.typical_m, 1e3),
-            str(found.failures),
+            _lost(found),
             _steering(found),
             _number(found.control_time_us_p50),
             "" if found.regret is None else _interval(found.regret.median_m, 1e3),
@@ -135,11 +135,10 @@ def _show(outcome: BenchResult, folder: str) -> None:
     if best is not None:
         notes += f"; ratio: RMS error over that of {best}, the best classical controller"
     notes += "."
-    beyond = {n: one.beyond for n, one in summary.controllers.items() if one.beyond is not None}
+    beyond = [one.beyond for one in summary.controllers.values() if one.beyond is not None]
     if beyond:
-        lost = ", ".join(f"{name} {found.failures}" for name, found in beyond.items())
-        runs = next(iter(beyond.values())).runs
-        notes += f" Beyond grip, not counted above, lost of {runs}: {lost}."
+        runs = beyond[0].runs
+        notes += f" With a +: lost of {runs} runs beyond grip, which no other column counts."
     show(out, "", notes, f"written to {folder}")
 
 
@@ -155,6 +154,12 @@ def _interval(found: IntervalEstimate | None, factor: float = 1.0) -> str:
         return "-"
     value, low, high = (_number(v, factor) for v in (found.value, found.low, found.high))
     return value if found.low is None else f"{value}\n{low}..{high}"
+
+
+def _lost(found: ControllerSummary) -> str:
+    """Lost runs within grip, and under them those beyond it."""
+    beyond = "" if found.beyond is None else f"\n+{found.beyond.failures}"
+    return f"{found.failures}{beyond}"
 
 
 def _steering(found: ControllerSummary) -> str:
