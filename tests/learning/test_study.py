@@ -32,7 +32,8 @@ def test_a_ratio_is_that_of_paired_seeds() -> None:
 
 
 def test_the_table_has_all_stages() -> None:
-    one = {"lost": 3, "off_track": 7.0, "cpu_seconds": 12.0}
+    one = {"lost": 3, "off_track": 7.0, "cpu_seconds": 12.0, "validation_mm": 9.0}
+    one["median_regret_mm"] = 5.0
     found = {
         name: {s: {at: {**one, "regret_mm": r * (s + 1)} for at in (10, 20)} for s in (0, 1)}
         for name, r in (("nothing", 200.0), ("loss", 100.0), ("cloning", 50.0))
@@ -40,5 +41,5 @@ def test_the_table_has_all_stages() -> None:
     lines = study.markdown({**found, "failed": {}}, [10, 20]).splitlines()
     assert len(lines) == 5
     assert lines[3].startswith(
-        "| loss | 150 [100, 200] | 150 [100, 200] | 0.50 [0.50, 0.50] | 3 [3"
+        "| loss | 9 [9, 9] | 9 [9, 9] | 150 [100, 200] | 5 [5, 5] | 0.50 [0.50, 0.50] | 3 [3"
     )
