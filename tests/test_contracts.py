@@ -20,7 +20,8 @@ from steersman.controllers.base import ControllerComponent
 from steersman.disturbances import DisturbanceComponent, Disturber
 from steersman.encoding import EncodingComponent
 from steersman.errors import ConfigError
-from steersman.features import Feature, YawRate
+from steersman.features.base import Feature
+from steersman.features.motion import YawRate
 from steersman.learning.config import TrainConfig
 from steersman.learning.schedules import Schedule
 from steersman.paths.analytic import Circle

@@ -19,15 +19,9 @@ from steersman.controllers.policy import card_layout
 from steersman.delivery.c_formula import Writer
 from steersman.encoding import EncodingComponent, FeatureList, Layout
 from steersman.errors import ConfigError, DataError
-from steersman.features import (
-    Feature,
-    Loop,
-    RoadAccelerations,
-    RoadCurvatures,
-    SpeedAcross,
-    Waypoints,
-    YawRateError,
-)
+from steersman.features.base import Feature, Loop
+from steersman.features.motion import SpeedAcross, YawRateError
+from steersman.features.road import RoadAccelerations, RoadCurvatures, Waypoints
 from steersman.kernels import observe
 from steersman.kernels.formula import Group, call, compiled
 from steersman.learning.rewards import FunctionTerm, Judged, RewardTerm

@@ -52,8 +52,8 @@ if TYPE_CHECKING:
     from steersman.errors import SteersmanError as SteersmanError
     from steersman.errors import TrainingDiverged as TrainingDiverged
     from steersman.errors import suggestion as suggestion
-    from steersman.features import Feature as Feature
-    from steersman.features import Loop as Loop
+    from steersman.features.base import Feature as Feature
+    from steersman.features.base import Loop as Loop
     from steersman.learning.config import TrainConfig as TrainConfig
     from steersman.learning.parallel import TrainingEvent as TrainingEvent
     from steersman.learning.parallel import TrainingJob as TrainingJob
@@ -110,7 +110,7 @@ _FRONT_DOOR = {
     "plants.base": ("Plant",),
     "speed": ("Speed",),
     "vehicles": ("Vehicle",),
-    "features": ("Feature", "Loop"),  # what a network reads
+    "features.base": ("Feature", "Loop"),  # what a network reads
     "learning.rewards": ("RewardTerm", "Judged"),  # what is rewarded
     "plants.motion": ("VehicleMotion",),  # a car in a world of one's own (carla_standin)
     "plants.carla_frame": ("CarlaFrame",),  # CARLA's axes, for a client or server of one's own

@@ -16,28 +16,26 @@ import numpy as np
 from pydantic import model_validator
 
 from steersman.config import Component, Of, param, register
-from steersman.features import (
-    UPDATES,
+from steersman.features.base import UPDATES, Feature
+from steersman.features.motion import (
     ActualSteering,
-    BaseCorrection,
-    Feature,
     FineHeadingError,
     FineLateralError,
     HeadingError,
-    LastCommand,
-    LastShare,
     LateralError,
-    LateralErrorIntegral,
     LateralVelocity,
     LongitudinalVelocity,
-    PastCommands,
-    PastErrors,
-    RoadCurvatures,
-    SpeedError,
-    Waypoints,
-    WishedSpeeds,
     YawRate,
 )
+from steersman.features.past import (
+    BaseCorrection,
+    LastCommand,
+    LateralErrorIntegral,
+    PastCommands,
+    PastErrors,
+)
+from steersman.features.road import RoadCurvatures, Waypoints
+from steersman.features.wished import LastShare, SpeedError, WishedSpeeds
 from steersman.kernels import encode as kernel
 from steersman.kernels import observe
 from steersman.kernels.encode import EncodingTable

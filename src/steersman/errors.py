@@ -13,8 +13,8 @@ class SteersmanError(Exception):
 class ConfigError(SteersmanError, ValueError):
     """A configuration names something unknown or holds a value that is not allowed.
 
-    ``where`` is the path of fields to the fault; whoever catches the error one level up puts
-    the name of its own field in front.
+    ``where`` is the path of fields to the fault; the caller one level up puts the name of its
+    own field in front.
 
     >>> print(ConfigError("-3 is not allowed; must be greater than 0 [m]", ("path", "radius")))
     path.radius: -3 is not allowed; must be greater than 0 [m]

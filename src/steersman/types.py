@@ -100,7 +100,7 @@ class Status(IntEnum):
     FALLBACK = 2
     """The controller's own method failed (or its input was not finite); its fallback answered."""
     ABSENT = 3
-    """Nobody decided, as a person without hands on the wheel: the present steering is held."""
+    """No decision, as of a person without hands on the wheel: the present steering is held."""
 
 
 class Driver(IntEnum):

@@ -9,7 +9,8 @@ import pytest
 
 from steersman.config import components
 from steersman.encoding import Layout
-from steersman.features import Feature, Waypoints
+from steersman.features.base import Feature
+from steersman.features.road import Waypoints
 from steersman.kernels import encode as enc
 from steersman.kernels import encode_slopes as kernel
 from steersman.kernels import observe as obs

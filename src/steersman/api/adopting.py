@@ -1,4 +1,4 @@
-"""Somebody else's network as a controller, after a check drive."""
+"""A network trained elsewhere becomes a controller, after a check drive."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ def node(
                 host, port = bound.getsockname()
                 note(f"listens on {host}:{port} (UDP); Ctrl-C ends it")
                 if not host.startswith("127."):
-                    note("whoever reaches this address can ask it; there is no authentication")
+                    note("any program that reaches it gets answers: no authentication")
                 serving.serve_udp(made, bound, count)
     except KeyboardInterrupt:
         pass

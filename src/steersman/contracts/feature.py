@@ -9,7 +9,8 @@ import numpy as np
 from steersman.contracts import Contract
 from steersman.encoding import Layout
 from steersman.errors import SteersmanError
-from steersman.features import BaseCorrection, Feature
+from steersman.features.base import Feature
+from steersman.features.past import BaseCorrection
 from steersman.kernels import encode as kernel
 from steersman.kernels import observe
 from steersman.types import FloatArray

@@ -17,7 +17,7 @@ from steersman.delivery.graph import CLIP, TANH, Network
 from steersman.delivery.source import Source
 from steersman.encoding import Layout
 from steersman.errors import DataError
-from steersman.features import UPDATES, Feature
+from steersman.features.base import UPDATES, Feature
 from steersman.kernels.formula import numbers_of, own_group
 from steersman.policy_file import PolicyCard
 

@@ -68,7 +68,7 @@ def _words(made: Translated) -> dict[str, object]:
         f"      if (drives_ && {setting.prefix}_step(&state_, nullptr, &steer) != "
         f"{setting.prefix.upper()}_FALLBACK) {{\n        publish(steer);\n      }}\n"
         if setting.controller.gaps
-        else "      // Nothing is published: whoever receives it has to notice.\n"
+        else "      // Nothing is published: the vehicle interface needs a time-out of its own.\n"
     )
     release = re.match(r"\d+(\.\d+){0,2}", version("steersman"))
     return {

@@ -1,4 +1,4 @@
-"""Somebody else's network as a policy: ONNX with a card, or a model of Stable-Baselines3."""
+"""A network trained elsewhere as a policy: ONNX with a card, or Stable-Baselines3's model."""
 
 from __future__ import annotations
 

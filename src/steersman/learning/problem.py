@@ -21,7 +21,7 @@ from steersman.disturbances import DisturbanceComponent, Disturber
 from steersman.encoding import EncodingComponent, ExtendedEncoding, Layout
 from steersman.errors import ConfigError
 from steersman.faults import Fault
-from steersman.features import Feature
+from steersman.features.base import Feature
 from steersman.kernels.speed import SpeedTable
 from steersman.kernels.step import Lesson
 from steersman.learning.demonstration import Demonstration

@@ -34,7 +34,7 @@ class TrainingWheel:
     """The wheel of the one training that asks this server."""
 
     def __init__(self) -> None:
-        """Nobody holds it."""
+        """No person holds it."""
         self._steer: float | None = None
         self._heard = -math.inf
         self._next = 0.0

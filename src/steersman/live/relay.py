@@ -1,4 +1,4 @@
-"""A demonstrator for ``controller=process``: whoever holds the wheel of a live page.
+"""A demonstrator for ``controller=process``: the person at the wheel of a live page.
 
 ``python -m steersman.live.relay FOLDER`` hands each line of its input to the page's server, whose
 address is a file in ``FOLDER``. While no person is there it answers ``{"steer": null}`` at once.

@@ -1,0 +1,1 @@
+"""Numbers that a policy's network can read: the registered family ``feature``."""
