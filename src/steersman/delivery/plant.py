@@ -156,19 +156,7 @@ def _driven(world: World, fleet: Fleet, steer: float, throttle: float, brake: fl
     if world.speed.rows[0, IS_PROFILE] == 0.0:
         fleet.command[0, car.CMD_THROTTLE] = throttle
         fleet.command[0, car.CMD_BRAKE] = brake
-    kernel.drive(
-        world.vehicles,
-        0,
-        fleet.state[0],
-        fleet.command[0],
-        fleet.delayed[0],
-        fleet.delay[0],
-        world.h,
-        world.substeps,
-        fleet.work,
-        fleet.fine[0],
-    )
-    kernel.conclude(world, fleet, 0, near)
+    kernel.carry_out(world, fleet, 0, near)
 
 
 def _constants(world: World) -> Value:

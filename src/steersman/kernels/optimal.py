@@ -138,19 +138,7 @@ def drive(
         near = loop.decide(world, fleet, 0, steer)
         _copy(row, new.cars[k])
         _copy(fleet.command[0], new.command[k])
-        loop.drive(
-            world.vehicles,
-            0,
-            state,
-            fleet.command[0],
-            fleet.delayed[0],
-            fleet.delay[0],
-            world.h,
-            world.substeps,
-            fleet.work,
-            fleet.fine[0],
-        )
-        loop.conclude(world, fleet, 0, near)
+        loop.carry_out(world, fleet, 0, near)
         _copy(state, new.state[k + 1])
         _copy(tracking, new.tracking[k + 1])
         if fleet.ended[0] in (loop.GOAL_REACHED, loop.TIME_UP):

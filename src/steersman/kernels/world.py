@@ -200,9 +200,8 @@ def conclude(world: World, fleet: Fleet, n: int, near: float) -> None:
 
 
 @inlined
-def advance(world: World, fleet: Fleet, n: int, steer: float) -> None:
-    """Move vehicle ``n`` by one control period under a steering command in [-1, 1]."""
-    near = decide(world, fleet, n, steer)
+def carry_out(world: World, fleet: Fleet, n: int, near: float) -> None:
+    """Move vehicle ``n`` by one control period under its command, and conclude."""
     drive(
         world.vehicles,
         n,
@@ -216,3 +215,9 @@ def advance(world: World, fleet: Fleet, n: int, steer: float) -> None:
         fleet.fine[n],
     )
     conclude(world, fleet, n, near)
+
+
+@inlined
+def advance(world: World, fleet: Fleet, n: int, steer: float) -> None:
+    """Move vehicle ``n`` by one control period under a steering command in [-1, 1]."""
+    carry_out(world, fleet, n, decide(world, fleet, n, steer))
