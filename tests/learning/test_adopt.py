@@ -148,7 +148,8 @@ WRONG = [
 def test_settings_that_do_not_fit(settings: Any, why: str, tmp_path: FilePath) -> None:
     (tmp_path / "theirs.zip").write_bytes(model())
     with pytest.raises(ConfigError, match=why):
-        adopt_policy(tmp_path / "theirs.zip", build(Adoption, settings), tmp_path)
+        adopt_policy(tmp_path / "theirs.zip", build(Adoption, settings), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 def test_one_of_several_outputs_steers(tmp_path: FilePath) -> None:

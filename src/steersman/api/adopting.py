@@ -54,14 +54,13 @@ def adopt(model: Folder, *words: str, out: Folder, **settings: Any) -> Adopted:
         ConfigError: a setting is unknown, not allowed, or does not fit the network.
         DataError: the file is no network that can be adopted, or ``out`` cannot be written.
     """
-    from steersman.files import out_folder
     from steersman.learning.adopt import Adoption, adopt_policy
 
     tree: dict[str, Any] = {}
     for key, value in settings.items():
         tree = lay_over(tree, key, value)
     wanted = build(Adoption, override(tree, words))
-    file = adopt_policy(FilePath(model), wanted, out_folder(str(out)))
+    file = adopt_policy(FilePath(model), wanted, out)
     episode = drive(
         controller={"kind": "policy", "file": str(file)},
         path=_ROAD,

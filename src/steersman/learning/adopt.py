@@ -11,7 +11,7 @@ from pydantic import model_validator
 from steersman.config import Of, Settings, dump, param, required
 from steersman.encoding import EncodingComponent, Layout
 from steersman.errors import ConfigError, DataError
-from steersman.files import read_bytes
+from steersman.files import out_folder, read_bytes
 from steersman.kernels.encode import FEATURE_LIMIT
 from steersman.learning.export import layered, write_policy
 from steersman.learning.sb3_file import Layers, read_actor
@@ -62,10 +62,11 @@ class Adoption(Settings):
         return self.encoding.layout(self.spacing, self.dt, self.action)
 
 
-def adopt_policy(source: FilePath, wanted: Adoption, folder: FilePath) -> FilePath:
-    """Write ``policy.onnx`` and its card ``policy.json`` into ``folder``; the first of them.
+def adopt_policy(source: FilePath, wanted: Adoption, out: str | FilePath) -> FilePath:
+    """Write ``policy.onnx`` and its card ``policy.json`` into folder ``out``; the first of them.
 
-    Nothing is unpickled, and nothing of an ONNX file is run that is no layer.
+    Nothing is unpickled, nothing of an ONNX file is run that is no layer, and no folder is made for
+    a network that is refused.
 
     Raises:
         DataError: the file cannot be read, or is no network that a policy can be.
@@ -90,7 +91,7 @@ def adopt_policy(source: FilePath, wanted: Adoption, folder: FilePath) -> FilePa
     else:
         raise DataError(f"{source}: is neither; {_CURE}")
     PolicyNetwork(network, str(source), len(scale))
-    file = folder / "policy.onnx"
+    file = out_folder(str(out)) / "policy.onnx"
     return write_policy(file, network, _card(file.name, network, wanted, scale, note))
 
 
