@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from os import PathLike
 from pathlib import Path as FilePath
 from typing import Annotated, Any, Literal
 
@@ -62,7 +63,7 @@ class Adoption(Settings):
         return self.encoding.layout(self.spacing, self.dt, self.action)
 
 
-def adopt_policy(source: FilePath, wanted: Adoption, out: str | FilePath) -> FilePath:
+def adopt_policy(source: FilePath, wanted: Adoption, out: str | PathLike[str]) -> FilePath:
     """Write ``policy.onnx`` and its card ``policy.json`` into folder ``out``; the first of them.
 
     Nothing is unpickled, nothing of an ONNX file is run that is no layer, and no folder is made for
