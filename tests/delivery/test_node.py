@@ -106,6 +106,10 @@ def test_a_supervisor_is_told_of_what_did_not_come() -> None:
             _, state = supervisor.step(state, None)
         decision, state = supervisor.step(state, observed(k))
         assert asked(made, line(Question(observed(k), sequence=k)))["steer"] == decision.steer
+    for k in range(8, 28):  # the same again and again
+        answer = asked(made, line(Question(observed(7), sequence=k)))
+    assert answer["status"] == "fallback"
+    assert (answer["driver"], answer["reason"]) == ("fallback", "missing")
 
 
 @needs_compiler

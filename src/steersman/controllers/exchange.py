@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steersman.bounds import from_json
-from steersman.types import FloatArray, Observation, Status
+from steersman.types import Decision, Driver, FloatArray, Observation, Reason
 
 MOST_WAYPOINTS, LONGEST = 1000, 100_000
 """Most waypoints of an observation, and the longest line [bytes]."""
@@ -143,14 +143,17 @@ def to_record(question: Question) -> bytes:
     return head + seen.preview.astype("<f8").tobytes()
 
 
-def answer_to(question: Question, steer: float, status: Status, *, late: bool) -> bytes:
-    """The answer in the form of its question."""
+def answer_to(question: Question, decision: Decision, *, late: bool) -> bytes:
+    """The answer in the form of its question; in JSON with what a supervisor found, if anything."""
     drive, sequence = question.drive, question.sequence
+    steer, status = decision.steer, decision.status
     if question.record:
         return ANSWER.pack(ANSWERED, drive, sequence or 0, int(status), int(late), steer)
     said: dict[str, Any] = {"steer": steer, "status": status.name.lower(), "drive": drive}
     if sequence is not None:
         said["sequence"] = sequence
+    if decision.reason != Reason.NONE or decision.driver != Driver.INNER:
+        said |= {"driver": decision.driver.name.lower(), "reason": decision.reason.name.lower()}
     if late:
         said["late"] = True
     return json.dumps(said).encode() + b"\n"

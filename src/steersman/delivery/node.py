@@ -20,7 +20,7 @@ from steersman.controllers.exchange import (
     refusal,
 )
 from steersman.errors import SteersmanError
-from steersman.types import Observation, Status
+from steersman.types import Decision, Observation, Status
 from steersman.vehicles import Vehicle
 
 _MOST_DRIVES = 256
@@ -123,7 +123,7 @@ class ControllerNode:
         """
         try:
             question = read_question(message)
-            steer, status = self._stepped(question, (sender, question.drive))
+            decision = self._stepped(question, (sender, question.drive))
         except (NoQuestion, SteersmanError) as error:
             self._counts["refused"] += 1
             return refusal(str(error), record=message[:1] == ASKED[:1])
@@ -135,10 +135,10 @@ class ControllerNode:
         self._times[min(place, _BINS - 1)] += 1
         self._longest = max(self._longest, took)
         self._counts["missed"] += late
-        self._counts[status.name] += 1
-        return answer_to(question, steer, status, late=late)
+        self._counts[decision.status.name] += 1
+        return answer_to(question, decision, late=late)
 
-    def _stepped(self, question: Question, key: Hashable) -> tuple[float, Status]:
+    def _stepped(self, question: Question, key: Hashable) -> Decision:
         if question.dt is not None and abs(question.dt - self._dt) > _SAME:
             raise NoQuestion(
                 f"dt: given {question.dt:g} s, this node was started for {self._dt:g} s"
@@ -155,7 +155,7 @@ class ControllerNode:
         self._drives.move_to_end(key)
         if len(self._drives) > _MOST_DRIVES:
             self._drives.popitem(last=False)
-        return decision.steer, decision.status
+        return decision
 
     def _skipped(self, drive: _Drive, sequence: int | None, state: Any) -> Any:
         """The state after observations that did not come.
