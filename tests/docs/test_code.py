@@ -88,6 +88,7 @@ def call(words: list[str], monkeypatch: pytest.MonkeyPatch) -> tuple[int, str]:
         long = words[0] not in RUN
         if long:
             patch.setattr("steersman.api.benching.kept", stop)
+            patch.setattr("steersman.learning.adopt.read_bytes", stop)
             for work in ("bound", "serve_stream"):
                 patch.setattr(f"steersman.delivery.serving.{work}", stop)
         if long or "--out" in words:
