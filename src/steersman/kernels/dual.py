@@ -133,7 +133,7 @@ def _comparison(symbol: str, name: Callable[..., Any]) -> None:
 
 def _teach(name: Callable[..., Any], result: Any, generate: Any) -> None:
     signatures = [
-        signature(result, *pair)  # type: ignore[no-untyped-call]
+        signature(result, *pair)
         for pair in ((DUAL, DUAL), (DUAL, types.float64), (types.float64, DUAL))
     ]
     infer: Any = infer_global

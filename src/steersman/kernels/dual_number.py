@@ -66,19 +66,19 @@ LANES_TYPE, DUAL, ROW = _Lanes(), _Dual(), _DualRow()
 @register_model(_Lanes)
 class _LanesModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, VECTOR)  # type: ignore[no-untyped-call]
+        super().__init__(manager, kind, VECTOR)
 
 
 @register_model(_Dual)
 class _DualModel(models.StructModel):
     def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, [("value", types.float64), ("slopes", LANES_TYPE)])  # type: ignore[no-untyped-call]
+        super().__init__(manager, kind, [("value", types.float64), ("slopes", LANES_TYPE)])
 
 
 @register_model(_DualRow)
 class _DualRowModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, ir.DoubleType().as_pointer())  # type: ignore[no-untyped-call]
+        super().__init__(manager, kind, ir.DoubleType().as_pointer())
 
 
 make_attribute_wrapper(_Dual, "value", "value")
@@ -92,7 +92,7 @@ def make(context: Any, builder: Any, value: Any, slopes: Any) -> Any:
     return made._getvalue()
 
 
-@lower_cast(types.Number, DUAL)  # type: ignore[no-untyped-call]
+@lower_cast(types.Number, DUAL)
 def _lift(context: Any, builder: Any, kind: Any, to: Any, number: Any) -> Any:
     value = context.cast(builder, number, kind, types.float64)
     return make(context, builder, value, ir.Constant(VECTOR, None))

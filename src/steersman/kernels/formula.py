@@ -28,7 +28,7 @@ from numba.extending import intrinsic, overload
 from steersman.errors import ConfigError, shortened
 from steersman.types import FloatArray
 
-_NUMBERS = types.CPointer(types.float64)  # type: ignore[no-untyped-call]
+_NUMBERS = types.CPointer(types.float64)
 _SIGNATURE = types.float64(_NUMBERS, _NUMBERS, _NUMBERS, _NUMBERS, types.int64)
 _POINTER = ctypes.POINTER(ctypes.c_double)
 _CALL = ctypes.CFUNCTYPE(ctypes.c_double, *[_POINTER] * 4, ctypes.c_int64)

@@ -23,7 +23,7 @@ from steersman.kernels.dual_number import DUAL, ROW, WIDTH, load, store
 from steersman.kernels.formula import Formula, address_of, call
 
 _intrinsic: Any = intrinsic
-_NUMBERS = types.CPointer(types.float64)  # type: ignore[no-untyped-call]
+_NUMBERS = types.CPointer(types.float64)
 _SIGNATURE = types.void(*[_NUMBERS] * 4, types.int64, _NUMBERS)
 
 

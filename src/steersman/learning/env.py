@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -231,12 +232,12 @@ class PathFollowingEnv(gymnasium.Env[Features, Features]):
     def _info(self) -> dict[str, Any]:
         fleet, driver = self._fleet, self.driver
         tracking = fleet.tracking[0].tolist()
-        v_x, v_y = fleet.state[0, VX], fleet.state[0, VY]
+        v_x, v_y = fleet.state[0, [VX, VY]].tolist()
         info = {
             "lateral_error": tracking[observe.D],
             "heading_error": tracking[observe.HEADING],
             "s": tracking[observe.S],
-            "speed": float(np.hypot(v_x, v_y)),
+            "speed": math.hypot(v_x, v_y),
         }
         if driver.demonstrates and fleet.ended[0] == kernel.RUNNING:
             info["demo_steer"] = float(fleet.demo[0])

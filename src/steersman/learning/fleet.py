@@ -207,6 +207,9 @@ class FleetDriver:
         The caller resets those whose episode ended. Under an action that holds for several control
         steps, the reward is their mean.
         """
+        if self._adjusted is None:
+            self._once(actions.reshape(self.n, -1))
+            return
         total, fleet = np.zeros_like(self.fleet.reward), self.fleet
         driven = np.zeros(self.n)
         for going in self.steps(actions):
@@ -223,12 +226,16 @@ class FleetDriver:
         """
         actions = actions.reshape(self.n, -1)
         if self._adjusted is None:
-            if self.problem.joint:
-                self._limit(actions[:, 1])
-            self.advance(np.ascontiguousarray(actions[:, 0]))
+            self._once(actions)
             yield np.ones(self.n, dtype=bool)
         else:
             yield from self._adjusted.steps(self, actions)
+
+    def _once(self, actions: FloatArray) -> None:
+        """One control step under actions (n, m) of steering, and of speed where they are joint."""
+        if self.problem.joint:
+            self._limit(actions[:, 1])
+        self.advance(np.ascontiguousarray(actions[:, 0]))
 
     def _limit(self, actions: FloatArray) -> None:
         """Limit the speeds of the next control step by actions (n,) in [-1, 1]."""

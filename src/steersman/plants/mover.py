@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from itertools import zip_longest
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from steersman.errors import ConfigError, PlantError
 from steersman.kernels import step as lessons
 from steersman.kernels import vehicle as car
 from steersman.kernels import world as kernel
-from steersman.kernels.compiled import kernel as compiled
+from steersman.kernels.bound import Bound, bind, learn, move
 from steersman.kernels.fleet import Fleet, World
 from steersman.kernels.step import Lesson
 from steersman.plants.base import ComputedComponent, LivePlant, PlantComponent
@@ -92,12 +93,6 @@ def make_mover(
     return Seat(shared or Shared(plant.make(vehicle)), roads)
 
 
-@compiled
-def _advance(world: World, fleet: Fleet, commands: FloatArray) -> None:
-    for n in range(commands.shape[0]):
-        kernel.advance(world, fleet, n, commands[n])
-
-
 class Kernels:
     """The embedded simulator: all vehicles in one call."""
 
@@ -106,6 +101,8 @@ class Kernels:
     def __init__(self, vehicle: Vehicle) -> None:
         """Of that nominal vehicle; ``world.vehicles`` has each one's own."""
         self._vehicle = vehicle
+        self._tables: tuple[Any, ...] = ()
+        self._bound: Bound | None = None
 
     @property
     def vehicle(self) -> Vehicle:
@@ -120,10 +117,10 @@ class Kernels:
 
     def step(self, world: World, fleet: Fleet, lesson: Lesson | None, actions: FloatArray) -> None:
         """One call of a kernel."""
-        if lesson is None:
-            _advance(world, fleet, actions)
-        else:
-            lessons.step(world, fleet, lesson, actions)
+        tables = world, fleet, lesson
+        if any(new is not old for new, old in zip_longest(tables, self._tables)):
+            self._tables, self._bound = tables, bind(*tables)
+        (move if lesson is None else learn)(self._bound, actions)
 
     def lose(self) -> None:
         """They are where the fleet has them."""
