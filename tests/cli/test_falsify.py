@@ -35,6 +35,7 @@ def test_the_table_the_sentences_and_the_files(steersman: Steersman, tmp_path: F
     page = (tmp_path / "f" / "report.html").read_text()
     assert "A search proves failures, never safety." in page
     assert (tmp_path / "f" / "plots" / "tried.svg").read_text() in page
+    assert 'id="replay"' in page
     again = steersman(*WORDS, "--out", "f", "--json")
     assert json.loads(again.stdout) == found
 

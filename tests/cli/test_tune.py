@@ -36,6 +36,7 @@ def test_the_files_and_the_last_lines(
     assert "chosen</text>" in drawing
     assert drawing in page
     assert chosen in page
+    assert "searched from" in page
     monkeypatch.setattr("steersman.report.tuning.find_spec", lambda _: None)
     (tmp_path / "t" / "pareto.svg").unlink()
     again = steersman(*words)

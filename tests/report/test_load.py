@@ -8,6 +8,7 @@ import pytest
 from steersman.errors import DataError
 from steersman.report import load_runs
 from steersman.report.runs import read_progress, read_table
+from steersman.report.tables import grid
 
 
 def write(file, text):
@@ -85,6 +86,7 @@ def test_a_missing_and_an_empty_folder(tmp_path):
         ("table.json", "3", "not a table"),
         ("table.json", "[1]", "not a table"),
         ("table.json", '{"rows": [{}], "columns": 3}', "'columns' must map"),
+        ("table.json", '{"rows": [{}], "decimals": {"a": -1}}', "'decimals' must map"),
         ("table.json", "\xff", "not valid JSON"),
     ],
 )
@@ -122,3 +124,10 @@ def test_progress_with_empty_cells_text_and_a_cut_last_line(tmp_path):
 def test_forms_of_tables(tmp_path, data, title, columns):
     table = read_table(write(tmp_path / "table.json", json.dumps(data)))
     assert (table.title, table.headers) == (title, columns)
+
+
+def test_decimals_of_a_table(tmp_path):
+    data = {"rows": [{"a": 1e-9, "b": 3}, {"a": "none", "b": 4}], "decimals": {"a": 2}}
+    table = grid(read_table(write(tmp_path / "table.json", json.dumps(data))))
+    assert [[cell.text for cell in row] for row in table.rows] == [["0.00", "3"], ["none", "4"]]
+    assert all(cell.number for cell in [*table.headers, *table.rows[1]])

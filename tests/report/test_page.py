@@ -201,6 +201,15 @@ def test_tables_alone_need_no_script():
     assert any("script-src 'none'" in str(v) for _, v in Outline(page).attributes)
 
 
+def test_the_replay_is_first_and_long_tables_are_folded_up_behind_short_ones(drive):
+    tables = [Table("Long", [{"a": k} for k in range(13)]), Table("Short", [{"a": 1}])]
+    runs = [ReportRun(table.title, table=table) for table in tables]
+    page = render([*runs, *(ReportRun(f"folder/{k}", drive()) for k in "xy")], "t")
+    places = [page.index(words) for words in ('id="replay"', "<h2>Short", "Long (13 rows)")]
+    assert places == sorted(places)
+    assert page.count("<details>") == page.count("</details>") - page.count("<details ")
+
+
 @pytest.mark.parametrize("n", [0, 1, 2])
 def test_very_short_drives(drive, n):
     episode = drive(n=n)

@@ -70,5 +70,10 @@ def test_files_can_be_read_back(rows: list[dict[str, Any]], tmp_path: FilePath) 
     lines = (out / "table.md").read_text().splitlines()
     assert len(lines) == len(rows) + 2
     assert {line.replace(r"\|", "").count("|") for line in lines} == {len(demo.COLUMNS) + 1}
-    assert sum(run.episode is not None for run in load_runs([out])) == 10
+    runs = load_runs([out])
+    assert sum(run.episode is not None for run in runs) == 10
+    errors = next(run.table for run in runs if run.table and len(run.table.rows) == 2)
+    agent, mean = errors.rows[0][demo.AGENT], rows[0]["ale_mm"]
+    assert agent == mean if rows[0]["completed"] else str(agent).startswith(f"{mean:.2f}, ")
+    assert errors.rows[0][demo.PAPER] == 2.83
     assert [len(cells) for cells in demo.cells(rows)] == [len(demo.COLUMNS)] * len(rows)

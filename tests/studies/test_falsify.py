@@ -12,7 +12,7 @@ from steersman.config import build, resolve
 from steersman.errors import ConfigError, DataError
 from steersman.rollout import RunConfig, run
 from steersman.speed import SpeedTracking
-from steersman.studies.falsify import FalsifyConfig, falsify
+from steersman.studies.falsify import FalsifyConfig, driven_again, falsify
 from steersman.studies.findings import FalsifyResult
 from steersman.studies.hunt import most_drives
 from steersman.studies.perturbation import Ranges, scaled
@@ -48,6 +48,8 @@ def test_no_gain_is_falsified_by_the_nominal(tmp_path: FilePath) -> None:
     assert (result.tried_within, result.singles) == (0, [])
     assert result.ends == {"off_track": 1}
     assert result == FalsifyResult.read(tmp_path / "falsify.json")
+    assert result.nearest_holding() is None
+    assert [one.what for one in driven_again(result)] == ["fails"]
 
 
 def test_bisection_agrees_with_a_fine_scan(tmp_path: FilePath) -> None:
@@ -79,6 +81,16 @@ def test_the_mildest_is_no_worse_than_any_and_all_milder_ones_held(tmp_path: Fil
     one = config()
     again = run(one.ranges.disturbed(one.run(), mildest.point))
     assert again.end == mildest.end
+    failing, holding = driven_again(result)
+    assert (failing.what, failing.episode.end) == ("fails", mildest.end)
+    assert (holding.what, holding.episode.completed) == ("holds", True)
+    far = [
+        np.subtract([*row.point.values()], [*mildest.point.values()])
+        for row in drives
+        if not row.failed
+    ]
+    gap = np.subtract([*holding.point.values()], [*mildest.point.values()])
+    assert np.linalg.norm(gap) == min(map(np.linalg.norm, far))
     assert mildest.values["delay_s"] == pytest.approx(
         0.4 * mildest.point["delay"], abs=0.005
     )  # whole substeps of 10 ms

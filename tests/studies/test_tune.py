@@ -7,6 +7,7 @@ import time
 from pathlib import Path as FilePath
 from typing import Any
 
+import numpy as np
 import pytest
 
 from steersman.bench.suites import suite
@@ -26,7 +27,7 @@ from steersman.studies.ranges import (
     ranges,
     widened,
 )
-from steersman.studies.trials import TuneResult, TuningTrials, front
+from steersman.studies.trials import TuneResult, TuningTrial, TuningTrials, front, importances
 from steersman.studies.tune import TuneConfig, cost, tune
 from steersman.studies.tune_seeds import SeedsResult, tune_seeds
 from steersman.studies.unseen import CLASSES, unseen, warning
@@ -338,6 +339,20 @@ def test_a_search_goes_beyond_a_range_that_is_too_narrow(tmp_path: FilePath) -> 
     (said,) = result.widened
     assert said.startswith("gains.k_p: searched from 0.0001 to ")
     assert max(row.parameters["gains.k_p"] for row in trade_of(tmp_path).trials) > 2e-4
+
+
+def test_importance_is_that_of_the_gain_that_matters() -> None:
+    rng = np.random.default_rng(0)
+    values = rng.uniform(0.0, 1.0, (60, 2))
+    rows = [
+        TuningTrial(number=k, cost_m=0.1 + (a - 0.3) ** 2, parameters={"a": a, "b": b})
+        for k, (a, b) in enumerate(values)
+    ]
+    searched = dict.fromkeys("ab", GainRange(0.0, 1.0, False))
+    found = importances(rows, searched)
+    assert found["a"] > 0.8
+    assert sum(found.values()) == pytest.approx(1.0)
+    assert importances(rows[:5], searched) == {}
 
 
 def test_the_median_of_several_seeds_is_kept(tmp_path: FilePath) -> None:

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from importlib.util import find_spec
 from pathlib import Path as FilePath
 
-from steersman.report.article import LinePlot, PlotLine, Section, Table, write_article
+from steersman.report.article import (
+    LinePlot,
+    PlotLine,
+    Section,
+    Table,
+    write_article,
+)
+from steersman.report.html import half_width
+from steersman.report.scene import RoadGroup
+from steersman.report.signals import ShownDrive
 from steersman.report.tables import text
 from steersman.report.view import ResultView, article_view
 from steersman.studies.findings import FalsifyResult, MildestFailure, SingleFailure
+from steersman.studies.perturbation import Point
 
 _MM = 1e3
 _NAMES = {
@@ -48,13 +59,25 @@ def write_falsification(result: FalsifyResult, out: FilePath) -> bool:
     """
     if find_spec("jinja2") is None:
         return False
-    write_article(_sections(result), out, _title(result))
+    write_article(_sections(result), out, _title(result), replay=_replay(result))
     return True
 
 
 def shown_falsification(result: FalsifyResult) -> ResultView:
-    """What a falsification shows of itself: its page."""
+    """What a falsification shows of itself: its page without the replay, which would drive."""
     return article_view(_sections(result), _title(result))
+
+
+def _replay(result: FalsifyResult) -> list[RoadGroup]:
+    """The mildest failure beside the drive that holds nearest to it."""
+    from steersman.studies.falsify import driven_again
+
+    drives = [
+        ShownDrive(f"{one.what}: {_phrases(one.values.values(), one.point)}", one.episode)
+        for one in driven_again(result)
+    ]
+    title = " and ".join(("the mildest failure", "the nearest drive that holds")[: len(drives)])
+    return [RoadGroup(title.capitalize(), drives, half_width(drives))] if drives else []
 
 
 def _title(result: FalsifyResult) -> str:
@@ -93,17 +116,20 @@ def sentences(result: FalsifyResult) -> list[str]:
     end = mildest.end.replace("_", " ")
     if result.nominal_failed:
         return [f"{kind} fails without any disturbance: {end}.", spent]
-    values = ", ".join(
-        _PHRASES[name].format(value)
-        for name, value in mildest_values(result).items()
-        if mildest.point[name]
-    )
+    values = _phrases(mildest.values.values(), mildest.point)
     return [
         f"{kind} fails at norm {radius} ({end}): {values}.",
         f"Safe radius {radius}: none of {within} milder drives failed. That does not prove that"
         " none can.",
         spent,
     ]
+
+
+def _phrases(values: Iterable[float], point: Point) -> str:
+    """The disturbances of a point in words; their values are in the point's order."""
+    pairs = zip(point.items(), values, strict=True)
+    words = [_PHRASES[name].format(text(value, 4)) for (name, u), value in pairs if u]
+    return ", ".join(words) or "undisturbed"
 
 
 def mildest_values(result: FalsifyResult) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""One self-contained page: summary, replay, training, configuration; nothing is fetched.
+"""One self-contained page: replay, tables, training, configuration; nothing is fetched.
 
 Everything that is drawn, the script of :mod:`steersman.report.web` draws on canvases from the
 page's own data; the page's content security policy forbids every connection.
@@ -27,6 +27,8 @@ from steersman.table_file import flat
 CORRIDOR = 1.5
 LIMIT = 5_000_000
 """Bytes that a page may have; rows are thinned until it does."""
+LONG = 12
+"""Tables and lists with more rows are folded up, those of tables behind the shorter ones."""
 # Lengths of dashes in a legend.
 _DASHES = {"solid": "none", "dash": "7 4", "dot": "2 3", "dashdot": "7 3 2 3"}
 
@@ -61,7 +63,7 @@ def render(runs: Sequence[ReportRun], title: str) -> str:
     groups = group_by_path(runs)
     training = curves(runs)
     roads = [RoadGroup(group_title(group), group, half_width(group)) for group in groups]
-    shown = [part for road in roads for part in by_conditions(road)]
+    shown = [without_folder(part) for road in roads for part in by_conditions(road)]
     page = web.template("page.html.j2")
     content = {
         "title": title,
@@ -71,7 +73,11 @@ def render(runs: Sequence[ReportRun], title: str) -> str:
         "summaries": _summaries(runs, groups),
         "all_metrics": tables.all_metrics(_measured(runs)),
         "measured": [run.name for run in _measured(runs)],
-        "tables": [tables.grid(run.table) for run in runs if run.table],
+        "tables": sorted(
+            (tables.grid(run.table) for run in runs if run.table),
+            key=lambda grid: len(grid.rows) > LONG,
+        ),
+        "long": LONG,
         "has_drives": bool(groups),
         "trainings": _legend([line["name"] for line in training["runs"]] if training else []),
         "has_curves": bool(training and training["panels"]),
@@ -161,6 +167,14 @@ def by_conditions(group: RoadGroup) -> list[RoadGroup]:
     if len(parts) in {1, len(found)}:
         return [group]
     return [_named(group, words, drives) for words, drives in parts.items()]
+
+
+def without_folder(group: RoadGroup) -> RoadGroup:
+    """The group with its drives' names less their folder, where all of them are in the same."""
+    if len(group.drives) == 1 or len({d.name.rpartition("/")[0] for d in group.drives}) > 1:
+        return group
+    drives = [d._replace(name=d.name.rpartition("/")[2]) for d in group.drives]
+    return group._replace(drives=drives)
 
 
 def _conditions(drive: ShownDrive) -> dict[str, Any]:

@@ -25,6 +25,8 @@ from steersman.types import FloatArray
 
 # Parts of a file's place that say nothing about the run.
 _PLAIN_PARTS = frozenset({"episode", "episodes", "progress", "metrics"})
+# Decimals that a column may have.
+_MOST = 15
 
 
 @dataclass(frozen=True)
@@ -35,11 +37,13 @@ class Table:
         title: what stands above it.
         rows: mappings from a column's key to a value.
         columns: the header of each column by its key; None: every key of the rows is a header.
+        decimals: the decimals of a column's floats by its key; others have four digits.
     """
 
     title: str
     rows: Sequence[Mapping[str, Any]]
     columns: Mapping[str, str] | None = None
+    decimals: Mapping[str, int] | None = None
 
     @property
     def headers(self) -> Mapping[str, str]:
@@ -192,10 +196,10 @@ def read_json_object(file: FilePath) -> dict[str, Any]:
 
 
 def read_table(file: FilePath) -> Table:
-    """A table: a list of rows, or an object of ``rows`` and, optional, ``title`` and ``columns``.
+    """A table: a list of rows, or an object of ``rows`` and what :class:`Table` has.
 
     Rows are objects. ``columns`` is a mapping from key to header text, or a list of keys; without
-    it all keys are shown in the order in which they first occur.
+    it all keys are shown in the order in which they first occur. ``decimals`` maps keys to numbers.
 
     Raises:
         DataError: the file is missing, not JSON, or of another form.
@@ -211,7 +215,12 @@ def read_table(file: FilePath) -> Table:
     if not isinstance(columns, dict | None):
         raise DataError(f"{file}: 'columns' must map keys to header texts, or list keys")
     headers = columns and {key: str(text) for key, text in columns.items()}
-    return Table(str(whole.get("title", file.stem)), rows, headers)
+    decimals = whole.get("decimals")
+    if not (decimals is None or isinstance(decimals, dict)) or not all(
+        isinstance(count, int) and 0 <= count <= _MOST for count in (decimals or {}).values()
+    ):
+        raise DataError(f"{file}: 'decimals' must map keys to whole numbers, 0 to {_MOST}")
+    return Table(str(whole.get("title", file.stem)), rows, headers, decimals)
 
 
 def read_progress(file: FilePath) -> dict[str, FloatArray]:

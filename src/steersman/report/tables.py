@@ -86,9 +86,11 @@ def interval_text(found: IntervalEstimate | None, scale: float = 1.0, gap: str =
     return value if found.low is None or found.high is None else f"{value}{gap}[{low}, {high}]"
 
 
-def cell(value: Any) -> Cell:
-    """A cell of a table made elsewhere."""
+def cell(value: Any, decimals: int | None = None) -> Cell:
+    """A cell of a table made elsewhere; floats with so many decimals, or four digits."""
     number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if isinstance(value, float) and math.isfinite(value) and decimals is not None:
+        return Cell(f"{value:.{decimals}f}", number=True)
     return Cell(text(value), number=number or value is None)
 
 
@@ -200,10 +202,12 @@ class Grid(NamedTuple):
 
 
 def grid(table: Table) -> Grid:
-    """The cells of a table made elsewhere; headers stand over their columns' cells."""
-    rows = [[cell(row.get(key)) for key in table.headers] for row in table.rows]
+    """The cells of a table made elsewhere; a column with a number is set to the right."""
+    decimals = table.decimals or {}
+    rows = [[cell(row.get(key), decimals.get(key)) for key in table.headers] for row in table.rows]
     headers = [
-        Cell(header, number=bool(rows) and all(row[k].number for row in rows))
+        Cell(header, number=any(row[k].number and row[k].text != NOTHING for row in rows))
         for k, header in enumerate(table.headers.values())
     ]
+    rows = [[c._replace(number=h.number) for c, h in zip(r, headers, strict=True)] for r in rows]
     return Grid(table.title, headers, rows)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 
@@ -53,7 +53,11 @@ def shown_tuning(result: TuneResult) -> ResultView:
 
 def _sections(result: TuneResult, trade: TuningTrials) -> list[Section]:
     return [
-        Section("What was chosen", [chosen_words(trade)], tables=[_gains(result, trade)]),
+        Section(
+            "What was chosen",
+            [chosen_words(trade), *([_EXPLAINED] if trade.gains else [])],
+            tables=[_gains(result, trade)],
+        ),
         Section(
             "Error against steering activity",
             [_explained(trade)],
@@ -65,30 +69,30 @@ def _sections(result: TuneResult, trade: TuningTrials) -> list[Section]:
 
 
 def _gains(result: TuneResult, trade: TuningTrials) -> Table:
-    """Each gain before and after, and how its values and the costs rank together."""
+    """Each gain before and after, where it was searched, and how much hangs on it."""
     before, after = flat(result.start), flat(dump(result.controller) or {})
-    costs = [row.cost_m for row in trade.trials]
-    rows = [
-        {
+    searched = {gain.name: gain for gain in trade.gains}
+    rows = []
+    for name in trade.chosen().parameters:
+        row: dict[str, Any] = {
             "gain": name,
             "before": before.get(name),
             "tuned": after.get(name),
-            "rank correlation with the cost": _rank_correlation(
-                [row.parameters.get(name, math.nan) for row in trade.trials], costs
-            ),
         }
-        for name in trade.chosen().parameters
-    ]
-    return Table("Gains", rows)
+        if (gain := searched.get(name)) is not None:
+            end = f"pressed to its {gain.pressed} end" if gain.pressed else "within"
+            row |= {"searched from": gain.low, "to": gain.high, "of the range": end}
+            row["importance [%]"] = scaled(gain.importance, 100.0)
+        rows.append(row)
+    decimals = {"importance [%]": 0}
+    return Table("Gains", rows, decimals=decimals)
 
 
-def _rank_correlation(values: Sequence[float], costs: Sequence[float]) -> float | None:
-    """Spearman's coefficient, -1 to 1; None where nothing differs."""
-    if min(len(set(values)), len(set(costs))) <= 1:
-        return None
-    from scipy.stats import spearmanr
-
-    return float(spearmanr(values, costs).statistic)
+_EXPLAINED = (
+    "Importance: how much of what tells the best tenth of the trials from all of them lies in this"
+    " gain (PED-ANOVA). A value pressed to an end of its range may be better beyond it: the range"
+    " is widened every 20 trials as far as the field allows."
+)
 
 
 def _history(trade: TuningTrials) -> LinePlot:

@@ -64,6 +64,11 @@ COLUMNS = {
     "time_us": "control time p50 [us]",
     "end": "ended by",
 }
+DECIMALS = {
+    **dict.fromkeys(("ale_mm", "steady_ale_mm", "aoe_deg"), 2),
+    **dict.fromkeys(("max_mm", "speed", "a_y", "time_us"), 1),
+    "steer_std": 4,
+}
 TITLE = (
     "Agent, MPC-PID, the best classical controller and the oracle on roads that none was trained "
     "or tuned on, beside the paper's agent"
@@ -73,6 +78,16 @@ ORACLE = "oracle"
 """The best steering for the true plant, its future known (:mod:`steersman.bench.oracle`)."""
 # The least error of the classical controllers of results/bench in a typical scenario.
 BEST = "mpc_delay est."
+HEADERS = {
+    AGENT: "agent",
+    MPC_PID: "demonstrator: MPC-PID",
+    SCHEDULED: "MPC-PID, a model for each speed",
+    BEST: "best classical: mpc_delay with estimator",
+    ORACLE: "oracle, knows the future",
+    PAPER: "paper's agent",
+}
+"""Drivers as the columns of the table of errors."""
+ERRORS_TITLE = "Mean lateral error [mm] on roads that none was trained or tuned on"
 
 
 def tests() -> list[Test]:
@@ -113,7 +128,8 @@ def drive_tests(
 
     Returns the rows of the table.
 
-    Writes ``episodes/<test>/<controller>.npz`` and ``table.json`` into ``out``.
+    Writes ``episodes/<test>/<controller>.npz``, ``table.json``, ``table.md`` and
+    ``table_errors.json``, the errors with a column for each driver, into ``out``.
     """
     controllers: dict[str, dict[str, Any]] = {
         AGENT: {"kind": "policy", "file": str(policy)},
@@ -139,8 +155,10 @@ def drive_tests(
             rows.append(_row(test, name, episode))
         if test.ale_mm is not None:
             rows.append(_paper_row(test))
-    table = {"title": TITLE, "columns": COLUMNS, "rows": rows, **provenance()}
-    write_text(out / "table.json", json.dumps(table, indent=1, allow_nan=False) + "\n")
+    table = {"title": TITLE, "columns": COLUMNS, "decimals": DECIMALS, "rows": rows}
+    for name, content in (("table", table), ("table_errors", errors_table(rows))):
+        text = json.dumps({**content, **provenance()}, indent=1, allow_nan=False)
+        write_text(out / f"{name}.json", text + "\n")
     write_text(out / "table.md", markdown(rows))
     return rows
 
@@ -191,7 +209,21 @@ def _paper_row(test: Test) -> dict[str, Any]:
     }
 
 
-_DIGITS = {"ale_mm": 2, "steady_ale_mm": 2, "steer_std": 4, "aoe_deg": 2}
+def errors_table(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Mean lateral errors: a row for each test, a column for each driver."""
+    columns = {"test": "test", **HEADERS}
+    lines: dict[str, dict[str, Any]] = {}
+    for row in rows:
+        error = row["ale_mm"]
+        if not row["completed"]:
+            error = f"{error:.{DECIMALS['ale_mm']}f}, {row['end']}".replace("_", " ")
+        lines.setdefault(row["test"], {"test": row["test"]})[row["driver"]] = error
+    return {
+        "title": ERRORS_TITLE,
+        "columns": columns,
+        "decimals": dict.fromkeys(HEADERS, DECIMALS["ale_mm"]),
+        "rows": list(lines.values()),
+    }
 
 
 def _cells(row: dict[str, Any]) -> Iterator[str]:
@@ -202,7 +234,7 @@ def _cells(row: dict[str, Any]) -> Iterator[str]:
         elif isinstance(value, str):
             yield value.replace("_", " ")
         else:
-            yield f"{value:.{_DIGITS.get(key, 1)}f}"
+            yield f"{value:.{DECIMALS[key]}f}"
 
 
 def markdown(rows: list[dict[str, Any]]) -> str:

@@ -7,7 +7,7 @@ prove that a controller fails, but never that it does not: a point that was not 
 from __future__ import annotations
 
 from pathlib import Path as FilePath
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import model_validator
 
@@ -15,18 +15,19 @@ from steersman.config import Of, Settings, build, param
 from steersman.controllers.base import ControllerComponent
 from steersman.controllers.mpc_pid import MpcPid
 from steersman.engine.jobs import Workers
+from steersman.episode import Episode
 from steersman.errors import ConfigError
 from steersman.files import alone, make_folder
 from steersman.paths.base import PathComponent
 from steersman.plants.base import PlantComponent, has_one_car
 from steersman.plants.simulator import SimulatorConfig
-from steersman.rollout import RunConfig
+from steersman.rollout import RunConfig, attempt
 from steersman.sensing import WaypointSensor
 from steersman.speed import ConstantSpeed, SpeedComponent
 from steersman.studies.findings import FalsifyResult, findings
 from steersman.studies.folder import same_study
 from steersman.studies.hunt import Bracket, Progress, Search
-from steersman.studies.perturbation import Ranges, scaled_fields
+from steersman.studies.perturbation import Point, Ranges, scaled_fields
 from steersman.studies.tried import opened
 from steersman.vehicles import CarlaModel3, Vehicle
 
@@ -99,6 +100,40 @@ class FalsifyConfig(Settings):
     def run(self) -> RunConfig:
         """The undisturbed run."""
         return build(RunConfig, {name: getattr(self, name) for name in _RUN})
+
+
+class DrivenAgain(NamedTuple):
+    """A drive of a search, driven once more to be shown."""
+
+    what: str
+    """``fails`` or ``holds``."""
+    point: Point
+    values: dict[str, float]
+    """Physical values by quantity."""
+    episode: Episode
+
+
+def driven_again(result: FalsifyResult) -> list[DrivenAgain]:
+    """The mildest failure and the drive that holds nearest to it.
+
+    None where nothing failed, and on plants that are not computed here, where each takes its time.
+
+    Raises:
+        ConfigError: the result's configuration is none of this version.
+    """
+    config = build(FalsifyConfig, result.config)
+    run, ranges = config.run(), config.ranges
+    rows = {"fails": result.mildest, "holds": result.nearest_holding()}
+    points = {what: row.point for what, row in rows.items() if row and run.plant.computed}
+    return [
+        DrivenAgain(
+            what,
+            point,
+            ranges.values(point, run),
+            attempt(ranges.disturbed(run, point)).of_controller(),
+        )
+        for what, point in points.items()
+    ]
 
 
 def for_one_car(plant: Any) -> list[str]:

@@ -9,7 +9,7 @@ from steersman.config import dump
 from steersman.provenance import provenance
 from steersman.stored import ShownResult, SourcedResult, StoredResult
 from steersman.studies.hunt import Bracket
-from steersman.studies.perturbation import AXES, shown
+from steersman.studies.perturbation import AXES, Point, norm, shown
 from steersman.studies.tried import Tried
 from steersman.table_file import Columns, columns_of
 
@@ -62,6 +62,14 @@ class FalsifyResult(ShownResult, SourcedResult):
     config: dict[str, Any]
     plant: str
 
+    def nearest_holding(self) -> Tried | None:
+        """The drive that holds nearest to the mildest failure; None where there is none."""
+        if self.mildest is None:
+            return None
+        failed = self.mildest.point
+        held = [row for row in self.drives if not row.failed]
+        return min(held, key=lambda row: norm(_apart(row.point, failed)), default=None)
+
     def line(self) -> str:
         """The mildest failure, or that there was none."""
         found = "does not fail up to"
@@ -73,6 +81,10 @@ class FalsifyResult(ShownResult, SourcedResult):
     def table(self) -> Columns:
         """All drives, the nominal one first."""
         return columns_of(row.plain() for row in self.drives)
+
+
+def _apart(one: Point, other: Point) -> Point:
+    return {name: u - other[name] for name, u in one.items()}
 
 
 def findings(

@@ -34,13 +34,18 @@ class GainRange(NamedTuple):
         low, high, at = map(math.log, given) if self.log else given
         return (at - low) / (high - low)
 
+    def pressed(self, value: float) -> str:
+        """The end at which a value lies, ``low`` or ``high``; nothing where it is between them."""
+        place = self.place(value)
+        return "low" if place <= _END else "high" if place >= 1.0 - _END else ""
+
     def wider(self, value: float, bounds: tuple[float, float]) -> GainRange:
         """With the end that the value presses on farther away, within bounds."""
-        place, (least, most) = self.place(value), bounds
-        if place <= _END:
+        end, (least, most) = self.pressed(value), bounds
+        if end == "low":
             low = self.low / _FACTOR if self.log else self.low - _SHARE * (self.high - self.low)
             return self._replace(low=max(low, least))
-        if place >= 1.0 - _END:
+        if end == "high":
             high = self.high * _FACTOR if self.log else self.high + _SHARE * (self.high - self.low)
             return self._replace(high=min(high, most))
         return self

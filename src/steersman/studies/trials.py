@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Annotated, Any, ClassVar, Self
 
@@ -12,10 +12,13 @@ from steersman.config import Of
 from steersman.controllers.base import ControllerComponent
 from steersman.stored import ShownResult, SourcedResult, StoredResult
 from steersman.studies.objective import TrialCost
+from steersman.studies.ranges import GainRange
 from steersman.table_file import Columns, columns_of
 
 # The two figures of which a trial on the front cannot have less of both.
 TRADED = ("rms_error_m", "steer_change_rms")
+# Trials from which on the importance of gains is told.
+_ENOUGH = 20
 
 
 class TrialFigures(StoredResult):
@@ -40,6 +43,18 @@ class TuningTrial(TrialFigures):
     chosen: bool = False
 
 
+class SearchedGain(StoredResult):
+    """A gain, the range in which it was searched, and how much of the cost hangs on it."""
+
+    name: str
+    low: float
+    high: float
+    pressed: str
+    """The end of the range at which the chosen value lies, ``low`` or ``high``; or nothing."""
+    importance: float | None
+    """Share of what tells the best tenth of the trials from all of them; shares add up to 1."""
+
+
 class TuningTrials(StoredResult):
     """The content of ``pareto.json``."""
 
@@ -53,6 +68,8 @@ class TuningTrials(StoredResult):
     simulated_seconds: float
     """Of the measured trials."""
     trials: list[TuningTrial]
+    gains: list[SearchedGain] = Field([])
+    """Empty in studies of before them."""
 
     def chosen(self) -> TuningTrial:
         """The trial with the least cost."""
@@ -134,8 +151,10 @@ def front(rows: Sequence[TrialFigures]) -> list[int]:
     return sorted(found)
 
 
-def trade(kind: str, trials: Sequence[Any]) -> TuningTrials:
-    """The trials of a controller's study, from Optuna's finished trials."""
+def trade(
+    kind: str, trials: Sequence[Any], searched: Mapping[str, GainRange] | None = None
+) -> TuningTrials:
+    """The trials of a controller's study, from Optuna's finished trials and the ranges searched."""
     rows = [_row(trial) for trial in trials]
     chosen = min(range(len(rows)), key=lambda i: rows[i].cost_m)
     best = front(rows)
@@ -149,7 +168,59 @@ def trade(kind: str, trials: Sequence[Any]) -> TuningTrials:
         measured=sum(row.simulated_seconds is not None for row in rows),
         simulated_seconds=sum(row.simulated_seconds or 0.0 for row in rows),
         trials=rows,
+        gains=_gains(rows, chosen, searched or {}),
     )
+
+
+def _gains(
+    rows: Sequence[TuningTrial], chosen: int, searched: Mapping[str, GainRange]
+) -> list[SearchedGain]:
+    shares = importances(rows, searched)
+    return [
+        SearchedGain(
+            name=name,
+            low=one.low,
+            high=one.high,
+            pressed=one.pressed(rows[chosen].parameters[name]),
+            importance=shares.get(name),
+        )
+        for name, one in searched.items()
+    ]
+
+
+def importances(rows: Sequence[TuningTrial], searched: Mapping[str, GainRange]) -> dict[str, float]:
+    """How much of the cost hangs on each gain, as shares of 1; empty where it cannot be told.
+
+    PED-ANOVA: Watanabe, Bansal, Hutter, "PED-ANOVA: Efficiently Quantifying Hyperparameter
+    Importance in Arbitrary Subspaces", IJCAI 2023; of the best tenth of the trials against all.
+    """
+    import warnings
+
+    import optuna
+
+    costs = [row.cost_m for row in rows]
+    if len(rows) < _ENOUGH or len(set(costs)) == 1:
+        return {}
+    space = {
+        name: optuna.distributions.FloatDistribution(
+            *_holding(one, [row.parameters[name] for row in rows]), log=one.log
+        )
+        for name, one in searched.items()
+    }
+    study = optuna.create_study()
+    study.add_trials(
+        optuna.trial.create_trial(params=row.parameters, distributions=space, value=row.cost_m)
+        for row in rows
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+        evaluator = optuna.importance.PedAnovaImportanceEvaluator()
+    return optuna.importance.get_param_importances(study, evaluator=evaluator)
+
+
+def _holding(one: GainRange, values: Sequence[float]) -> tuple[float, float]:
+    """The ends of a range that holds all of these values."""
+    return min(one.low, *values), max(one.high, *values)
 
 
 def _row(trial: Any) -> TuningTrial:

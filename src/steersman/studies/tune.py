@@ -243,7 +243,8 @@ def _write(config: TuneConfig, out: FilePath, best: ControllerComponent, study: 
     driver = in_front(best, config.estimator, config.predictor)
     text = yaml.safe_dump({"controller": dump(driver)}, sort_keys=False)
     write_text(out / "tuned.yaml", f"# Tuned on: {config.plant.source()}\n{text}")
-    traded = trade(config.controller.kind, _finished(study))
+    searched = ranges(config.controller, _tried(_finished(study)))
+    traded = trade(config.controller.kind, _finished(study), searched)
     traded.write(out / "pareto.json")
     figures = {name: getattr(traded.chosen(), name) for name in TrialFigures.model_fields}
     result = TuneResult(
@@ -258,7 +259,7 @@ def _write(config: TuneConfig, out: FilePath, best: ControllerComponent, study: 
         plant=config.plant.source(),
         suite=[dump(r) or {} for r in config.suite],
         smoothness=config.smoothness,
-        widened=widened(config.controller, ranges(config.controller, _tried(_finished(study)))),
+        widened=widened(config.controller, searched),
         seed=config.seed,
         history=traded,
         **provenance(),
