@@ -201,7 +201,7 @@ def importances(rows: Sequence[TuningTrial], searched: Mapping[str, GainRange]) 
     costs = [row.cost_m for row in rows]
     if len(rows) < _ENOUGH or len(set(costs)) == 1:
         return {}
-    space = {
+    space: dict[str, Any] = {
         name: optuna.distributions.FloatDistribution(
             *_holding(one, [row.parameters[name] for row in rows]), log=one.log
         )
