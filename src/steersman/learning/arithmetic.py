@@ -13,6 +13,8 @@ def arithmetic(threads: int) -> Iterator[None]:
     Denormals make the networks many times slower on some processors. Distributions take what they
     are given: NaN goes through them to the losses, where it is looked for.
     """
+    # Compiled kernels multiply with SciPy's library, which is limited only if it is there by then.
+    import scipy.linalg.cython_blas  # noqa: F401
     import threadpoolctl
     import torch
     from torch.distributions import Distribution
