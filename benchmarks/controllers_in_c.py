@@ -102,7 +102,7 @@ def drawn_rows(setting: Setting, count: int) -> list[Row]:
     while len(rows) < count:
         size = rng.uniform(0.0, 2.0) if len(rows) % 2 else 10.0 ** rng.uniform(-42.0, 15.0)
         overruled = single(rng.uniform(-1.0, 1.0)) if len(rows) % 10 == 0 else None
-        rows.append(Row(len(rows) % DRIVE == 0, drawn(setting, rng, size), 0.0, overruled))
+        rows.append(Row(len(rows) % DRIVE == 0, drawn(setting, rng, size), overruled))
     rows = rows[:count]
     return with_gaps(rows) if setting.controller.gaps else rows
 

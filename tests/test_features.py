@@ -16,14 +16,16 @@ from steersman.contracts.feature import check, drive, mirrored_rows, scenes
 from steersman.contracts.reward import check as check_term
 from steersman.contracts.task import check as check_task
 from steersman.controllers.policy import card_layout
-from steersman.delivery.c_formula import Writer
+from steersman.delivery.translate.policies import placed_formula
+from steersman.delivery.translate.program import Program
+from steersman.delivery.translate.values import INT, Array, NotTranslatable, Scalar, Value
 from steersman.encoding import EncodingComponent, FeatureList, Layout
-from steersman.errors import ConfigError, DataError
+from steersman.errors import ConfigError
 from steersman.features.base import Feature, Loop
 from steersman.features.motion import SpeedAcross, YawRateError
 from steersman.features.road import RoadAccelerations, RoadCurvatures, Waypoints
 from steersman.kernels import observe
-from steersman.kernels.formula import Group, call, compiled
+from steersman.kernels.formula import Formula, Group, call, compiled
 from steersman.learning.rewards import FunctionTerm, Judged, RewardTerm
 from steersman.learning.task import PaperTask, TaskComponent
 from steersman.policy_file import locate, read_policy, shipped
@@ -153,7 +155,6 @@ GROUPS = {
     "self": Group({}),
     "memory": Group({}),
 }
-WRITER = Writer("toy", {"seen.v_x": "x", "loop.dt": "dt"}, {}, {}, "cells")
 
 
 def toy(seen: Observation, loop: Loop, i: int) -> float:
@@ -166,17 +167,28 @@ def toy(seen: Observation, loop: Loop, i: int) -> float:
     return abs(a) * math.hypot(a, 1.0) / (1.0 + math.exp(-a))
 
 
+def in_c(formula: Formula) -> tuple[Program, str]:
+    """The formula as a C function of a row, a memory, and an index."""
+    program = Program(single=True)
+    given: dict[str, Value] = {name: Array(name, (4,)) for name in GROUPS}
+    made = program.function(placed_formula(formula.address), {**given, "i": Scalar("i", INT)})
+    return program, made.name
+
+
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
 def test_a_formula_in_c_is_the_formula(tmp_path: FilePath) -> None:
-    formula = compiled(toy, GROUPS)
-    body = "\n".join(WRITER.body(formula))
+    program, name = in_c(compiled(toy, GROUPS))
     cases = [(x, i) for x in (-3.0, -0.02, 0.0, 0.7, 150.0) for i in range(4)]
+    calls = "".join(
+        f'row[2] = {x}f; memory[3] = 0.05f; printf("%.9g ", {name}(0, row, memory, row, row, {i}));'
+        for x, i in cases
+    )
     text = f"""#include <math.h>
 #include <stdio.h>
-static float least(float a, float b) {{ return b < a ? b : a; }}
-static float most(float a, float b) {{ return b > a ? b : a; }}
-static float f(float x, float dt, int i) {{ {body} }}
-int main(void) {{ {"".join(f'printf("%.9g ", f({x}f, 0.05f, {i}));' for x, i in cases)} return 0; }}
+typedef float real;
+typedef int parameters;
+{"".join(program.helpers.values())}{"".join(each.text for each in program.functions.values())}
+int main(void) {{ real row[4] = {{0}}, memory[4] = {{0}}; {calls} return 0; }}
 """
     (tmp_path / "toy.c").write_text(text)
     command = ["cc", "-std=c99", "-o", str(tmp_path / "toy"), str(tmp_path / "toy.c"), "-lm"]
@@ -193,15 +205,13 @@ int main(void) {{ {"".join(f'printf("%.9g ", f({x}f, 0.05f, {i}));' for x, i in 
 
 def loops(seen: Observation) -> float:
     """What has no C."""
-    return float(np.sin(seen.v_x))
+    return float(np.cbrt(seen.v_x))
 
 
-def test_what_has_no_c_is_refused_in_one_line() -> None:
-    formula = compiled(loops, GROUPS)
-    with pytest.raises(
-        DataError, match=r"feature toy \(line \d+\): C code cannot be made of np.sin"
-    ):
-        WRITER.body(formula)
+def test_what_has_no_c_is_refused_with_its_line() -> None:
+    with pytest.raises(NotTranslatable, match="a call of <ufunc 'cbrt'>") as caught:
+        in_c(compiled(loops, GROUPS))
+    assert "test_features.py" in caught.value.where  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("encoding", [*components("encoding").values()], ids=lambda e: e.kind)

@@ -81,6 +81,8 @@ class PolicyCard(BaseModel):
     training: dict[str, Any]
     versions: dict[str, str]
     commit: str | None
+    made_for: dict[str, Any] | None = None
+    """What C was made of and for: controller, vehicle, precision, constants; else null."""
 
     @property
     def actions(self) -> int:

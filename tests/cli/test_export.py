@@ -37,15 +37,15 @@ def test_onnx_of_a_policy_of_the_package(steersman: Steersman, tmp_path: FilePat
 def test_c_is_compiled_and_tried(steersman: Steersman, tmp_path: FilePath) -> None:
     result = steersman("export", "precision", "--to", "c", "--out", "o")
     assert result.stdout.strip() == str(FilePath("o", "steersman_precision.c"))
-    assert "0 other statuses: passed (again: make -C o test)" in result.stderr
+    assert "0 other statuses: as expected (again: make -C o test)" in result.stderr
     assert {file.name for file in (tmp_path / "o").iterdir()} == {
         *("steersman_precision.c", "steersman_precision.h", "test_precision.c", "Makefile"),
-        *("vector_precision.h", "precision.onnx", "precision.json"),
+        *("vector_precision.h", "precision.onnx", "precision.json", "precision.csv"),
     }
     vector = tmp_path / "o" / "test_precision.c"
     text = vector.read_text(encoding="ascii")
     vector.write_text(text.replace("wrong == 0", "wrong == 1"), encoding="ascii")
-    with pytest.raises(DataError, match=r"the test vector fails: .*: FAILED"):
+    with pytest.raises(DataError, match=r"the test vector fails: .*: NOT AS EXPECTED"):
         trial.try_out(tmp_path / "o" / "steersman_precision.c")
     vector.write_text("nothing of the kind", encoding="ascii")
     assert "not compiled: " in trial.try_out(tmp_path / "o" / "steersman_precision.c")
@@ -63,6 +63,7 @@ def test_c_without_a_compiler(steersman: Steersman, monkeypatch: pytest.MonkeyPa
     [
         ("precision --to onx", "--to: unknown target 'onx'; did you mean 'onnx'?"),
         (" --to onnx --out o", "RUN: expected the name of what to export, given nothing"),
+        ("precision --to onnx --precision single --out o", "settings, name and parameters are for"),
         ("precison --to onnx --out o", "did you mean 'precision'?"),
         ("folder --to onnx --out o", "folder: no policy.onnx in this folder"),
         ("other.onnx --to onnx --out o", "other.onnx"),
@@ -116,7 +117,6 @@ def test_parameters_leave_and_come_back(steersman: Steersman, tmp_path: FilePath
         ("lqr --with supervisor controller.deadline=0.01", "a call of perf_counter (controllers/"),
         ("tuned/lqr --with estimater", "unknown part 'estimater'; did you mean 'estimator'?"),
         ("tuned/lqr sensor.count=3", "sensor.count: 3"),
-        ("precision --precision single", "settings, name and parameters are for controllers in C"),
     ],
 )
 def test_wrong_words_for_a_controller(

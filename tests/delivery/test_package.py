@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from steersman.delivery import c_text
+from steersman.delivery.controller_text import answers, rows_of
 from steersman.delivery.graph import TOLERANCE
-from steersman.delivery.package import write_c, write_onnx
-from steersman.delivery.vector import answers, rows
-from steersman.errors import DataError
+from steersman.delivery.package import write_onnx
+from steersman.errors import ConfigError, DataError, SteersmanError
 from steersman.learning.export import network
 from steersman.policy_file import PolicyCard, locate, read_policy, sha256
 
-from ..loops import random_net, random_policy
+from ..loops import random_net
 from .building import COMPILER, STRICT, export, needs_compiler, policy, run
 
 HOSTILE = '*/ #error "\n??/\\\n%s $x ${name} \x00 é */ int main(void){} /*'
@@ -50,16 +50,17 @@ def card_of(folder: FilePath, name: str) -> PolicyCard:
 
 
 def test_the_card_names_every_file_and_limit(file: FilePath, tmp_path: FilePath) -> None:
-    p = export(file.parent, tmp_path / "out")
-    card = card_of(tmp_path / "out", "agent")
-    assert p.name == "agent"
+    setting = export(file.parent, tmp_path / "out", single=True)
+    card, before = card_of(tmp_path / "out", "agent"), read_policy(file)[1]
+    assert setting.name == "agent"
     assert {*card.files, "agent.json"} == {f.name for f in (tmp_path / "out").iterdir()}
     assert card.limits["steer rate [1/s]"] == [-1.5708, 1.5708]
     assert card.limits["path shift [m]"] == [-0.3, 0.3]
-    before = p.card.model_dump(exclude={"files", "limits"})
-    assert card.model_dump(exclude={"files", "limits"}) == before
-    assert card.observation == p.card.observation
-    assert len(card.observation) == len(p.network.scale)
+    assert card.made_for is not None
+    assert card.made_for["precision"] == "single"
+    assert card.made_for["vehicle"]["kind"] == "carla_model3"
+    new = {"files", "limits", "made_for"}
+    assert card.model_dump(exclude=new) == before.model_dump(exclude=new)
 
 
 @pytest.mark.parametrize("name", ["steersman_agent.c", "Makefile", "vector_agent.h", "agent.onnx"])
@@ -84,6 +85,7 @@ def test_what_was_delivered_can_be_delivered_again(file: FilePath, tmp_path: Fil
     written, _ = write_onnx(str(tmp_path / "c" / "agent.json"), tmp_path / "onnx", str)
     assert read_policy(written)[0] == file.read_bytes()
     assert list(read_policy(written)[1].files) == ["agent.onnx"]
+    assert read_policy(written)[1].made_for is None
     export(written, tmp_path / "again")
     for each in ("steersman_agent.c", "steersman_agent.h", "vector_agent.h"):
         assert (tmp_path / "again" / each).read_bytes() == (tmp_path / "c" / each).read_bytes()
@@ -97,15 +99,15 @@ def test_onnx_says_how_far_it_is_from_float64(tmp_path: FilePath) -> None:
 
 
 def test_the_vector_holds_history_saturation_and_failure(tmp_path: FilePath) -> None:
-    p = export("precision", tmp_path)
-    given = rows(p)
-    said = answers(p, given)
+    setting = export("precision", tmp_path)
+    given = rows_of(setting)
+    said = answers(setting, given)
     assert len(given) > 300
     assert {answer.status.name for answer in said} == {"SOLVED", "SATURATED", "FALLBACK"}
     numbers = np.array([row.seen[1:8] for row in given])
     assert np.array_equal(numbers, numbers.astype(np.float32), equal_nan=True)
     # Without the history the answers would be others.
-    alone = answers(p, [row._replace(restart=True) for row in given])
+    alone = answers(setting, [row._replace(restart=True) for row in given])
     away = [abs(a.steer - b.steer) for a, b in zip(said, alone, strict=True)]
     assert np.mean(np.array(away) > 100 * TOLERANCE) > 0.5
 
@@ -131,11 +133,11 @@ def test_hostile_texts_stay_in_their_comments(file: FilePath, tmp_path: FilePath
     _, card = read_policy(folder / file.name)
     names = [HOSTILE] * len(card.observation)
     edit(folder / file.name, observation=names, units={HOSTILE: HOSTILE}, versions={"x": HOSTILE})
-    p = export(folder, tmp_path / "out")
-    assert p.name == "a_error_x"
-    files = [tmp_path / "out" / f"steersman_{p.name}.c", tmp_path / "out" / f"test_{p.name}.c"]
+    prefix = export(folder, tmp_path / "out").prefix
+    assert prefix == "steersman_a_error_x"
+    files = [tmp_path / "out" / f"{prefix}.c", tmp_path / "out" / "test_a_error_x.c"]
     run(COMPILER, *STRICT, "-o", tmp_path / "test", *files, "-lm")
-    assert "passed" in run(tmp_path / "test")
+    assert "as expected" in run(tmp_path / "test")
     for each in files[0], files[0].with_suffix(".h"):
         text = each.read_text(encoding="ascii")
         assert "??/" not in text
@@ -144,35 +146,32 @@ def test_hostile_texts_stay_in_their_comments(file: FilePath, tmp_path: FilePath
 
 @needs_compiler
 def test_a_policy_that_sees_no_waypoints(file: FilePath, tmp_path: FilePath) -> None:
-    p = export(edit(file, waypoints=0), tmp_path / "out")
-    files = [tmp_path / "out" / f"steersman_{p.name}.c", tmp_path / "out" / f"test_{p.name}.c"]
+    prefix = export(edit(file, waypoints=0), tmp_path / "out", single=True).prefix
+    files = [tmp_path / "out" / f"{prefix}.c", tmp_path / "out" / "test_agent.c"]
     run(COMPILER, *STRICT, "-o", tmp_path / "test", *files, "-lm")
-    assert "passed" in run(tmp_path / "test")
+    assert "as expected" in run(tmp_path / "test")
 
 
 # --------------------------------------------------------------------------------------- refusals
 
 
-def test_numbers_that_float32_has_no_room_for(file: FilePath, tmp_path: FilePath) -> None:
-    for fields, message in (
-        ({"rate_limit": 1e300}, "rate_limit: .* does not fit into float32"),
-        ({"waypoints": 101}, "101 waypoints, at most 100 expected"),
-        ({"observation": ["a"]}, "its card names 1 with"),
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"rate_limit": 1e300}, "does not fit into float32"),
+        ({"waypoints": 101}, "count: 101 is not allowed"),
+        ({"scale": [1.0]}, "1 scales for"),
         ({"rate_limit": -1.0}, "rate_limit: -1.0 is not allowed; must be greater than 0"),
-    ):
-        before = file.with_suffix(".json").read_text(encoding="utf-8")
-        with pytest.raises(DataError, match=message) as caught:
-            write_c(str(edit(file, **fields)), tmp_path)
-        assert "\n" not in str(caught.value)
-        file.with_suffix(".json").write_text(before, encoding="utf-8")
-
-
-def test_a_fine_scale_of_nothing(tmp_path: FilePath) -> None:
-    file = random_policy(tmp_path / "agent")
-    _, card = read_policy(file)
-    edit(file, encoding={**card.encoding, "fine_error": 1e-60})
-    with pytest.raises(DataError, match=r"lateral_error_fine\.half: 1e-60 does not fit"):
-        write_c(str(file), tmp_path)
+    ],
+)
+def test_nothing_is_written_of_what_is_refused(
+    fields: dict[str, Any], message: str, file: FilePath, tmp_path: FilePath
+) -> None:
+    (tmp_path / "out").mkdir()
+    with pytest.raises(SteersmanError, match=message) as caught:
+        export(edit(file, **fields), tmp_path / "out", single=True)
+    assert "\n" not in str(caught.value)
+    assert not list((tmp_path / "out").iterdir())
 
 
 def test_weights_that_overflow(file: FilePath, tmp_path: FilePath) -> None:
@@ -180,12 +179,5 @@ def test_weights_that_overflow(file: FilePath, tmp_path: FilePath) -> None:
     net = random_net(len(card.scale))
     net.w1[0, 0] = 1e35
     replace(file, network(net, card.scale))
-    with pytest.raises(DataError, match=r"hidden values up to 1\.0e\+37 leave float32"):
-        write_c(str(file), tmp_path)
-
-
-def test_nothing_is_written_of_what_is_refused(file: FilePath, tmp_path: FilePath) -> None:
-    (tmp_path / "out").mkdir()
-    with pytest.raises(DataError):
-        write_c(str(edit(file, rate_limit=1e300)), tmp_path / "out")
-    assert not list((tmp_path / "out").iterdir())
+    with pytest.raises(ConfigError, match=r"hidden values up to 1\.0e\+37, which leave float"):
+        export(file, tmp_path, single=True)

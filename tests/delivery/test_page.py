@@ -38,9 +38,9 @@ int main(void)
 
 @needs_compiler
 def test_the_loop_of_the_page(tmp_path: FilePath) -> None:
-    export("precision", tmp_path)
+    export("precision", tmp_path, single=True)
     text = PAGE.read_text(encoding="utf-8")
-    loop = re.search(r"## Calling it\n+```c\n(.*?)```", text, re.DOTALL)
+    loop = re.search(r"## Calling it\n.*?```c\n(.*?)```", text, re.DOTALL)
     assert loop is not None
     declared = loop[1].replace("\nvoid steering", "\nvoid steering_start(void);\nvoid steering", 1)
     (tmp_path / "loop.c").write_text(declared + MAIN)

@@ -140,7 +140,7 @@ def test_its_feature_and_reward_train_and_are_delivered(
         ["export", str(out), "--to", "c", "--out", str(delivered)],
     )
     source = (delivered / "steersman_trained.c").read_text(encoding="utf-8")
-    assert "f7_lateral_acceleration_ahead(" in source
+    assert "lateralaccelerationahead_value(" in source
     with pytest.raises(DataError) as fault:
         Policy(file=str(out / "policy.onnx")).init(CarlaModel3(), 0.05)
     assert "unknown feature 'lateral_acceleration_ahead'" in str(fault.value)

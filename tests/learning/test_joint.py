@@ -16,7 +16,7 @@ from steersman.controllers.pid import Pid
 from steersman.controllers.policy import Policy
 from steersman.controllers.supervisor import Supervisor
 from steersman.encoding import FeatureList
-from steersman.errors import ConfigError, DataError
+from steersman.errors import ConfigError
 from steersman.kernels import speed as kernel
 from steersman.kernels import vehicle as car
 from steersman.kernels.vehicle import GRAVITY
@@ -199,12 +199,12 @@ def test_a_policy_of_the_speed_needs_a_wished_one(tmp_path: FilePath) -> None:
 
 
 def test_c_of_a_policy_of_the_speed_is_refused(tmp_path: FilePath) -> None:
-    from steersman.delivery.c_source import parts
-    from steersman.delivery.source import read_source
+    from steersman.cli.exported import ToExport, setting_of
+    from steersman.delivery.controller import translated
 
-    source = read_source(constant_policy(tmp_path, -0.3).file)
-    with pytest.raises(DataError, match="second action is the speed"):
-        parts(source, None)  # type: ignore[arg-type]
+    setting = setting_of(ToExport(constant_policy(tmp_path, -0.3).file))
+    with pytest.raises(ConfigError, match=r"raise ConfigError\(.* \(controllers/policy.py"):
+        translated(setting)
 
 
 class Slow(ControllerComponent):

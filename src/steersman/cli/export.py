@@ -65,15 +65,10 @@ class Target(NamedTuple):
 
 
 def _c(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
-    from steersman.delivery.package import try_out, write_c
+    from steersman.delivery.controller_package import write_controller
+    from steersman.delivery.package import try_out
 
-    setting = setting_of(wanted)
-    if setting is not None:
-        from steersman.delivery.controller_package import write_controller
-
-        files = write_controller(setting, folder)
-    else:
-        files = write_c(policy_of(wanted), folder)
+    files = write_controller(setting_of(wanted), folder)
     note(try_out(files[0]))
     return files
 
@@ -86,12 +81,8 @@ def _fmu(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
 
 def _ros2(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
     from steersman.delivery.ros2 import write_package
-    from steersman.words import unknown
 
-    setting = setting_of(wanted, alone=True)
-    if setting is None:
-        raise unknown("controller", wanted.run)
-    return write_package(setting, folder)
+    return write_package(setting_of(wanted), folder)
 
 
 def _onnx(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from steersman.cli.output import note
 from steersman.errors import ConfigError
@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from steersman.delivery.fmu.model import FmuModel
     from steersman.rollout import RunConfig
     from steersman.vehicles import Vehicle
+
+
+# Waypoints that a sensor gives.
+_FEWEST = 4
 
 
 class ToExport(NamedTuple):
@@ -33,25 +37,30 @@ class ToExport(NamedTuple):
     """What the names of files and functions hold; nothing: a short name of RUN."""
 
 
-def setting_of(wanted: ToExport, *, alone: bool = False) -> Setting | None:
+def setting_of(wanted: ToExport) -> Setting:
     """What a controller is exported for: the loop of a drive.
 
-    None for what is no controller, and for a policy alone, unless ``alone``: it has C of its own.
+    A policy alone is exported for the control period and the waypoints of its card, where the
+    words say nothing else; it may be named by its card.
+
+    Raises:
+        ConfigError: there is no such controller, or a word is unknown or not allowed.
     """
     from steersman import words
 
-    family = "controller"
+    family, run = "controller", FilePath(wanted.run)
+    if run.suffix == ".json":
+        wanted = wanted._replace(run=str(run.with_suffix(".onnx")))
     if not words.means(family, wanted.run):
-        return None
-    if not alone and words.fields_of(family, wanted.run)["kind"] == "policy":
-        return None
+        raise words.unknown(family, wanted.run)
     from steersman.delivery.controller import DESIGN, Setting
     from steersman.delivery.controller_package import read_table
 
     table = {} if wanted.parameters is None else read_table(wanted.parameters)
     made = {name: value for name, value in table.items() if name.startswith(DESIGN)}
     changed = [f"{family}.{name}={value!r}" for name, value in table.items() if name not in made]
-    config, car = loop_of(wanted.run, [*wanted.words, *changed])
+    of_card = _of_card(words.fields_of(family, wanted.run))
+    config, car = loop_of(wanted.run, [*of_card, *wanted.words, *changed])
     return Setting(
         wanted.name or words.short(wanted.run),
         config.controller,
@@ -62,6 +71,17 @@ def setting_of(wanted: ToExport, *, alone: bool = False) -> Setting | None:
         wanted.single,
         made,
     )
+
+
+def _of_card(fields: dict[str, Any]) -> list[str]:
+    """The control period and the waypoints of a policy's card, as words."""
+    from steersman.policy_file import LEARNED, locate, read_policy
+
+    if fields["kind"] not in LEARNED or "file" not in fields:
+        return []
+    card = read_policy(locate(fields["file"]))[1]
+    count = f"sensor.count={max(card.waypoints, _FEWEST)}"
+    return [f"plant.dt={card.dt}", count, f"sensor.spacing={card.spacing}"]
 
 
 def loop_of(run: str, words: Sequence[str]) -> tuple[RunConfig, Vehicle]:
@@ -119,12 +139,4 @@ def model_of(wanted: ToExport) -> FmuModel:
         config = configuration("drive", [f"vehicle={wanted.run}", *wanted.words])
         announce(config.plant, note, config.vehicle)
         return model.plant_model(translated_plant(wanted.name or words.short(wanted.run), config))
-    setting = setting_of(wanted)
-    if setting is not None:
-        return model.controller_model(setting)
-    from steersman.delivery.c_source import parts
-    from steersman.delivery.graph import read_network
-    from steersman.delivery.source import read_source
-
-    source = read_source(policy_of(wanted))
-    return model.policy_model(parts(source, read_network(source.data, str(source.file))))
+    return model.controller_model(setting_of(wanted))

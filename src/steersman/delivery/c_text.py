@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from importlib.resources import files
 from string import Template
 from typing import Any
@@ -39,20 +39,11 @@ def comment(text: str) -> str:
     return _NOT_IN_COMMENTS.sub("_", text)[:200]
 
 
-def number(value: Any, what: str = "a value") -> str:
-    """A float literal that is exactly ``value`` rounded to float32.
+def decimal(value: Any, what: str = "a value") -> str:
+    """A float literal: the shortest decimals that give ``value`` rounded to float32.
 
     Raises:
         DataError: it is not finite, or float32 has no room for it.
-
-    >>> number(0.05)
-    '0x1.99999ap-5f'
-    """
-    return loose(_fitting(value, what))
-
-
-def decimal(value: Any, what: str = "a value") -> str:
-    """The same for readers: the shortest decimals that give the same float32.
 
     >>> decimal(0.05)
     '0.05f'
@@ -66,31 +57,6 @@ def _fitting(value: Any, what: str) -> float:
     if not math.isfinite(single) or (single == 0.0 and value != 0.0):
         raise DataError(f"{what}: {value} does not fit into float32")
     return single
-
-
-def loose(value: Any) -> str:
-    """A hexadecimal literal of what is a float32 already; may be NaN or infinite."""
-    single = float(value)
-    if math.isnan(single):
-        return "NAN"
-    if math.isinf(single):
-        return "INFINITY" if single > 0.0 else "-INFINITY"
-    return "0.0f" if single == 0.0 else _hex(single)
-
-
-def _hex(value: float) -> str:
-    """Python's hexadecimal notation without the zeros that float32 never fills."""
-    digits, _, exponent = value.hex().partition("p")
-    digits = digits.rstrip("0").rstrip(".") if "." in digits else digits
-    return f"{digits}p{int(exponent)}f"
-
-
-def array(name: str, values: Iterable[Any]) -> str:
-    """The definition of a constant array."""
-    written = [number(value, name) for value in values]
-    rows = (written[i : i + 6] for i in range(0, len(written), 6))
-    body = "".join(f"    {', '.join(row)},\n" for row in rows)
-    return f"static const float {name}[{len(written)}] = {{\n{body}}};\n"
 
 
 def braces(values: Sequence[str]) -> str:

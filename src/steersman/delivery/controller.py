@@ -33,6 +33,7 @@ from steersman.delivery.translate.values import (
     type_of,
 )
 from steersman.errors import ConfigError
+from steersman.kernels.encode import EncodingTable
 from steersman.network_file import PolicyNetwork
 from steersman.types import NO_WISH, Observation
 from steersman.vehicles import Vehicle
@@ -166,6 +167,8 @@ def abstract(setting: Setting) -> Value:
     def part(value: Any, path: str) -> Value:
         if isinstance(value, Observation):
             value = value._replace(spacing=setting.spacing)  # that of all observations
+        if isinstance(value, EncodingTable):  # what the network was trained with is no parameter
+            return Static(value)
         if isinstance(value, tuple) and value:
             names = getattr(value, "_fields", range(len(value)))
             parts = [part(v, f"{path}.{k}") for k, v in zip(names, value, strict=True)]

@@ -10,13 +10,14 @@ from importlib.resources import files
 from pathlib import Path as FilePath
 
 from steersman.config import dump
+from steersman.controllers.policy import Policy
 from steersman.delivery import controller_text as text
 from steersman.delivery.c_text import identifier
 from steersman.delivery.controller import Setting, Translated, translated
 from steersman.errors import DataError, suggestion
 from steersman.files import replacing, write_text
 from steersman.kernels import active_set
-from steersman.policy_file import sha256
+from steersman.policy_file import PolicyCard, sha256
 from steersman.provenance import provenance
 
 
@@ -33,7 +34,7 @@ def write_controller(setting: Setting, folder: FilePath) -> Sequence[FilePath]:
     makefile = files("steersman.delivery.templates").joinpath("Makefile.in")
     with text.counted_steps() as steps:
         vector = text.vector(made)
-    contents = {
+    contents: dict[str, str | bytes] = {
         f"{setting.prefix}.c": text.source(made),
         f"{setting.prefix}.h": text.header(made),
         f"test_{name}.c": text.program(made),
@@ -41,25 +42,33 @@ def write_controller(setting: Setting, folder: FilePath) -> Sequence[FilePath]:
         f"{name}.csv": text.table(made),
         "Makefile": makefile.read_text(encoding="utf-8"),
     }
+    if isinstance(setting.controller, Policy):
+        contents[f"{name}.onnx"] = setting.controller.read()[0]
     for each, content in contents.items():
         with replacing(folder / each) as stream:
-            stream.write(content.encode())
+            stream.write(_bytes(content))
     write_text(folder / f"{name}.json", controller_card(made, contents, steps))
     return [folder / each for each in (*contents, f"{name}.json")]
 
 
+def _bytes(content: str | bytes) -> bytes:
+    return content if isinstance(content, bytes) else content.encode()
+
+
 def controller_card(
-    made: Translated, contents: Mapping[str, str], steps: Sequence[int] = ()
+    made: Translated, contents: Mapping[str, str | bytes], steps: Sequence[int] = ()
 ) -> str:
     """What a controller in C was made from, with the SHA-256 of its files, as JSON.
 
-    ``steps`` are those of the quadratic programs that Python solved for the test vector.
+    Of a policy it is the policy's own card with all of that in ``made_for``. ``steps`` are those of
+    the quadratic programs that Python solved for the test vector.
     """
     s = made.setting
     programs = {
         "most_steps": active_set.MOST_STEPS,
         "largest_in_test_vector": max(steps, default=0),
     }
+    digests = {name: sha256(_bytes(content)) for name, content in contents.items()}
     card = {
         "name": s.name,
         "controller": dump(s.controller),
@@ -70,10 +79,24 @@ def controller_card(
         "precision": "single" if s.single else "double",
         "constant_parameters": sorted(made.program.pinned),
         **({"quadratic_programs": programs} if steps else {}),
-        "files": {name: sha256(content.encode()) for name, content in contents.items()},
         **provenance(),
     }
+    if isinstance(s.controller, Policy):
+        policy = s.controller.read()[1]
+        limits = {**policy.limits, **_limits(s.controller, policy)}
+        policy = policy.model_copy(update={"files": digests, "limits": limits, "made_for": card})
+        return policy.model_dump_json(indent=1) + "\n"
+    card["files"] = digests
     return json.dumps(card, indent=1) + "\n"
+
+
+def _limits(policy: Policy, card: PolicyCard) -> dict[str, list[float]]:
+    """What is bounded beside action and steering."""
+    speed, shift = policy.trim_speed, policy.trim_limit
+    out = {"path shift [m]": [-shift, shift], "its speed [m/s]": [-speed, speed]}
+    if card.rate_limit is not None:
+        out["steer rate [1/s]"] = [-card.rate_limit, card.rate_limit]
+    return out
 
 
 def check_values(made: Translated) -> None:

@@ -14,12 +14,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steersman.controllers import quadratic
+from steersman.controllers.policy import Policy
 from steersman.delivery import c_text
 from steersman.delivery.c_text import fill
 from steersman.delivery.controller import DESIGN, Setting, Translated
 from steersman.delivery.observations import Row, observations, with_gaps
 from steersman.delivery.translate.emitter import c_type
 from steersman.delivery.translate.lines import indented, without_unused
+from steersman.delivery.translate.policies import NETWORK
 from steersman.delivery.translate.program import Parameter
 from steersman.messages import field_unit
 from steersman.types import Decision, Driver, Reason
@@ -27,6 +29,16 @@ from steersman.types import Decision, Driver, Reason
 # How far the steering in C may be from Python's.
 TOLERANCE = {False: 1e-9, True: 1e-5}
 COLUMNS = ("index", "name", "unit", "minimum", "maximum", "value", "meaning")
+
+
+def tolerance(setting: Setting) -> float:
+    """How far the steering in C may be from Python's; a network's float is summed more exactly."""
+    return 1e-6 if alone(setting) and setting.single else TOLERANCE[setting.single]
+
+
+def alone(setting: Setting) -> bool:
+    """Whether it is a policy that steers without another controller."""
+    return isinstance(setting.controller, Policy) and setting.start().base is None
 
 
 class Description(NamedTuple):
@@ -98,7 +110,7 @@ def words(made: Translated) -> dict[str, Any]:
         "real": "float" if s.single else "double",
         "precision": "float" if s.single else "double",
         "waypoints": s.waypoints,
-        "tolerance": f"{TOLERANCE[s.single]:g}",
+        "tolerance": f"{tolerance(s):g}",
     }
 
 
@@ -136,10 +148,25 @@ def header(made: Translated) -> str:
             "count": len(entries(made)),
             "gaps": fill("gap.h.in", _named_numbers(made)) if s.controller.gaps else "",
             "unusable": _BRIDGED if s.controller.gaps else _HELD,
+            "network": _network_header(made),
             "parameter_fields": _block(parameters),
             "state_fields": _block(fields),
         },
     )
+
+
+def _network_header(made: Translated) -> str:
+    """What a header says of the network of a policy."""
+    if not isinstance(made.setting.controller, Policy):
+        return ""
+    card = made.setting.controller.read()[1]
+    rows = zip(card.observation, card.scale, strict=True)
+    table = "".join(
+        f" *   {i:5d}  {c_text.comment(name):39s}  {scale:.6g}\n"
+        for i, (name, scale) in enumerate(rows)
+    )
+    sizes = {"features": len(card.scale), "actions": card.actions, "feature_table": table}
+    return fill("network.h.in", {**words(made), **sizes})
 
 
 def _named_numbers(made: Translated) -> dict[str, str]:
@@ -172,15 +199,19 @@ def _block(lines: Sequence[str]) -> str:
 def source(made: Translated) -> str:
     """The source."""
     program, common, gaps = made.program, words(made), made.setting.controller.gaps
-    texts = program.needed([*made.step, *made.executed])
+    network = ""
+    if isinstance(made.setting.controller, Policy):
+        name = next(f.name for k, f in program.functions.items() if k[0] == NETWORK)
+        network = fill("network.c.in", {**common, "function": name})
+    texts = program.needed([*made.step, *made.executed, network])
     return fill(
         "controller.c.in",
         {
             **common,
             "helpers": "".join(f"{each}\n" for each in program.helpers.values()),
-            "constants": "".join(f"{text}\n" for _, text in program.constants.values()),
+            "constants": program.constants_of([*made.step, *made.executed, *texts]),
             "defaults": _defaults(made),
-            "functions": "".join(f"{each}\n" for each in texts),
+            "functions": "".join(f"{each}\n" for each in texts) + network,
             "reset": _block(_reset(made) or ["(void)state;"]),
             "step": _lines(made.step),
             "executed": _lines(("(void)p;", "(void)steer;", *made.executed)),

@@ -19,7 +19,7 @@ _STRANGE = (math.nan, math.inf, -math.inf, 1e-42, -1e-42, 0.0, 1e6, -1e6, 1e15, 
 
 
 class Sampled(Protocol):
-    """What observations are made for: a policy's card, or the setting of a controller."""
+    """What observations are made for, such as the setting of a controller."""
 
     @property
     def waypoints(self) -> int:
@@ -39,8 +39,6 @@ class Row(NamedTuple):
 
     restart: bool
     seen: Observation
-    base: float = 0.0
-    """Command of the corrected controller."""
     executed: float | None = None
     """Command that was executed in place of the answer; None: the answer."""
     missing: bool = False
@@ -80,16 +78,15 @@ def _driven(of: Sampled, rng: np.random.Generator) -> Iterator[Row]:
         )  # fmt: skip
         place = track(state, road, 5.0 + travel * i)
         seen = sensor.observe(None, state, place, road, rng)
-        base = single(2.0 * at.curvature - 0.05 * place.lateral_error)
         overruled = single(0.1 * swing) if i % 50 == 49 else None  # noqa: PLR2004
-        yield Row(i == 0, rounded(seen, of.waypoints), base, overruled)
+        yield Row(i == 0, rounded(seen, of.waypoints), overruled)
 
 
 def _drawn(of: Sampled, rng: np.random.Generator, count: int) -> Iterator[Row]:
     """Random observations of a car off its path, some of them far."""
     for i in range(count):
         size = 10.0 if i % 10 == 9 else 1.0  # noqa: PLR2004
-        yield Row(i % 40 == 0, drawn(of, rng, size), single(rng.uniform(-1.0, 1.0)), None)
+        yield Row(i % 40 == 0, drawn(of, rng, size))
 
 
 def drawn(of: Sampled, rng: np.random.Generator, size: float = 1.0) -> Observation:
@@ -114,16 +111,13 @@ def _strange(of: Sampled, rng: np.random.Generator) -> Iterator[Row]:
     """Beyond full lock; then each number in turn is not finite, tiny or absurd; a sound one."""
     numbers = 7 + 2 * of.waypoints
     for side in (-1.0, 1.0):
-        yield Row(True, drawn(of, rng)._replace(steer=single(1.05 * side)), 1.5 * side, None)
-        yield Row(False, drawn(of, rng), side, None)
-        yield Row(True, _aside(of, side), 1.5 * side, None)
+        yield Row(True, drawn(of, rng)._replace(steer=single(1.05 * side)))
+        yield Row(False, drawn(of, rng))
+        yield Row(True, _aside(of, side))
     for i, value in enumerate(np.resize(_STRANGE, max(len(_STRANGE) * 2, numbers))):
         seen = with_value(drawn(of, rng), i % numbers, single(value))
-        yield Row(i == 0, seen, single(rng.uniform(-1.0, 1.0)), None)
-    yield Row(False, drawn(of, rng), 0.0, None)
-    if getattr(of, "base", None) is not None:
-        yield Row(False, drawn(of, rng), math.nan, None)
-        yield Row(False, drawn(of, rng), 1.5, None)
+        yield Row(i == 0, seen)
+    yield Row(False, drawn(of, rng))
 
 
 def _aside(of: Sampled, side: float) -> Observation:

@@ -6,21 +6,18 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable, Sequence
-from importlib.resources import files
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
-from steersman.delivery.c_source import Parts, header, parts, source_text
 from steersman.delivery.c_text import identifier
 from steersman.delivery.graph import TOLERANCE, exact, random_features, read_network, rounding
 from steersman.delivery.source import Source, read_source
-from steersman.delivery.vector import program_text, vector_text
 from steersman.errors import DataError, one_line
 from steersman.files import replacing, write_text
 from steersman.network_file import PolicyNetwork
-from steersman.policy_file import PolicyCard, read_policy, sha256
+from steersman.policy_file import read_policy, sha256
 
 # Observations on which the written network is compared with its source.
 CHECKED = 2000
@@ -37,53 +34,13 @@ def write_onnx(words: str, folder: FilePath, tell: Tell) -> Sequence[FilePath]:
     """
     source = read_source(words)
     file = folder / f"{identifier(source.name)}.onnx"
-    card = _write(folder, file.stem, source.card, {file.name: source.data})
+    with replacing(file) as stream:
+        stream.write(source.data)
+    card = file.with_suffix(".json")
+    new = {"files": {file.name: sha256(source.data)}, "made_for": None}
+    write_text(card, source.card.model_copy(update=new).model_dump_json(indent=1) + "\n")
     tell(compare(source, file))
     return file, card
-
-
-def write_c(words: str, folder: FilePath) -> Sequence[FilePath]:
-    """The policy as C99: header, source, test vector with its program, Makefile, network, card.
-
-    Raises:
-        DataError: the source is no valid policy, or one that C text cannot be made of.
-    """
-    source = read_source(words)
-    made = parts(source, read_network(source.data, str(source.file)))
-    prefix, name = f"steersman_{made.name}", made.name
-    texts = {
-        f"{prefix}.c": source_text(made),
-        f"{prefix}.h": header(made),
-        f"test_{name}.c": program_text(made),
-        f"vector_{name}.h": vector_text(made),
-        "Makefile": files("steersman.delivery.templates").joinpath("Makefile.in").read_text(),
-    }
-    contents = {each: text.encode("ascii") for each, text in texts.items()}
-    limits = {**source.card.limits, **_limits(made)}
-    card = source.card.model_copy(update={"limits": limits})
-    _write(folder, name, card, {**contents, f"{name}.onnx": source.data})
-    read_policy(folder / f"{name}.onnx")
-    return [folder / each for each in contents]
-
-
-def _write(folder: FilePath, name: str, card: PolicyCard, contents: dict[str, bytes]) -> FilePath:
-    """Write the files of a delivery, then the card with their digests."""
-    for each, content in contents.items():
-        with replacing(folder / each) as stream:
-            stream.write(content)
-    digests = {each: sha256(content) for each, content in contents.items()}
-    file = folder / f"{name}.json"
-    write_text(file, card.model_copy(update={"files": digests}).model_dump_json(indent=1) + "\n")
-    return file
-
-
-def _limits(made: Parts) -> dict[str, list[float]]:
-    """What the C text bounds beside action and steering."""
-    speed, shift = made.policy.trim_speed, made.policy.trim_limit
-    out = {"path shift [m]": [-shift, shift], "its speed [m/s]": [-speed, speed]}
-    if made.card.rate_limit is not None:
-        out["steer rate [1/s]"] = [-made.card.rate_limit, made.card.rate_limit]
-    return out
 
 
 def compare(source: Source, file: FilePath) -> str:
@@ -114,7 +71,7 @@ def _outputs(data: bytes, name: str, features: Any, actions: int) -> Any:
 
 
 def try_out(source: FilePath) -> str:
-    """A sentence on how the test vector of a policy's C source went, or why it was not run.
+    """A sentence on how the test vector of a C source went, or why it was not run.
 
     Raises:
         DataError: its outputs are not the expected ones.

@@ -122,7 +122,7 @@ def _law(setting: Setting) -> dict[str, str]:
     called = [line for lines in bodies.values() for line in lines]
     return {
         "helpers": "".join(f"{each}\n" for each in program.helpers.values()),
-        "constants": "".join(f"{each}\n" for _, each in program.constants.values()),
-        "functions": "".join(f"{each}\n" for each in program.needed(called)),
+        "constants": program.constants_of([*called, *(texts := program.needed(called))]),
+        "functions": "".join(f"{each}\n" for each in texts),
         **{word: "\n".join(indented(lines)) for word, lines in bodies.items()},
     }

@@ -2,7 +2,7 @@
 
 A formula is a function of named groups of numbers, such as ``seen.v_x`` or ``own.weight``. From
 its source follow the compiled function, which kernels call through its address, and a syntax tree,
-which :mod:`steersman.delivery.c_formula` writes as C. As the call goes through an address, one
+which :mod:`steersman.delivery.translate` writes as C. As the call goes through an address, one
 compiled kernel serves every selection of formulas, those of other packages included.
 """
 

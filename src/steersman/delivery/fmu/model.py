@@ -7,13 +7,11 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from steersman.delivery import c_source, c_text
+from steersman.delivery import c_text
 from steersman.delivery import controller_text as text
-from steersman.delivery.c_source import Parts
 from steersman.delivery.controller import Setting, translated
 from steersman.delivery.controller_package import check_values, controller_card
 from steersman.delivery.plant import FIGURES, SEEN, TranslatedPlant
-from steersman.errors import ConfigError
 
 INPUT, OUTPUT, PARAMETER, INDEPENDENT = "input", "output", "parameter", "independent"
 
@@ -84,7 +82,7 @@ def _seen(waypoints: int, spacing: float) -> list[Variable]:
     return out
 
 
-def _observed(prefix: str, real: str, waypoints: int, *, timed: bool) -> list[str]:
+def _observed(prefix: str, real: str, waypoints: int) -> list[str]:
     """C lines that make an observation of the inputs, which begin with it."""
     names = [name for name, _ in SEEN]
     return [
@@ -92,7 +90,7 @@ def _observed(prefix: str, real: str, waypoints: int, *, timed: bool) -> list[st
         f"{real} steer = 0;",
         "int i;",
         "",
-        f"seen.time = ({real})time;" if timed else "(void)time;",
+        f"seen.time = ({real})time;",
         *(f"seen.{name} = ({real})m->value[{i}];" for i, name in enumerate(names)),
         f"for (i = 0; i < {waypoints}; ++i) {{",
         f"    seen.preview[i][0] = ({real})m->value[{len(names)} + 2 * i];",
@@ -148,42 +146,8 @@ def controller_model(setting: Setting) -> FmuModel:
         {
             "begin": [f"{s.prefix}_init(&m->state, &m->parameters);"],
             "advance": [
-                *_observed(s.prefix, real, s.waypoints, timed=True),
+                *_observed(s.prefix, real, s.waypoints),
                 *_steered(s.prefix, real, variables),
-            ],
-        },
-    )
-
-
-def policy_model(made: Parts) -> FmuModel:
-    """A policy.
-
-    Raises:
-        ConfigError: it corrects another controller, which is not in its C.
-    """
-    card = made.card
-    if card.base is not None:
-        raise ConfigError(
-            f"{made.source.file}: corrects another controller, which is not in its C; export one"
-            " that steers alone"
-        )
-    prefix = f"steersman_{made.name}"
-    variables = (*_seen(card.waypoints, card.spacing), *_OVERRULED, _STEER, _STATUS, _TIME)
-    return FmuModel(
-        prefix,
-        made.source.name,
-        card.dt,
-        True,
-        variables,
-        {f"{prefix}.c": c_source.source_text(made), f"{prefix}.h": c_source.header(made)},
-        {f"{made.name}.json": card.model_dump_json(indent=1) + "\n"},
-        "",
-        "float",
-        {
-            "begin": [f"{prefix}_init(&m->state);"],
-            "advance": [
-                *_observed(prefix, "float", card.waypoints, timed=False),
-                *_steered(prefix, "float", variables),
             ],
         },
     )

@@ -47,6 +47,14 @@ def _of_real(name: str, compute: Callable[..., Any]) -> Special:
     return Special(write)
 
 
+def _remainder(out: Expressions, given: list[Value], named: Named) -> Value:
+    """In double where the divisor is known: of many turns, float's 2 pi is too coarse."""
+    if not out.program.single or not out.fixed(given[1]):
+        return _of_real("remainder", math.remainder).write(out, given, named)
+    divisor = float(out.static(given[1]))
+    return Scalar(f"(real)remainder((double){out.real(given[0])}, {divisor!r})", REAL)
+
+
 def _absolute(out: Expressions, given: list[Value], _: Named) -> Value:
     if arrays.is_array(given[0]):
         return arrays.elementwise(out, given, lambda x: f"{out.program.math('fabs')}({x[0].text})")
@@ -199,6 +207,7 @@ def _register() -> dict[Any, Special]:
         table[getattr(math, name)] = _of_real(name, getattr(math, name))
         if hasattr(np, name):
             table[getattr(np, name)] = _of_real(name, getattr(math, name))
+    table[math.remainder] = Special(_remainder)
     table[np.arctan] = table[math.atan]
     table[np.rint] = _of_real("rint", round)
     table |= {f: _whole(table[f]) for f in (math.floor, math.ceil)}

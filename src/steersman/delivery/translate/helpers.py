@@ -1,6 +1,21 @@
 """Small functions in C, each written where something calls it."""
 
+from importlib.resources import files
+
 HELPERS = {
+    "layer": (
+        "/* weights (inputs, outputs) x values + bias. */\n"
+        "static void layer(const real *weights, const real *bias, int inputs, int outputs,\n"
+        "                  const real *values, real *sums)\n{\n    int i;\n    int j;\n\n"
+        "    for (j = 0; j < outputs; ++j) {\n        sums[j] = bias[j];\n    }\n"
+        "    for (i = 0; i < inputs; ++i, weights += outputs) {\n"
+        "        const real x = values[i];\n\n"
+        "        for (j = 0; j < outputs; ++j) {\n            sums[j] += weights[j] * x;\n"
+        "        }\n    }\n}\n"
+    ),
+    "exact_layer": files("steersman.delivery.templates")
+    .joinpath("exact_layer.c.in")
+    .read_text(encoding="utf-8"),
     "least": "static real least(real a, real b)\n{\n    return b < a ? b : a;\n}\n",
     "most": "static real most(real a, real b)\n{\n    return b > a ? b : a;\n}\n",
     "least_int": "static int least_int(int a, int b)\n{\n    return b < a ? b : a;\n}\n",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import re
 from collections.abc import Callable
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -11,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from steersman.controllers.policy import network_answer
-from steersman.delivery.graph import CLIP, RELU, TANH
+from steersman.delivery.graph import CLIP, RELU, TANH, Network
 from steersman.delivery.translate import arrays
 from steersman.delivery.translate.array_functions import Named, Special
+from steersman.delivery.translate.lines import indented
 from steersman.delivery.translate.values import (
     INT,
     Array,
@@ -28,13 +30,18 @@ from steersman.kernels import observe as o
 
 if TYPE_CHECKING:
     from steersman.delivery.translate.expressions import Expressions
+    from steersman.delivery.translate.program import Program
 
 _FORMULA, _INDEX, _OWN, _CELL = range(4)
 _BEGIN, _ADVANCE, _, _PLACE = range(4)
+NETWORK = "network"
+"""What the keys of the functions of networks begin with."""
+# Hidden values beyond this leave no room for what is done with them in float.
+_LARGEST = 1e30
 
 
 @cache
-def _placed(address: int) -> Callable[..., float]:
+def placed_formula(address: int) -> Callable[..., float]:
     """The formula at an address as a function of arrays, with its syntax."""
     found = formula.COMPILED.get(address)
     if found is None or found.placed is None:
@@ -44,6 +51,7 @@ def _placed(address: int) -> Callable[..., float]:
     code = compile(module, inspect.getfile(found.function), "exec")
     exec(code, found.function.__globals__, made)
     made[found.placed.name].placed = found.placed
+    made[found.placed.name].__name__ = re.sub(r"\W+", "_", found.function.__qualname__).lower()
     return made[found.placed.name]  # type: ignore[no-any-return]
 
 
@@ -60,7 +68,7 @@ def _called(out: Expressions, table: Value, row: Array, memory: Array, *at: int)
     settings = opened(table)["own"]  # type: ignore[index]
     mine = _tail(out, out.array(settings), own) if out.array(settings).size else Static(np.zeros(1))
     given = [row, memory, mine, _tail(out, memory, cells), Scalar(str(index), INT)]
-    return out.real(out.program.call(out, _placed(address), given, {}))
+    return out.real(out.program.call(out, placed_formula(address), given, {}))
 
 
 def _numbers(out: Expressions, table: Value, name: str) -> list[list[int]]:
@@ -125,40 +133,93 @@ def _tell_base(out: Expressions, given: list[Value], _: Named) -> Value:
 
 
 def _network(out: Expressions, given: list[Value], _: Named) -> Value:
-    """The actions (m,): features scaled and clipped in float, then layer by layer."""
+    """The actions (m,)."""
     state, features = given
-    network, known = out.static(opened(state)["run"]).network, out.program.constant  # type: ignore[index]
-    seen, clip = out.array(features), out.program.helper("clipped")
-    scale = known(Static(network.scale.astype(float)))
-    here = out.new_array(seen.shape, "scaled")
-    (i,) = out.loops(seen.shape)
-    single = f"(float){seen.element(i)} * (float){scale.element(i)}"
-    out.lines.append(f"{here.element(i)} = (real){clip}({single}, {network.limit:.1f}f);")
-    out.ended([i])
+    network = out.static(opened(state)["run"]).network  # type: ignore[index]
+    made = out.new_array((len(network.layers[-1].bias),), "action")
+    name = network_function(out.program, network)
+    out.lines.append(f"{name}({out.dense(features).text}, {made.text});")
+    made.root.written = True
+    return made
+
+
+def network_function(program: Program, network: Network) -> str:
+    """The name of the C function of a network, from features (n,) to actions (m,).
+
+    Features are scaled and clipped in float. What follows is summed, in float, with about twice its
+    digits: a hidden value has what rounding takes from it as its ``low``.
+
+    Raises:
+        NotTranslatable: its hidden values may leave float.
+    """
+    if program.single:
+        _check_size(network)
+
+    def write(name: str) -> str:
+        lines = _network_lines(program, network)
+        head = f"static void {name}(const real *features, real *actions)"
+        return f"{head}\n{{\n" + "\n".join(indented(lines)) + "\n}\n"
+
+    return program.written((NETWORK, id(network)), "network", write)
+
+
+def _check_size(network: Network) -> None:
+    size = np.full(len(network.scale), network.limit)
     for layer in network.layers:
-        weights, bias = (known(Static(each.astype(float))) for each in layer[:2])
-        made = out.new_array(bias.shape, "layer")
-        (j,) = out.loops(bias.shape)
-        cell = made.element(j)
-        out.lines.append(f"{cell} = {bias.element(j)};")
-        (i,) = out.loops(here.shape)
-        out.lines.append(f"{cell} += {weights.element(j, i)} * {here.element(i)};")
-        out.ended([i])
-        out.lines += [f"{cell} = {_activated(out, layer.activation, cell)};"]
-        out.ended([j])
-        here = made
-    return here
+        size = abs(layer.weights).astype(np.float64) @ size + abs(layer.bias)
+        if size.max() > _LARGEST:
+            what = f"a network with hidden values up to {size.max():.1e}"
+            raise NotTranslatable(f"{what}, which leave float; use double")
+        if layer.activation in {TANH, CLIP}:
+            size = np.minimum(size, 1.0)
 
 
-def _activated(out: Expressions, activation: str, cell: str) -> str:
-    zero, one = out.program.literal(0.0), out.program.literal(1.0)
-    if activation == RELU:
-        return f"{cell} > {zero} ? {cell} : {zero}"
+def _network_lines(program: Program, network: Network) -> list[str]:
+    def known(numbers: Any) -> str:
+        return program.constant(Static(numbers.astype(float))).text
+
+    single, count = program.single, len(network.scale)
+    actions = len(network.layers[-1].bias)
+    arrays_, zero = ["values", "lows"] if single else ["values"], program.literal(0.0)
+    sizes = [count, *(len(layer.bias) for layer in network.layers)]
+    lines = [f"real {name}_{k}[{size}];" for k, size in enumerate(sizes) for name in arrays_]
+    lines += [
+        "int i;",
+        f"for (i = 0; i < {count}; ++i) {{",
+        f"const float x = (float)features[i] * (float){known(network.scale)}[i];",
+        "if (x != x) {",
+        *_each(actions, "actions[i] = (real)NAN;"),
+        "return;",
+        "}",
+        f"values_0[i] = (real){program.helper('clipped')}(x, {network.limit:.1f}f);",
+        *[f"lows_0[i] = {zero};"] * single,
+        "}",
+    ]
+    for k, layer in enumerate(network.layers):
+        weights, bias = known(layer.weights.T), known(layer.bias)
+        given = [f"{name}_{k}" for name in arrays_] + [f"{name}_{k + 1}" for name in arrays_]
+        sum_of = program.helper("exact_layer" if single else "layer")
+        words = [weights, bias, str(sizes[k]), str(sizes[k + 1]), *given]
+        lines.append(f"{sum_of}({', '.join(words)});")
+        cell, low = f"values_{k + 1}[i]", f"lows_{k + 1}[i] = {zero};"
+        if layer.activation == RELU:
+            smaller = [f"if (!({cell} > {zero})) {{", f"{cell} = {zero};", *[low] * single, "}"]
+            lines += _each(sizes[k + 1], *smaller)
+        elif layer.activation in {TANH, CLIP}:
+            answer = _bounded(program, layer.activation, cell)
+            lines += _each(sizes[k + 1], f"{cell} = {answer};", *[low] * single)
+    return [*lines, *_each(actions, f"actions[i] = values_{len(sizes) - 1}[i];")]
+
+
+def _each(count: int, *lines: str) -> list[str]:
+    return [f"for (i = 0; i < {count}; ++i) {{", *lines, "}"]
+
+
+def _bounded(program: Program, activation: str, cell: str) -> str:
+    one = program.literal(1.0)
     if activation == TANH:
-        return f"{out.program.math('tanh')}({cell})"
-    if activation == CLIP:
-        return f"{cell} < -{one} ? -{one} : ({cell} > {one} ? {one} : {cell})"
-    return cell
+        return f"{program.math('tanh')}({cell})"
+    return f"{cell} < -{one} ? -{one} : ({cell} > {one} ? {one} : {cell})"
 
 
 POLICY_CALLS: dict[Any, Special] = {

@@ -184,6 +184,18 @@ class Program:
                 called |= names(each.text)
         return out[::-1]
 
+    def constants_of(self, lines: Sequence[str]) -> str:
+        """The definitions of the constants that lines read."""
+        used = names("\n".join(lines))
+        return "".join(f"{text}\n" for name, text in self.constants.values() if name in used)
+
+    def written(self, key: Any, wanted: str, write: Callable[[str], str]) -> str:
+        """The name of a function that is no Python; ``write`` makes its text of its name."""
+        if key not in self.functions:
+            name = self._name(wanted)
+            self.functions[key] = Function(name, NEVER, None, (), write(name))
+        return self.functions[key].name
+
     def function(self, function: Callable[..., Any], values: dict[str, Value]) -> Function:
         """The C function for arguments of these types."""
         types = tuple(type_of(each) for each in values.values())
