@@ -87,7 +87,7 @@ if TYPE_CHECKING:
     Plant = PlantComponent
     Speed = SpeedComponent
 
-__version__ = "0.1.0"
+__version__: str  # of what is installed
 
 # The front door: the names behind each module. To add one: here, and above for type checkers.
 _FRONT_DOOR = {
@@ -144,6 +144,10 @@ _MODULES = {name: module for module, names in _FRONT_DOOR.items() for name in na
 def __getattr__(name: str) -> Any:
     from importlib import import_module
 
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("steersman")
     if name in _WHOLE:
         return import_module(f"steersman.{_WHOLE[name]}")
     if name not in _MODULES:
