@@ -13,6 +13,7 @@ import pytest
 from pydantic import Field
 
 from steersman import episode as ending
+from steersman import rollout
 from steersman.controllers.base import ControllerComponent
 from steersman.controllers.mpc_pid import MpcPid
 from steersman.controllers.pid import Pid, PidGains
@@ -437,3 +438,15 @@ def test_a_design_without_a_solution_is_the_configurations_fault(
     config = RunConfig.model_validate({"controller": controller, "vehicle": vehicle, "duration": 1})
     with pytest.raises(ConfigError, match="finds no solution for this vehicle"):
         run(config)
+
+
+def test_a_long_drive_waits_in_a_file_and_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    config = RunConfig(duration=3.0, plant=SimulatorConfig(record=True))
+    kept = run(config)
+    monkeypatch.setattr(rollout, "IN_MEMORY", 1000)
+    monkeypatch.setattr(rollout, "BLOCK", 7)
+    streamed = run(config)
+    assert len(kept.fine) > len(kept) == 60
+    assert np.array_equal(streamed.fine, kept.fine)
+    for name in set(kept.columns) - {"control_time"}:
+        assert np.array_equal(streamed[name], kept[name]), name

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from tempfile import SpooledTemporaryFile
 from typing import Annotated
 
 import numpy as np
@@ -37,10 +38,15 @@ from steersman.sensing import WaypointSensor
 from steersman.speed import ConstantThrottle, SpeedComponent
 from steersman.types import Decision, FloatArray
 from steersman.vehicles import CarlaModel3, Vehicle
-from steersman.world import Simulation, columns_of
+from steersman.world import N_MORE, Simulation, columns_of
 
 # A run that is to end after laps or at the end of the road may take at most this long [s].
 LONGEST = 7200.0
+# Bytes of a drive's record that are kept in memory (a longer one waits in a temporary file), and
+# steps of it that are read at once.
+IN_MEMORY, BLOCK = 8_000_000, 10_000
+_Progress = Callable[[float], None] | None
+_Ended = tuple[str, ControllerError | PlantError | None]
 
 
 class RunConfig(Settings):
@@ -102,7 +108,7 @@ class RunConfig(Settings):
         return self
 
 
-def run(config: RunConfig, progress: Callable[[float], None] | None = None) -> Episode:
+def run(config: RunConfig, progress: _Progress = None) -> Episode:
     """Drive one configuration and return its record, with the configuration inside.
 
     Args:
@@ -122,7 +128,7 @@ def run(config: RunConfig, progress: Callable[[float], None] | None = None) -> E
     return tried.episode
 
 
-def attempt(config: RunConfig, progress: Callable[[float], None] | None = None) -> Attempt:
+def attempt(config: RunConfig, progress: _Progress = None) -> Attempt:
     """Drive one configuration and return what came of it, failures included.
 
     Args:
@@ -178,9 +184,6 @@ class RunningDrive:
             fine=isinstance(config.plant, SimulatorConfig) and config.plant.record,
             wishes=True,
         )
-        self._rows: list[FloatArray] = []
-        self._more: list[tuple[float, ...]] = []
-        self._fine: list[FloatArray] = []
         try:
             start = config.start
             speed = config.speed.start_speed(path, start.s)
@@ -190,10 +193,15 @@ class RunningDrive:
             simulation.close()
             raise
 
-    def run(
-        self, progress: Callable[[float], None] | None
-    ) -> tuple[str, ControllerError | PlantError | None]:
+    def run(self, progress: _Progress) -> _Ended:
         """Drive to the end; returns how it ended, and what failed."""
+        with SpooledTemporaryFile(max_size=IN_MEMORY) as self._record:
+            try:
+                return self._run(progress)
+            finally:
+                self._columns, self._fine = self._read()
+
+    def _run(self, progress: _Progress) -> _Ended:
         simulation, fleet = self.simulation, self.simulation.fleet
         controller = self.config.controller
         if self.config.fault is not None:
@@ -208,7 +216,7 @@ class RunningDrive:
             fresh = designed(controller, nominal, simulation.dt)
             warm_up(controller, fresh, simulation.observation(0))
         while fleet.ended[0] == RUNNING:
-            steps, time = len(self._more), simulation.time(0)
+            time = simulation.time(0)
             observation = simulation.observation(0)
             try:
                 decision, memory, took = timed_step(controller, memory, observation)
@@ -224,8 +232,9 @@ class RunningDrive:
                 self._add(row, time, decision, took)
                 return ending.ERROR, PlantError(f"{error}, at t = {time:.2f} s")
             self._add(row, time, decision, took)
-            if progress is not None and steps % 100 == 99:  # noqa: PLR2004 - now and then
-                share = max(self.distance / self.goal, (steps + 1) * simulation.dt / self.limit)
+            steps = round(simulation.time(0) / simulation.dt)
+            if progress is not None and steps % 100 == 0:
+                share = max(self.distance / self.goal, simulation.time(0) / self.limit)
                 progress(min(share, 1.0))
         return self._end(int(fleet.ended[0])), None
 
@@ -236,12 +245,9 @@ class RunningDrive:
 
     def _add(self, row: FloatArray, time: float, decision: Decision, took: float) -> None:
         fleet = self.simulation.fleet
-        steer, throttle, brake = fleet.sent[0], fleet.command[0, 1], fleet.command[0, 2]
-        self._rows.append(row)
-        how = float(decision.status), float(decision.driver), float(decision.reason)
-        self._more.append((time, steer, throttle, brake, took, *how))
-        if fleet.fine.shape[1]:
-            self._fine.append(fleet.fine[0].copy())
+        how = took, float(decision.status), float(decision.driver), float(decision.reason)
+        more = (time, fleet.sent[0], *fleet.command[0, 1:3], *how)
+        self._record.write(np.concatenate((row, more, fleet.fine[0].ravel())).tobytes())
 
     def _end(self, code: int) -> str:
         """Name of the kernel's reason."""
@@ -255,16 +261,27 @@ class RunningDrive:
     def episode(self, end: str) -> Episode:
         """The record, with the configuration inside."""
         config, path, mover = self.config, self.config.path, self.simulation.mover
-        columns = columns_of(np.array(self._rows), np.array(self._more))
-        fine = np.concatenate([np.zeros((0, 2)), *self._fine])
         shared = mover.shared
-        if shared is not None:
-            fine = shared.plant.accelerations()
+        fine = self._fine if shared is None else shared.plant.accelerations()
         source = config.plant.source() if shared is None else shared.plant.source
         made = {"seed": config.seed, "plant": source}
         meta = {"config": config.model_dump(mode="json"), **made, **provenance()}
         length, dt = path.length, self.simulation.dt
-        return Episode(columns, end, self.distance, dt, length, path.closed, meta, fine)
+        return Episode(self._columns, end, self.distance, dt, length, path.closed, meta, fine)
+
+    def _read(self) -> tuple[dict[str, FloatArray], FloatArray]:
+        """The columns, and the accelerations of the integration steps (k, 2)."""
+        fleet = self.simulation.fleet
+        state = fleet.state[0].size + fleet.tracking[0].size
+        width = state + N_MORE + fleet.fine[0].size
+        table, done = np.empty((width, self._record.tell() // (8 * width))), 0
+        self._record.seek(0)
+        while block := self._record.read(8 * width * BLOCK):
+            rows = np.frombuffer(block).reshape(-1, width)
+            table[:, done : done + len(rows)] = rows.T
+            done += len(rows)
+        more = state + N_MORE
+        return columns_of(table[:state].T, table[state:more].T), table[more:].T.reshape(-1, 2)
 
 
 def goal(

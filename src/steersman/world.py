@@ -41,6 +41,7 @@ _MORE = (
     *("time", "steer_command", "throttle", "brake"),
     *("control_time", "status", "driver", "reason"),
 )
+N_MORE = len(_MORE)
 
 
 def columns_of(rows: FloatArray, more: FloatArray) -> dict[str, FloatArray]:
