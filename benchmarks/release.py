@@ -79,14 +79,12 @@ def main() -> None:
     made = {"made": provenance(), "version": version}
     size = {file.name: file.stat().st_size for file in (wheel, sdist)}
     rows: list[dict[str, object]] = []
-    for word in words.python or found_pythons():
-        python, _, extras = word.partition(":")
-        for place in environments(python, extras, wheel, sdist):
-            rows.append(tried(place, version))
-            sys.stdout.write(json.dumps(rows[-1]) + "\n")
-            sys.stdout.flush()
-            record = json.dumps({**made, "bytes": size, "rows": rows}, indent=1)
-            write_text(words.out / "release.json", record + "\n")
+    for place in environments(words.python or found_pythons(), wheel, sdist):
+        rows.append(tried(place, version))
+        sys.stdout.write(json.dumps(rows[-1]) + "\n")
+        sys.stdout.flush()
+        record = json.dumps({**made, "bytes": size, "rows": rows}, indent=1)
+        write_text(words.out / "release.json", record + "\n")
     raise SystemExit(any(row["failed"] for row in rows))
 
 
@@ -132,13 +130,19 @@ def found_pythons() -> list[str]:
     return [name for name in names if not subprocess.run([name, "-V"], check=False).returncode]
 
 
-def environments(python: str, extras: str, wheel: Path, sdist: Path) -> list[Environment]:
-    """Those of one Python."""
-    for_users = sorted(set(PROJECT["optional-dependencies"]) - NOT_FOR_USERS)
+def environments(pythons: list[str], wheel: Path, sdist: Path) -> list[Environment]:
+    """Those of each Python, whose extras may stand behind a colon; none without extras behind it."""
+    for_users = ",".join(sorted(set(PROJECT["optional-dependencies"]) - NOT_FOR_USERS))
+    words = [word.partition(":") for word in pythons]
+    whole = [(python, extras if colon else for_users) for python, colon, extras in words]
     return [
-        Environment(python, "wheel", wheel),
-        Environment(python, "sdist", sdist),
-        Environment(python, "wheel with extras", wheel, extras or ",".join(for_users)),
+        *(Environment(python, "wheel", wheel) for python, _ in whole),
+        *(
+            Environment(python, "wheel with extras", wheel, extras)
+            for python, extras in whole
+            if extras
+        ),
+        *(Environment(python, "sdist", sdist) for python, _ in whole),
     ]
 
 
