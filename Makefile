@@ -2,6 +2,8 @@
 # make test   run the tests
 # make coverage  run the tests and measure what they cover, which takes half as long again
 # make check  run the linters and build the documentation; CI runs `make check coverage`
+# make fuzz   damaged files against every reader, a minute of each
+# make soak   an hour of work with flat memory, 100 kills that lose nothing (MINUTES=, KILLS=)
 # make docs   serve the documentation at http://127.0.0.1:8000
 # make setup  make .venv with everything in it; the others do so by themselves
 # make lock   write the versions that are in .venv to constraints.txt, the same with digests for
@@ -16,6 +18,8 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.complete
 TOOLS := $(VENV)/tools
 WORKERS ?= 2
+MINUTES ?= 60
+KILLS ?= 100
 
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
@@ -25,7 +29,7 @@ export PYTHONDONTWRITEBYTECODE :=
 # Without it, a banner about the theme's successor stands in every log.
 export NO_MKDOCS_2_WARNING := 1
 
-.PHONY: demo test coverage check docs fuzz setup lock audit release clean
+.PHONY: demo test coverage check docs fuzz soak setup lock audit release clean
 
 demo: $(STAMP)
 	$(BIN)/steersman demo --out runs/demo
@@ -39,6 +43,9 @@ coverage: $(STAMP)
 
 fuzz: $(STAMP)
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/fuzz.py
+
+soak: $(STAMP)
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/soak.py --minutes $(MINUTES) --kills $(KILLS)
 
 check: $(STAMP)
 	$(BIN)/ruff check

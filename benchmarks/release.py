@@ -131,7 +131,7 @@ def found_pythons() -> list[str]:
 
 
 def environments(pythons: list[str], wheel: Path, sdist: Path) -> list[Environment]:
-    """Those of each Python, whose extras may stand behind a colon; none without extras behind it."""
+    """Those of each Python; its extras stand behind a colon, nothing there for none."""
     for_users = ",".join(sorted(set(PROJECT["optional-dependencies"]) - NOT_FOR_USERS))
     words = [word.partition(":") for word in pythons]
     whole = [(python, extras if colon else for_users) for python, colon, extras in words]

@@ -1,0 +1,341 @@
+"""Hours of work with flat memory, and kills at random moments that lose nothing.
+
+    python benchmarks/soak.py [--minutes 60] [--kills 100] [--seed 0] [--out results/soak]
+
+Memory: a training, benchmarks one after another in one process, and a CARLA stand-in with clients
+that come and go run a third of the time each, then a drive of ten hours to its end. The resident
+memory of each (with its workers) is read twice a second. A job is flat if the median of the last
+fifth exceeds that of the second fifth by at most 5 % or 10 MB.
+
+Kills: each command that resumes is run whole, then again, killed (SIGKILL, its workers too) at
+moments drawn over its whole length, until its share of the kills is spent; then it runs to its
+end, and its results must be those of the whole run, to the bit, but for times.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from steersman.files import write_text
+from steersman.provenance import provenance
+
+RESUMED = [sys.executable, "-m", "steersman"]
+FLAT, FLAT_MB = 1.05, 10.0
+SETTLED = 0.5
+"""Checkpoints must be there at that share of the kills."""
+DRIVE = 36_000
+"""Simulated time of the long drive [s]."""
+SMALL = """problem:
+  roads: [{kind: circle, radius: 40.0}]
+  speeds: [{kind: random_profile, low: 5.0, high: 12.0}]
+  episode_time: 4.0
+agent: {hidden: [16, 16], batch: 32, buffer: 4000, vehicles: 4, updates: 1, learning_starts: 200}
+validation: {roads: [{kind: random_road, seed: 1000}], vehicles: 2, interval: 500}
+steps: 4000
+checkpoint_interval: 400
+"""
+COPIED = """problem:
+  roads: [{kind: circle, radius: 40.0}]
+  speeds: [{kind: random_profile, low: 5.0, high: 12.0}]
+  episode_time: 4.0
+fit: {hidden: [16, 16], updates: 2000, batch: 32}
+validation: {roads: [{kind: random_road, seed: 1000}], vehicles: 2}
+steps: 8000
+rounds: 10
+"""
+SUITE = """courses:
+  circle: {path: circle, duration: 10, speeds: {slow: {kind: constant_speed, speed: 8}}}
+  eight: {path: figure_eight, duration: 10, speeds: {slow: {kind: constant_speed, speed: 8}}}
+disturbances: {clean: {}, soft: {c_f: 0.7}, late: {delay: 0.1}}
+"""
+BENCHES = """
+import sys, tempfile, steersman as sm
+while True:
+    with tempfile.TemporaryDirectory() as out:
+        sm.bench(sys.argv[1], controllers="tuned/lqr,tuned/pid_feedforward", out=out, jobs=1)
+"""
+CLIENTS = """
+import sys, carla
+client = carla.Client("127.0.0.1", int(sys.argv[1]))
+client.set_timeout(20.0)
+while True:
+    world = client.get_world()
+    settings = world.get_settings()
+    settings.synchronous_mode, settings.fixed_delta_seconds = True, 0.05
+    world.apply_settings(settings)
+    kinds = world.get_blueprint_library()
+    car = world.spawn_actor(kinds.filter("model3")[0], world.get_map().get_spawn_points()[0])
+    imu = world.spawn_actor(kinds.find("sensor.other.imu"), carla.Transform(), attach_to=car)
+    heard = []
+    imu.listen(heard.append)
+    for k in range(200):
+        car.apply_control(carla.VehicleControl(throttle=0.4, steer=0.1))
+        world.tick()
+    imu.stop()
+    imu.destroy()
+    car.destroy()
+"""
+
+
+class Command(NamedTuple):
+    """A command that resumes, and what is compared of what it writes."""
+
+    name: str
+    words: tuple[str, ...]
+    again: tuple[str, ...]
+    """Further words when its folder is there already."""
+    kept: tuple[str, ...]
+    """Files that show that something would be resumed."""
+    results: tuple[str, ...]
+
+
+COMMANDS = (
+    Command("train", ("train", "small.yaml"), ("--resume",), ("resume/*.npz",), ("policy.onnx",)),
+    Command(
+        "train seeds",
+        ("train", "small.yaml", "seeds=0..1", "steps=3000", "--jobs", "1"),
+        ("--resume",),
+        ("seed_*/resume/*.npz", "seed_*/policy.onnx"),
+        ("seed_0/policy.onnx", "seed_1/policy.onnx"),
+    ),
+    Command(
+        "imitate", ("imitate", "copied.yaml"), ("--resume",), ("resume/*.npz",), ("policy.onnx",)
+    ),
+    Command(
+        "search",
+        (
+            "search",
+            "small.yaml",
+            "steps=1000",
+            "agent.gamma=0.9..0.99",
+            "seeds=0",
+            "--trials",
+            "6",
+            "--jobs",
+            "1",
+        ),
+        (),
+        ("study.jsonl",),
+        ("best.yaml",),
+    ),
+    Command(
+        "tune",
+        ("tune", "tuned/pid", "suite=suite.yaml", "--trials", "60", "--jobs", "1"),
+        (),
+        ("study.jsonl",),
+        ("tuned.yaml",),
+    ),
+    Command(
+        "bench",
+        (
+            "bench",
+            "suite.yaml",
+            "--controllers",
+            "tuned/lqr,tuned/mpc_pid,tuned/stanley",
+            "--jobs",
+            "1",
+        ),
+        (),
+        ("rows.jsonl",),
+        ("results.json",),
+    ),
+)
+
+
+def main() -> None:
+    """Both parts, and the record."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, default=60.0)
+    parser.add_argument("--kills", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, default=Path("results/soak"))
+    words = parser.parse_args()
+    made = {"minutes": words.minutes, "seed": words.seed, **provenance()}
+    record: dict[str, object] = {"made": made, "memory": [], "kills": []}
+    rng = np.random.default_rng(words.seed)
+    share = -(-words.kills // len(COMMANDS))
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for file, text in (("small", SMALL), ("copied", COPIED), ("suite", SUITE)):
+            (folder / f"{file}.yaml").write_text(text)
+        for part, rows in (
+            ("memory", memory(folder, 20.0 * words.minutes)),
+            ("kills", (kills(command, folder, share, rng) for command in COMMANDS if share)),
+        ):
+            found: list[dict[str, object]] = []
+            record[part] = found
+            for row in rows:
+                found.append(row)
+                sys.stdout.write(json.dumps(row) + "\n")
+                sys.stdout.flush()
+                write_text(words.out / "soak.json", json.dumps(record, indent=1) + "\n")
+    rows = [*record["memory"], *record["kills"]]  # type: ignore[misc]
+    raise SystemExit(not all(row["held"] for row in rows))
+
+
+def memory(folder: Path, seconds: float) -> Iterator[dict[str, object]]:
+    """A row for each job: its memory over time."""
+    training = ["train", "small.yaml", f"steps={10**8}", "--out", "long"]
+    yield watched("training", start([*RESUMED, *training], folder), seconds)
+    bench = [sys.executable, "-c", BENCHES, "suite.yaml"]
+    yield watched("benchmarks", start(bench, folder), seconds)
+    if has_carla():
+        served = [*RESUMED, "carla", "serve", "--port", "0"]
+        server = start(served, folder, stdout=subprocess.PIPE)
+        assert server.stdout is not None
+        port = server.stdout.readline().partition(b"127.0.0.1:")[2].partition(b",")[0]
+        client = start([sys.executable, "-c", CLIENTS, port.decode()], folder)
+        yield watched("stand-in", server, seconds)
+        killed(client)
+    drive = [*RESUMED, "drive", "tuned/lqr", "path=circle", f"duration={DRIVE}", "--out", "drive"]
+    yield watched(f"drive of {DRIVE} s", start(drive, folder), float("inf"))
+
+
+def has_carla() -> bool:
+    """Whether CARLA's client is installed."""
+    words = [sys.executable, "-c", "import carla, msgpack"]
+    return not subprocess.run(words, capture_output=True, check=False).returncode
+
+
+def watched(name: str, process: subprocess.Popen[bytes], seconds: float) -> dict[str, object]:
+    """Read a job's memory until its time is up or it ends, by itself without an error."""
+    begun, sizes = time.monotonic(), []
+    while process.poll() is None and time.monotonic() - begun < seconds:
+        sizes.append(resident(process.pid))
+        time.sleep(0.5)
+    ended = process.poll()
+    killed(process)
+    fifth = max(len(sizes) // 5, 1)
+    early, late = (
+        statistics.median(sizes[fifth : 2 * fifth] or [0.0]),
+        statistics.median(sizes[-fifth:]),
+    )
+    return {
+        "job": name,
+        "seconds": round(time.monotonic() - begun),
+        "early_mb": round(early, 1),
+        "late_mb": round(late, 1),
+        "largest_mb": round(max(sizes), 1),
+        "exit": ended,
+        "held": late <= max(FLAT * early, early + FLAT_MB) and ended in {None, 0},
+    }
+
+
+def resident(session: int) -> float:
+    """Resident memory of the processes of a session [MB]."""
+    total, page = 0, os.sysconf("SC_PAGE_SIZE")
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            words = stat.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(words[3]) == session:
+            total += int(words[21]) * page
+    return total / 1e6
+
+
+def kills(
+    command: Command, folder: Path, share: int, rng: np.random.Generator
+) -> dict[str, object]:
+    """A row: a command killed so many times, and what became of its results."""
+    whole, cut = folder / "whole", folder / "cut"
+    for out in (whole, cut):
+        shutil.rmtree(out, ignore_errors=True)
+    begun = time.monotonic()
+    done(command, folder, whole)
+    length = time.monotonic() - begun
+    spent, kept, ends, differ, failed = 0, 0, 0, 0, []
+    while spent < share or cut.exists():
+        process = start(line(command, cut), folder)
+        if spent < share:
+            try:
+                code = process.wait(rng.uniform(0.0, length))
+            except subprocess.TimeoutExpired:
+                killed(process)
+                spent += 1
+                kept += any(any(cut.glob(pattern)) for pattern in command.kept)
+                continue
+        else:
+            code = process.wait()
+        ends += 1
+        if code:
+            failed.append(code)
+        else:
+            differ += digest(command, cut) != digest(command, whole)
+        shutil.rmtree(cut)
+    return {
+        "command": command.name,
+        "whole_s": round(length, 1),
+        "kills": spent,
+        "with_checkpoint": kept,
+        "ends": ends,
+        "differ": differ,
+        "failed": failed,
+        "held": not differ and not failed and kept >= SETTLED * spent,
+    }
+
+
+def line(command: Command, out: Path) -> list[str]:
+    """The command's words, with those that make it resume where its folder is there."""
+    again = command.again if out.exists() else ()
+    return [*RESUMED, *command.words, *again, "--out", out.name]
+
+
+def done(command: Command, folder: Path, out: Path) -> None:
+    """Run a command whole."""
+    if start(line(command, out), folder).wait():
+        raise SystemExit(f"{command.name} fails by itself")
+
+
+def digest(command: Command, out: Path) -> list[object]:
+    """What is compared: bytes of policies; results without what is measured by the clock."""
+    return [
+        timeless(json.loads(file.read_bytes())) if file.suffix == ".json" else file.read_bytes()
+        for file in (out / name for name in command.results)
+    ]
+
+
+def timeless(value: object) -> object:
+    """A record without the figures of computing times."""
+    if isinstance(value, dict):
+        return {k: timeless(v) for k, v in value.items() if "time" not in k and "_us" not in k}
+    return [timeless(each) for each in value] if isinstance(value, list) else value
+
+
+def start(
+    words: list[str], folder: Path, stdout: int = subprocess.DEVNULL
+) -> subprocess.Popen[bytes]:
+    """A process in a session of its own."""
+    return subprocess.Popen(
+        words, cwd=folder, stdout=stdout, stderr=subprocess.DEVNULL, start_new_session=True
+    )
+
+
+def killed(process: subprocess.Popen[bytes]) -> None:
+    """End a process and all of its session."""
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            words = stat.read_text()
+            if int(words.rpartition(")")[2].split()[3]) == process.pid:
+                os.kill(int(words.split()[0]), signal.SIGKILL)
+        except (OSError, ProcessLookupError):
+            continue
+    process.wait()
+
+
+if __name__ == "__main__":
+    main()
