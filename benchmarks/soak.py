@@ -66,7 +66,7 @@ BENCHES = """
 import sys, tempfile, steersman as sm
 while True:
     with tempfile.TemporaryDirectory() as out:
-        sm.bench(sys.argv[1], controllers="tuned/lqr,tuned/pid_feedforward", out=out, jobs=1)
+        sm.bench("tuned/lqr", "tuned/pid_feedforward", suite=sys.argv[1], out=out, jobs=1)
 """
 CLIENTS = """
 import sys, carla
