@@ -220,10 +220,9 @@ def watched(name: str, process: subprocess.Popen[bytes], seconds: float) -> dict
     ended = process.poll()
     killed(process)
     fifth = max(len(sizes) // 5, 1)
-    early, late = (
-        statistics.median(sizes[fifth : 2 * fifth] or [0.0]),
-        statistics.median(sizes[-fifth:]),
-    )
+    early = statistics.median(sizes[fifth : 2 * fifth] or [0.0])
+    last = sizes[-fifth:] if ended is None else sizes[-2 * fifth : -fifth]
+    late = statistics.median(last or [np.inf])
     return {
         "job": name,
         "seconds": round(time.monotonic() - begun),
