@@ -9,8 +9,9 @@ import pytest
 
 import steersman as sm
 from steersman import tuned
-from steersman.api.cars import implausible, tuned_on
+from steersman.api.cars import Made, about_cars, implausible, tuned_on
 from steersman.api.driving import announce_drive
+from steersman.bench.entrants import entrants
 from steersman.config import dump, resolve
 from steersman.registry import components
 from steersman.vehicles import CarlaModel3V1, Vehicle, VehicleFile
@@ -91,6 +92,34 @@ def test_a_policy_of_another_car_says_so(mine: FilePath) -> None:
     assert "'steersman train PRESET problem.vehicle=bmw_320i'" in line
     problem = sm.configure("train", "demo", "problem.vehicle=mine.yaml").problem
     assert problem.vehicle.mass == 2100.0
+
+
+def test_every_command_that_drives_a_car_says_what_was_made_for_another(mine: FilePath) -> None:
+    car = {"kind": "file", "file": str(mine)}
+    course = {"path": "circle", "duration": 0.2, "speeds": {"slow": "constant_speed"}}
+    suite = FilePath("suite.yaml")
+    suite.write_text(json.dumps({"courses": {"c": course}, "vehicles": {"mine": car}}))
+    few = ("duration=0.2", "trials=0", "checks=0", "bisections=1")
+    lines: list[list[str]] = [[], [], []]
+    sm.bench("tuned/lqr", "pid", suite=str(suite), jobs=1, notify=lines[0].append)
+    sm.compare("tuned/lqr", "pid", suite=str(suite), jobs=1, notify=lines[1].append)
+    sm.falsify("tuned/lqr", f"vehicle={mine}", *few, out="f", jobs=1, notify=lines[2].append)
+    for told in lines:
+        assert [line.partition(":")[0] for line in told[:2]] == ["vehicle", "controller"]
+        assert "leaves friction" in told[0]
+        assert "'steersman tune tuned/lqr --car mine.yaml'" in told[1]
+        assert not any(line.startswith(("vehicle", "controller")) for line in told[2:])
+
+
+def test_of_many_controllers_the_rest_share_a_line(mine: FilePath) -> None:
+    made = [Made(entrants([word])[0].controller, [word]) for word in tuned.names()]
+    bmw, model3 = (
+        sm.configure("drive", vehicle=car).vehicle for car in ("bmw_320i", "carla_model3")
+    )
+    *told, last = about_cars([bmw], made)
+    assert len(told) == 3
+    assert last.startswith("controller: likewise made for another car: tuned/")
+    assert [*about_cars([model3], made)] == []
 
 
 def test_gains_tuned_for_this_car_say_nothing(mine: FilePath) -> None:

@@ -10,13 +10,15 @@ from os import PathLike
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from steersman import files
+from steersman import files, tuned
+from steersman.api.cars import Made
 from steersman.api.compared import cars_driven, sorted_out, tell_cars
 from steersman.api.driving import Folder, announce, workers_for
 from steersman.command_table import build_for
 from steersman.commands import Notify, configuration, split, suite_settings
 from steersman.config import dump, lay_over, override
 from steersman.errors import ConfigError, how_to_install
+from steersman.words import named as named_word
 from steersman.words import seed_list
 
 if TYPE_CHECKING:
@@ -92,8 +94,9 @@ def bench(  # noqa: PLR0913 - the options of the command
     found_in = {key: FilePath(place) for key, place in given if place is not None}
     plan, read = _plan(name, [*chosen.values(), *assignments], settings, found_in, tell)
     engine, jobs = workers_for(plan.plant, engine, jobs)
-    found = entrants(named)
-    announce(plan.plant, tell)
+    found, sources = entrants(named), dict(named_word(word) for word in named or tuned.names())
+    made = [Made(one.controller, [sources.get(one.name, "")]) for one in found]
+    announce(plan.plant, tell, plan.vehicles.values(), made)
     scenarios = plan.scenarios(numbers)
     if not scenarios:
         raise ConfigError(f"plant={plan.plant.kind} can do none of its scenarios", ("suite",))

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from steersman import tuned
 from steersman import words as words_
@@ -97,6 +97,39 @@ def implausible(vehicle: Vehicle) -> str | None:
                 f"{high:g}; figures are in m, kg, kg m^2 and N/rad"
             )
     return None
+
+
+class Made(NamedTuple):
+    """A controller that is to be driven, and the words that it was given by."""
+
+    controller: ControllerComponent
+    words: Sequence[Any]
+    """One of them names the file of its gains."""
+
+
+def about_cars(cars: Iterable[Vehicle], made: Iterable[Made] = ()) -> Iterator[str]:
+    """Sentences about what files of cars leave to others, and what was made for another car.
+
+    Of many controllers the first three have a sentence of their own; the rest share one.
+
+    Raises:
+        DataError: the file of a car cannot be read any more.
+    """
+    cars = list(cars)
+    for car in cars:
+        for line in (inherited(car), implausible(car)):
+            if line is not None:
+                yield f"vehicle: {line}"
+    told = []
+    for one in made:
+        lines = [made_for_another(*one, car) for car in cars]
+        told += [line for line in lines if line is not None][:1]
+    told = [*dict.fromkeys(told)]
+    for line in told[:_SHOWN]:
+        yield f"controller: {line}"
+    if len(told) > _SHOWN:
+        names = ", ".join(line.partition(" was ")[0] for line in told[_SHOWN:])
+        yield f"controller: likewise made for another car: {names}"
 
 
 def made_for_another(

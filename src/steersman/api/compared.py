@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel
 
 from steersman import core_yaml
-from steersman.api.cars import cars_of, made_for_another
+from steersman.api.cars import Made, about_cars, cars_of
 from steersman.commands import Notify, key, suite_settings
 from steersman.config import dump
 from steersman.errors import ConfigError, suggestion
@@ -78,10 +78,7 @@ def cars_driven(found: Sequence[Contestant], drive: RunConfig | None) -> list[Ve
 
 
 def tell_cars(found: Sequence[Contestant], cars: Sequence[Vehicle], tell: Notify) -> None:
-    """Say which controllers, of those that are driven now, were made for another car."""
-    for one in found:
-        for driver in one.drivers:
-            told = [made_for_another(driver.controller, [one.source], car) for car in cars]
-            other = next((line for line in told if line is not None), None)
-            if other is not None:
-                tell(f"controller: {other}")
+    """Say what the cars leave to others, and which controllers were made for another car."""
+    drivers = ((one.source, driver.controller) for one in found for driver in one.drivers)
+    for line in about_cars(cars, [Made(controller, [word]) for word, controller in drivers]):
+        tell(line)

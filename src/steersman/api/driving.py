@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from os import PathLike
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from steersman.api.cars import implausible, inherited, made_for_another
+from steersman.api.cars import Made, about_cars
 from steersman.commands import Notify, Word, configuration
 from steersman.config import Component, dump, resolve
 from steersman.errors import ConfigError, DataError
@@ -167,21 +167,27 @@ def drive_metrics(episode: Episode) -> dict[str, Any]:
     return {**summarise(episode), "plant": episode.meta["plant"]}
 
 
-def announce(plant: PlantComponent, notify: Notify | None, vehicle: Vehicle | None = None) -> None:
+def announce(
+    plant: PlantComponent,
+    notify: Notify | None,
+    vehicles: Iterable[Vehicle] = (),
+    made: Iterable[Made] = (),
+) -> None:
     """Notify about the plant, unless it is the embedded simulator; a stand-in is named as such.
 
-    And which figures the file of a vehicle leaves to another car, and which no car has.
+    And which figures the file of a vehicle leaves to another car, which no car has, and what was
+    made for another car, where the plant drives these cars.
 
     Raises:
         PlantError: the server does not answer.
+        DataError: the file of a car cannot be read any more.
     """
     if notify is None:
         return
     if not plant.embedded:
         notify(f"driven on: {plant.source()}")
-    for line in () if vehicle is None else (inherited(vehicle), implausible(vehicle)):
-        if line is not None:
-            notify(f"vehicle: {line}")
+    for line in about_cars(vehicles, made if plant.computed else ()):
+        notify(line)
 
 
 def announce_drive(config: RunConfig, words: Sequence[Word], notify: Notify | None) -> None:
@@ -197,10 +203,7 @@ def announce_drive(config: RunConfig, words: Sequence[Word], notify: Notify | No
 
     if notify is None:
         return
-    announce(config.plant, notify, config.vehicle)
-    other = made_for_another(config.controller, words, config.vehicle)
-    if other is not None and config.plant.computed:
-        notify(f"controller: {other}")
+    announce(config.plant, notify, [config.vehicle], [Made(config.controller, words)])
     for note in config.path.notes():
         notify(f"path: {note}")
     bend = too_sharp(config.path, config.vehicle.turning_radius)

@@ -7,6 +7,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, cast
 
 from steersman import files
+from steersman.api.cars import Made
 from steersman.api.driving import Folder, announce, workers_for
 from steersman.commands import Notify, Word, configuration
 from steersman.config import resolve
@@ -65,7 +66,7 @@ def tune(
     tell = notify or (lambda _: None)
     chosen = configuration("tune", words, settings)
     engine, jobs = workers_for(chosen.plant, engine, jobs)
-    announce(chosen.plant, tell, chosen.vehicle)
+    announce(chosen.plant, tell, [] if chosen.vehicle is None else [chosen.vehicle])
     blind = warning(chosen.suite)
     if blind is not None:
         tell(f"warning: {blind}")
@@ -125,7 +126,7 @@ def falsify(
 
     chosen = configuration("falsify", words, settings, notify)
     engine, jobs = workers_for(chosen.plant, engine, jobs)
-    announce(chosen.plant, notify)
+    announce(chosen.plant, notify, [chosen.vehicle], [Made(chosen.controller, words)])
     folder = files.out_folder(str(out))
     result = run(chosen, folder, progress, engine=engine, jobs=jobs)
     if not write_falsification(result, folder / "report.html") and notify is not None:

@@ -90,7 +90,7 @@ def loop_of(run: str, words: Sequence[str]) -> tuple[RunConfig, Vehicle]:
     Raises:
         ConfigError: a word is unknown or not allowed.
     """
-    from steersman.api.cars import made_for_another, tuned_on
+    from steersman.api.cars import Made, tuned_on
     from steersman.api.driving import announce
     from steersman.commands import configuration
 
@@ -105,10 +105,7 @@ def loop_of(run: str, words: Sequence[str]) -> tuple[RunConfig, Vehicle]:
                 f" ({found[0]}); nominal=CAR designs for another"
             )
     car = config.nominal or config.vehicle
-    announce(config.plant, note, car)
-    other = made_for_another(config.controller, [named], car)
-    if other is not None:
-        note(f"controller: {other}")
+    announce(config.plant, note, [car], [Made(config.controller, [named])])
     return config, car
 
 
@@ -137,6 +134,6 @@ def model_of(wanted: ToExport) -> FmuModel:
 
         policy_of(wanted._replace(words=(), name=""))
         config = configuration("drive", [f"vehicle={wanted.run}", *wanted.words])
-        announce(config.plant, note, config.vehicle)
+        announce(config.plant, note, [config.vehicle])
         return model.plant_model(translated_plant(wanted.name or words.short(wanted.run), config))
     return model.controller_model(setting_of(wanted))

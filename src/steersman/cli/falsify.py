@@ -43,11 +43,11 @@ def falsify(
     from steersman.report.falsification import sentences, single_rows
     from steersman.studies.hunt import most_drives
 
-    given = [] if trials is None else [f"trials={trials}"]
-    config = sm.configure("falsify", *(words or []), *given, notify=note)
+    given = [*(words or []), *([] if trials is None else [f"trials={trials}"])]
+    config = sm.configure("falsify", *given)
     with goes_on(out), steps_bar(most_drives(config), "falsifying", "drives", TOLD) as update:
         result = sm.falsify(
-            config,
+            *given,
             out=out,
             progress=lambda done, _, found: update(done, found),
             engine=engine,

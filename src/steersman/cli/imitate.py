@@ -48,7 +48,7 @@ def imitate(
     from steersman.api.driving import announce
 
     config = sm.configure("imitate", *words, notify=note)
-    announce(config.problem.plant, note, config.problem.vehicle)
+    announce(config.problem.plant, note, [config.problem.vehicle])
     folder = files.out_folder(out)
     try:
         result = imitate_with_bar(config, folder, overwrite=overwrite, resume=resume)

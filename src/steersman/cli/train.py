@@ -54,7 +54,7 @@ def train(
     if resume and all("=" in word for word in words):
         words = [*_resumed(out, chosen), *words]
     config = sm.configure("train", *words, notify=note)
-    announce(config.problem.plant, note, config.problem.vehicle)
+    announce(config.problem.plant, note, [config.problem.vehicle])
     folder = files.out_folder(out)
     if chosen is not None:
         seeds.train_seeds(
