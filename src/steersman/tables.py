@@ -27,6 +27,19 @@ _SAMPLE = 50
 # Words in a title.
 _LONGEST_TITLE = 2
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
+# Thousands set apart by apostrophes or blanks (also those that break no line).
+_APART = re.compile(r"(?<=\d)['\u2019 \u00a0\u202f](?=\d{3}(?!\d))")
+# By points or commas: cells that mean nothing else, by the mark, and all that then mean it.
+_SURE = {
+    ".": re.compile(r"[-+]?\d{1,3}(?:(?:\.\d{3})+,\d+|(?:\.\d{3}){2,})"),
+    ",": re.compile(r"[-+]?\d{1,3}(?:(?:,\d{3})+\.\d+|(?:,\d{3}){2,})"),
+}
+_GROUPED = {
+    mark: re.compile(rf"[-+]?\d{{1,3}}(?:[{mark}]\d{{3}})+(?:[{other}]\d+)?")
+    for mark, other in (".,", ",.")
+}
+# Rows that are looked at to find the mark.
+_MARKED = 1000
 _BLANKS_BEFORE_UNIT = re.compile(r"\s+(?=[\[(])")
 # What files begin with that are not UTF-8.
 _MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
@@ -51,6 +64,8 @@ class Sheet(NamedTuple):
     def numbers(self, title: str | int, *, gaps: bool = False) -> FloatArray:
         """A column as one number for each row; a comma may be the decimal mark.
 
+        Thousands may be set apart by points, commas, apostrophes or blanks.
+
         Args:
             title: as in ``titles``, or its place there.
             gaps: whether a cell may be empty, which gives NaN.
@@ -59,16 +74,22 @@ class Sheet(NamedTuple):
             DataError: a cell is missing, or holds no finite number.
         """
         place = title if isinstance(title, int) else self.titles.index(title)
-        rows = zip(self.lines, self.rows, strict=True)
-        return np.array([self._number(line, cells, place, gaps) for line, cells in rows])
+        rows, mark = zip(self.lines, self.rows, strict=True), self._mark()
+        return np.array([self._number(line, cells, place, gaps, mark) for line, cells in rows])
 
-    def _number(self, line: int, cells: list[str], place: int, gaps: bool) -> float:
+    def _mark(self) -> str:
+        """What sets thousands apart in this table: a point, a comma, or nothing."""
+        several = (c for row in self.rows[:_MARKED] for c in row if c.count(".") + c.count(",") > 1)
+        marks = [mark for cell in several for mark in _SURE if _SURE[mark].fullmatch(cell)]
+        return marks[0] if marks else ""
+
+    def _number(self, line: int, cells: list[str], place: int, gaps: bool, mark: str) -> float:
         title, cell = self.titles[place], "".join(cells[place : place + 1])
         if gaps and place < len(cells) and cell.lower() in _EMPTY:
             return math.nan
         if not cell:
             raise self.fault(line, f"{title} is missing")
-        value = _value(cell)
+        value = _value(cell, mark)
         if not math.isfinite(value):
             hint = "; leave the cell empty if nothing was measured" * gaps
             shown = repr(cell[:_LONGEST_SHOWN])
@@ -76,8 +97,17 @@ class Sheet(NamedTuple):
         return value
 
 
-def _value(cell: str) -> float:
-    """The number in a cell; NaN if there is none."""
+def _value(cell: str, mark: str = "") -> float:
+    """The number in a cell; NaN if there is none.
+
+    >>> _value("4.567.890,12"), _value("4'567'890.12"), _value("691.000", "."), _value("691.000")
+    (4567890.12, 4567890.12, 691000.0, 691.0)
+    """
+    cell = _APART.sub("", cell)
+    for sign in _SURE:
+        if (_GROUPED if sign == mark else _SURE)[sign].fullmatch(cell):
+            cell = cell.replace(sign, "")
+            break
     try:
         return float(cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell)
     except ValueError:
@@ -146,9 +176,12 @@ def _separator(rows: Sequence[str]) -> str | None:
 
 
 def _are_decimal_commas(row: str) -> bool:
-    """Whether blanks separate the row's numbers, and commas are decimal marks."""
+    """Whether blanks separate the row's numbers, and commas are marks within them."""
     cells = row.split()
-    return len(cells) > 1 and all(_DECIMAL_COMMA.fullmatch(c) or c.isdecimal() for c in cells)
+    return len(cells) > 1 and all(
+        any(kind.fullmatch(c) for kind in (_DECIMAL_COMMA, *_SURE.values())) or c.isdecimal()
+        for c in cells
+    )
 
 
 def _titles(line: str, count: int) -> list[str]:

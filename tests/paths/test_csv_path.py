@@ -159,7 +159,7 @@ def test_missing_folder_and_binary(tmp_path: FilePath) -> None:
         ("x,y\n0,0\n1,one\n2,2\n", "line 3: y is 'one', not a finite number"),
         ("x,y\n\n0,0\n1\n2,2\n", "line 4: y is missing"),
         ("x,y\n0,0\n1,\n2,2\n", "line 3: y is missing"),
-        ("x;y\n1.000,5;1\n2;3\n3;4\n", "line 2: x is '1.000,5', not a finite number"),
+        ("x;y\n1.00,5;1\n2;3\n3;4\n", "line 2: x is '1.00,5', not a finite number"),
         ("x,y\n0,0\n0,0\n1,1\n1,1\n", "holds 2 points"),
         ("x,y\n5,5\n5,5\n5,5\n", "holds 1 points"),
         ("x,y\n0,0\n10,0\n5,0.1\n15,0\n", "line 3: the path turns back"),

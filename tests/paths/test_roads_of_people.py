@@ -55,6 +55,8 @@ class Drawn(NamedTuple):
     truth: Truth
     noise: float
     label: str
+    origin: Array
+    """Where the path has the road's origin; of degrees, the first point that was recorded is it."""
 
 
 def sampled(rng: np.random.Generator, road: Truth, spacing: float) -> Array:
@@ -118,24 +120,32 @@ HEADS = {
     "none": Head(("x", "y"), shown=""),
     "tum": Head(("x_ref_m", "y_ref_m"), shown="# {}"),
     "utm": Head(("Easting", "Northing")),
+    "gauss": Head(("Hochwert [m]", "Rechtswert [m]"), digits=2, order=(1, 0)),
     "geo": Head(("latitude", "longitude"), digits=10),
     "own": Head(("rechts", "hoch"), columns="x=rechts,y=hoch"),
     "numbers": Head((), shown="", columns="x=3,y=2", order=(2, 1, 0)),
     "wide": Head(("y", "n", "x"), order=(1, 2, 0)),
 }
-UTM = np.array([691000.0, 5334000.0])
+FAR = {"utm": np.array([691000.0, 5334000.0]), "gauss": np.array([4468000.0, 5334000.0])}
+# What stands between thousands and before decimals.
+MARKS = {".": ".,", ",": ",.", "'": "'.", " ": "\u00a0,", "": ""}
 
 
-def written(rng: np.random.Generator, place: Array) -> tuple[bytes, dict[str, Any], str]:
-    """A table of points in some format, and the settings that read it."""
+def written(rng: np.random.Generator, place: Array) -> tuple[bytes, dict[str, Any], str, Array]:
+    """A table of points in some format, the settings that read it, its label and its origin."""
     separator = str(rng.choice([",", ";", "\t", " ", "|", " ; "]))
     name = str(rng.choice(list(HEADS)))
     head = HEADS[name]
-    x, y = {"geo": geographic(place), "utm": (place + UTM).T}.get(name, head.scale * place.T)
+    x, y = geographic(place) if name == "geo" else head.scale * (place + FAR.get(name, 0.0)).T
     columns = np.array([x, y, np.arange(len(place))])[list(head.order)]
-    rows = [separator.join(f"{value:.{head.digits}f}" for value in row) for row in columns.T]
     comma = separator != "," and bool(rng.integers(2))
-    lines = [row.replace(".", ",") for row in rows] if comma else rows
+    marks = MARKS[str(rng.choice([*MARKS]))] if name in FAR else ""
+    if separator == " " and marks.startswith("\u00a0"):  # a blank as any other
+        marks = ""
+    both = str.maketrans(dict(zip(",.", marks or ("", "," if comma else "."), strict=True)))
+    quote = '"' if separator in marks else ""
+    cells = [[f"{value:,.{head.digits}f}".translate(both) for value in row] for row in columns.T]
+    lines = [separator.join(f"{quote}{cell}{quote}" for cell in row) for row in cells]
     if head.shown:
         lines.insert(0, head.shown.format(separator.join(head.titles)))
     if rng.integers(3) == 0:
@@ -145,7 +155,9 @@ def written(rng: np.random.Generator, place: Array) -> tuple[bytes, dict[str, An
     encoding = str(rng.choice(["utf-8", "utf-8-sig", "utf-16", "latin-1"]))
     text = str(rng.choice(["\n", "\r\n"])).join(lines)
     settings = {} if head.columns is None else {"columns": head.columns}
-    return text.encode(encoding), settings, f"{separator!r} comma={comma} {name} {encoding}"
+    origin = -place[0] if name == "geo" else np.asarray(FAR.get(name, (0.0, 0.0)))
+    label = f"{separator!r} comma={comma} {marks!r} {name} {encoding}"
+    return text.encode(encoding), settings, label, origin
 
 
 def geographic(place: Array) -> Array:
@@ -164,11 +176,12 @@ def drawn(seed: int) -> Drawn:
     road = truth(str(rng.choice(["open", "lap"])))
     spacing = float(rng.choice([0.5, 1.0, 2.0]))
     place, noise, damage = damaged(rng, sampled(rng, road, spacing), road.closed)
-    text, settings, form = written(rng, place)
+    text, settings, form, origin = written(rng, place)
     smooth = noise > 0.0 and damage != "overrun"
     if smooth or rng.integers(2):
         settings["smoothing"] = "auto"
-    return Drawn(text, settings, road, noise, f"{seed}: {spacing} m, {damage} {noise:.2g}, {form}")
+    label = f"{seed}: {spacing} m, {damage} {noise:.2g}, {form}"
+    return Drawn(text, settings, road, noise, label, origin)
 
 
 @pytest.mark.parametrize("first", range(0, 200, 20))
@@ -188,8 +201,7 @@ def difference(path: CsvPath, case: Drawn) -> str:
     """How the path is another than the road; empty if it is that road."""
     road, noise = case.truth, case.noise
     place = np.array([path.at(s)[:2] for s in np.linspace(0.0, path.length, 150).tolist()])
-    origin = {"utm": UTM, "geo": -road.dense[0]}.get(case.label.split()[-2], np.zeros(2))
-    off = place - origin
+    off = place - case.origin
     gaps = np.hypot(*(off[:, None] - road.dense[None, ::3]).transpose(2, 0, 1)).min(axis=1)
     sharpest = float(np.max(np.abs(path.table.pieces[:, kernel.KAPPA0])))
     faults = {

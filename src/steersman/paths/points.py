@@ -17,9 +17,15 @@ from steersman.types import FloatArray
 
 _CURE = "give a table of positions with a header like x,y or latitude,longitude"
 _DEGREES = {"deg": 1.0, "rad": 1.0 / ANGLE["deg"]}
-# Titles of TUM's race lines, UTM and ROS.
-_X = ("x_ref", "pos_x", "x_pos", "position_x", "pose_position_x", "east", "easting")
-_Y = ("y_ref", "pos_y", "y_pos", "position_y", "pose_position_y", "north", "northing")
+# Titles of TUM's race lines, ROS, UTM and Gauss-Krueger.
+_X = (
+    *("x_ref", "pos_x", "x_pos", "position_x", "pose_position_x"),
+    *("east", "easting", "utm_x", "x_utm", "utm_east", "utm_easting", "ostwert", "rechtswert"),
+)
+_Y = (
+    *("y_ref", "pos_y", "y_pos", "position_y", "pose_position_y"),
+    *("north", "northing", "utm_y", "y_utm", "utm_north", "utm_northing", "nordwert", "hochwert"),
+)
 _LATITUDE, _LONGITUDE = ("lat", "breitengrad"), ("lon", "long", "lng", "laengengrad")
 _SPEED = ("vx", "v", "v_x", "velocity", "longitudinal_velocity", "vel")
 COLUMNS = {
