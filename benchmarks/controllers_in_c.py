@@ -31,7 +31,7 @@ from steersman.delivery.compiled import CompiledController
 from steersman.delivery.controller import Setting
 from steersman.delivery.controller_package import write_controller
 from steersman.delivery.controller_text import TOLERANCE, answers, counted_steps
-from steersman.delivery.observations import Row, drawn, observations, single, with_gaps
+from steersman.delivery.observations import Row, drawn, observations, single, with_gaps, with_wishes
 from steersman.files import write_text
 from steersman.kernels.active_set import MOST_STEPS
 from steersman.provenance import provenance
@@ -71,6 +71,7 @@ def make(setting: Setting, folder: Path, words: Sequence[str], *more: str) -> Pa
     text = text.replace("@PREFIX@", setting.prefix).replace("@UPPER@", setting.prefix.upper())
     write_text(folder / "batch.c", text.replace("@REAL@", "float" if setting.single else "double"))
     file = folder / f"{'_'.join(words).replace('/', '_')}.out"
+    more = (*more, *["-DWISHES"] * setting.limits_speed)
     made = [*words, *STRICT, PORTABLE, *more, "-o", str(file), f"{setting.prefix}.c", "batch.c"]
     subprocess.run([*made, "-lm"], check=True, cwd=folder)
     return file
@@ -80,7 +81,10 @@ def compiled(setting: Setting, folder: Path, words: Sequence[str]) -> CompiledCo
     """Compile the C code in ``folder`` as a library."""
     file = make(setting, folder, words, "-shared", "-fPIC")
     return CompiledController(
-        code=ctypes.CDLL(str(file)), prefix=setting.prefix, single=setting.single
+        code=ctypes.CDLL(str(file)),
+        prefix=setting.prefix,
+        single=setting.single,
+        limits=setting.limits_speed,
     )
 
 
@@ -104,6 +108,7 @@ def drawn_rows(setting: Setting, count: int) -> list[Row]:
         overruled = single(rng.uniform(-1.0, 1.0)) if len(rows) % 10 == 0 else None
         rows.append(Row(len(rows) % DRIVE == 0, drawn(setting, rng, size), overruled))
     rows = rows[:count]
+    rows = with_wishes(rows) if setting.limits_speed else rows
     return with_gaps(rows) if setting.controller.gaps else rows
 
 
@@ -125,7 +130,7 @@ def known(setting: Setting, rows: Sequence[Row]) -> Known:
     numbers = [
         [r.restart, r.missing, r.executed is not None, r.executed or 0.0, *r.seen[:8]] for r in rows
     ]
-    previews = np.array([r.seen.preview.ravel() for r in rows])
+    previews = np.array([[*r.seen.preview.ravel(), *r.seen.wished] for r in rows])
     whole = np.ascontiguousarray(np.hstack([np.array(numbers, float), previews]))
     return Known(whole, np.array([each[:2] for each in said], float), steps)
 

@@ -9,8 +9,10 @@ from typing import Any
 
 import pytest
 
-from steersman.delivery.controller import Setting
+from steersman.delivery.controller import Setting, translated
 from steersman.delivery.controller_package import write_controller
+from steersman.delivery.ros2 import write_package
+from steersman.errors import ConfigError
 from steersman.learning.config import TrainConfig
 from steersman.learning.export import export_policy
 
@@ -74,11 +76,59 @@ def test_a_policy_behind_a_predictor(fields: dict[str, Any], tmp_path: FilePath)
     assert known.answers[:, 0].std() > 0.01
 
 
+SETS: dict[str, Any] = {
+    "action": "parameters",
+    "base": {"kind": "pid", "feedforward": True},
+    "parameters": {"gains.k_p": "0.004..0.4:log", "k_heading": (0.2, 1.0, 3.0)},
+    "period": 3,
+    "demonstration": {"enabled": False},
+}
+
+
+def policy_file(folder: FilePath, fields: dict[str, Any]) -> FilePath:
+    config = TrainConfig(problem=problem(encoding={"kind": "extended", "history": 2}, **fields))
+    net = random_net(len(config.problem.layout.scale), 8, actions=2)
+    return export_policy(net, config, folder, {})
+
+
+@needs_compiler
+@pytest.mark.parametrize("fields", [SETS, {"joint": True}], ids=["adaptive", "joint"])
+def test_a_policy_of_several_actions(fields: dict[str, Any], tmp_path: FilePath) -> None:
+    word = f"{policy_file(tmp_path, fields)}"
+    setting = made(word, tmp_path)
+    said = run_vector(setting, tmp_path, "-O1")  # of joint ones it compares the speed, too
+    assert said.returncode == 0, said.stdout
+    code = bench.compiled(setting, tmp_path, (COMPILER, "-O1"))
+    known = bench.known(setting, bench.drawn_rows(setting, 400))
+    found = bench.parity(setting, code, known)
+    assert found.other_statuses == 0
+    assert found.steering <= 1e-12
+    assert 300 < found.usable < 390
+    assert known.answers[:, 0].std() > 0.01
+    # Python's network is in float here, C's in double.
+    assert bench.drive_difference(f"{word} speed=constant_speed", code, duration=5) <= 1e-5
+
+
+def test_parameters_that_a_design_needs_have_no_c(tmp_path: FilePath) -> None:
+    lqr = {"base": {"kind": "lqr"}, "parameters": {"q_heading": "1..2", "r": "1..2"}}
+    setting = bench.setting_of(str(policy_file(tmp_path, SETS | lqr)))
+    with pytest.raises(
+        ConfigError, match=r"no C code can be made of .*riccati\.py"
+    ):
+        translated(setting)
+
+
+def test_ros_has_no_speed(tmp_path: FilePath) -> None:
+    with pytest.raises(ConfigError, match="limits the speed"):
+        write_package(bench.setting_of("grip_speed"), tmp_path)
+
+
 @needs_compiler
 @pytest.mark.parametrize(
     ("word", "single"),
     [
         ("tuned/lqr", True),
+        ("grip_speed controller.inner=tuned/stanley speed=constant_speed", False),
         ("tuned/mpc_pid_scheduled", False),
         ("estimated/predicted/tuned/stanley_cm", False),
         ("supervised/tuned/lqr controller.fallback=pure_pursuit controller.last=pid", False),

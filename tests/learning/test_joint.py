@@ -198,15 +198,6 @@ def test_a_policy_of_the_speed_needs_a_wished_one(tmp_path: FilePath) -> None:
         attempt(run.model_copy(update={"duration": 0.5})).of_controller()
 
 
-def test_c_of_a_policy_of_the_speed_is_refused(tmp_path: FilePath) -> None:
-    from steersman.cli.exported import ToExport, setting_of
-    from steersman.delivery.controller import translated
-
-    setting = setting_of(ToExport(constant_policy(tmp_path, -0.3).file))
-    with pytest.raises(ConfigError, match=r"raise ConfigError\(.* \(controllers/policy.py"):
-        translated(setting)
-
-
 class Slow(ControllerComponent):
     """Steers straight on and allows 3 m/s; fails after 10 steps, if it is to."""
 

@@ -211,8 +211,8 @@ class Adjuster:
             vehicle: nominal parameters.
             dt: control period [s].
         """
-        self._base, self._parameters = base, parameters
-        self._vehicle, self._dt = vehicle, dt
+        self.base, self.parameters = base, parameters
+        self.vehicle, self.dt = vehicle, dt
         self._designs: dict[tuple[Any, ...], tuple[ControllerComponent, Any]] = {}
 
     def begin(self) -> Adjusted:
@@ -221,9 +221,9 @@ class Adjuster:
         Raises:
             ConfigError: the base finds no solution for this vehicle and its settings.
         """
-        fresh = designed(self._base, self._vehicle, self._dt)
-        own = np.array([each.action(self._base) for each in self._parameters])
-        return Adjusted(self._base, fresh, fresh, own)
+        fresh = designed(self.base, self.vehicle, self.dt)
+        own = np.array([each.action(self.base) for each in self.parameters])
+        return Adjusted(self.base, fresh, fresh, own)
 
     def adjust(self, now: Adjusted, action: FloatArray) -> Adjusted:
         """The same drive under the parameters of an action (m,) in [-1, 1].
@@ -236,7 +236,7 @@ class Adjuster:
         numbers = action.tolist()
         values = tuple(
             each.choices.index(each.value(a)) if each.choices else each.value(a)
-            for each, a in zip(self._parameters, numbers, strict=True)
+            for each, a in zip(self.parameters, numbers, strict=True)
         )
         with suppress(ConfigError):
             controller, fresh = self._designed(values)
@@ -248,12 +248,12 @@ class Adjuster:
         """The controller with these values, and what its ``init`` returns."""
         if values in self._designs:
             return self._designs[values]
-        controller: BaseModel = self._base
-        for each, value in zip(self._parameters, values, strict=True):
+        controller: BaseModel = self.base
+        for each, value in zip(self.parameters, values, strict=True):
             chosen = each.choices[value] if each.choices else value
             controller = _replaced(controller, each.name.split("."), chosen)
         assert isinstance(controller, ControllerComponent)
-        made = controller, designed(controller, self._vehicle, self._dt, again=True)
+        made = controller, designed(controller, self.vehicle, self.dt, again=True)
         if len(self._designs) >= _KEPT:
             self._designs.clear()
         self._designs[values] = made

@@ -72,6 +72,11 @@ class ControllerComponent(Component):
         """
         return math.nan
 
+    def limits_speed(self) -> bool:
+        """Whether it, or a controller in it, reads the wished speeds and allows less."""
+        inner = (getattr(self, name) for name in type(self).model_fields)
+        return any(isinstance(each, ControllerComponent) and each.limits_speed() for each in inner)
+
     def step(self, state: Any, observation: Observation) -> tuple[Decision, Any]:
         """Decide the steering for the next control period, in [-1, 1].
 

@@ -98,6 +98,10 @@ class GripSpeed(Wrapper):
         """What grip allows [m/s]."""
         return state.limit
 
+    def limits_speed(self) -> bool:
+        """It does."""
+        return True
+
     def executed(self, state: GripSpeedState, steer: float) -> GripSpeedState:
         """The executed command goes to the inner controller."""
         return state._replace(inner=self.inner.executed(state.inner, steer))

@@ -170,11 +170,16 @@ class Policy(ControllerComponent):
             elif state.base is not None:
                 steer = start + state.authority * action
         kernel.remember(table, row, memory, within_limits(steer))
+        state = state._replace(memory=memory)
         return float(steer), status, self.executed(state, float(within_limits(steer)))
 
     def speed_limit(self, state: PolicyState) -> float:
         """What a joint policy allows [m/s]; else NaN."""
         return state.limit
+
+    def limits_speed(self) -> bool:
+        """Whether its second action is the speed."""
+        return self.read()[1].joint
 
     def _wished(self, observation: Observation) -> FloatArray:
         """The speeds wished ahead [m/s].

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 import shutil
 import subprocess
 import sys
@@ -70,11 +71,14 @@ class CompiledController(ControllerComponent):
     """In each observation; None: not checked."""
     spacing: float = 0.0
     """Between them [m]."""
+    limits: bool = False
+    """Whether it limits the speed."""
 
     def function(self, name: str) -> Any:
         """One of its functions."""
         found = getattr(self.code, f"{self.prefix}_{name}")
-        found.restype = ctypes.c_int if name in {"step", "size"} else None
+        kinds = {"step": ctypes.c_int, "size": ctypes.c_int, "speed_limit": type(self.real())}
+        found.restype = kinds.get(name)
         return found
 
     def packed(self, seen: Observation) -> Any:
@@ -91,7 +95,9 @@ class CompiledController(ControllerComponent):
                 f"controller takes {self.waypoints}, {self.spacing:g} m apart (sensor.count, "
                 "sensor.spacing)"
             )
-        given = [*seen[:8], *seen.preview.ravel()]
+        if self.limits and len(seen.wished) != len(seen.preview):
+            raise ControllerError("no speed is wished; set speed=constant_speed or another")
+        given = [*seen[:8], *seen.preview.ravel(), *(seen.wished if self.limits else ())]
         return np.array(given, np.float32 if self.single else np.float64)
 
     def real(self, value: float = 0.0) -> Any:
@@ -114,7 +120,18 @@ class CompiledController(ControllerComponent):
         given = None if observation is None else self.packed(observation)
         at = None if given is None else ctypes.c_void_p(given.ctypes.data)
         status = self.function("step")(after, at, ctypes.byref(steer))
-        return Decision(float(steer.value), Status(status)), after.raw
+        limit = self.speed_limit(after.raw)
+        return Decision(float(steer.value), Status(status), speed_limit=limit), after.raw
+
+    def limits_speed(self) -> bool:
+        """Whether the C code does."""
+        return self.limits
+
+    def speed_limit(self, state: bytes) -> float:
+        """What the C code allows [m/s]."""
+        if not self.limits:
+            return math.nan
+        return float(self.function("speed_limit")(ctypes.create_string_buffer(state, len(state))))
 
     def executed(self, state: bytes, steer: float) -> bytes:
         """Another command was executed."""
@@ -144,4 +161,5 @@ def compiled_controller(setting: Setting) -> CompiledController:
         single=setting.single,
         waypoints=setting.waypoints,
         spacing=setting.spacing,
+        limits=setting.limits_speed,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
@@ -9,8 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steersman.controllers.base import ControllerComponent, designed
+from steersman.controllers.policy import PolicyState
 from steersman.delivery.c_text import identifier
 from steersman.delivery.graph import ExactNetwork, read_network
+from steersman.delivery.translate.adaptive import ADAPTIVE_CALLS, begun
 from steersman.delivery.translate.functions import CALLS
 from steersman.delivery.translate.policies import POLICY_CALLS
 from steersman.delivery.translate.program import Parameter, Program
@@ -38,7 +41,7 @@ from steersman.network_file import PolicyNetwork
 from steersman.types import NO_WISH, Observation
 from steersman.vehicles import Vehicle
 
-CALLS.update(POLICY_CALLS)
+CALLS.update(POLICY_CALLS | ADAPTIVE_CALLS)
 _PASSES = 8
 DESIGN = "design"
 """What the names of numbers begin with that the controller makes before the first step."""
@@ -60,6 +63,11 @@ class Setting(NamedTuple):
     """float in place of double."""
     values: Mapping[str, float] = {}
     """Numbers of the design that are not what the controller makes, by their names."""
+
+    @property
+    def limits_speed(self) -> bool:
+        """Whether observations have wished speeds, and decisions a largest one."""
+        return self.controller.limits_speed()
 
     def start(self) -> Any:
         """The controller's state before the first step.
@@ -172,6 +180,9 @@ def abstract(setting: Setting) -> Value:
         if isinstance(value, tuple) and value:
             names = getattr(value, "_fields", range(len(value)))
             parts = [part(v, f"{path}.{k}") for k, v in zip(names, value, strict=True)]
+            if isinstance(value, PolicyState) and value.adjuster is not None:
+                at = value._fields.index("base_state")
+                parts[at] = begun(value.adjuster, value.base_state, parts[at])
             return Bundle(type(value), tuple(parts))
         if isinstance(value, np.ndarray):  # what two fields hold is one parameter
             return Static(value, paths.setdefault(id(value), path))
@@ -215,11 +226,16 @@ class _Pass:
     def _seen(self) -> Value:
         numbers = [Scalar(f"seen->{name}", REAL) for name in _NUMBERS]
         preview = Array("&seen->preview[0][0]", (self.setting.waypoints, 2), Root("seen"))
-        spacing, wished = Static(self.setting.spacing), Static(NO_WISH)
+        spacing, wished = Static(self.setting.spacing), self._wished()
         seen = Bundle(Observation, (*numbers, preview, spacing, wished))
         return (
             Maybe(Scalar("(given != NULL)", BOOL), seen) if self.setting.controller.gaps else seen
         )
+
+    def _wished(self) -> Value:
+        if not self.setting.limits_speed:
+            return Static(NO_WISH)
+        return Array("seen->wished", (self.setting.waypoints,), Root("seen"))
 
     def translated(self) -> Translated:
         """The C program, once the state's type is that of what a step makes of it."""
@@ -227,6 +243,11 @@ class _Pass:
             writer.store(self.state, writer.local(after), self.known)
         assert isinstance(self.decision, Bundle)
         steer, status = (self.decision[name] for name in ("steer", "status"))
+        fields = [*_fields(self.state, self.start)]
+        if self.setting.limits_speed:
+            fields.append(StateField("speed_limit", REAL, None, (math.nan,)))
+            limit = self.step.real(self.decision["speed_limit"])
+            self.step.lines.append(f"state->speed_limit = {limit};")
         self.step.lines += [
             f"*steer = {self.step.real(steer)};",
             f"return {self.step.number(status).text};",
@@ -234,7 +255,7 @@ class _Pass:
         return Translated(
             self.setting,
             self.program,
-            tuple(_fields(self.state, self.start)),
+            tuple(fields),
             (*self.step.top, *self.step.lines),
             (*self.executed.top, *self.executed.lines),
         )

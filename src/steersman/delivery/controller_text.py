@@ -18,7 +18,7 @@ from steersman.controllers.policy import Policy
 from steersman.delivery import c_text
 from steersman.delivery.c_text import fill
 from steersman.delivery.controller import DESIGN, Setting, Translated
-from steersman.delivery.observations import Row, observations, with_gaps
+from steersman.delivery.observations import Row, observations, with_gaps, with_wishes
 from steersman.delivery.translate.emitter import c_type
 from steersman.delivery.translate.lines import indented, without_unused
 from steersman.delivery.translate.policies import NETWORK
@@ -111,7 +111,23 @@ def words(made: Translated) -> dict[str, Any]:
         "precision": "float" if s.single else "double",
         "waypoints": s.waypoints,
         "tolerance": f"{tolerance(s):g}",
+        **_speeds(s),
     }
+
+
+def _speeds(setting: Setting) -> dict[str, str]:
+    """Words of controllers that limit the speed."""
+    real, prefix = "float" if setting.single else "double", setting.prefix
+    head = f"{real} {prefix}_speed_limit(const {prefix}_state *state)"
+    texts = {
+        "wished": f"    {real} wished[{setting.waypoints}]; /* speeds at the waypoints [m/s] */\n",
+        "speed_limit_declared": "/* After step(): the largest speed for the next period [m/s];"
+        f" NaN: as wished. */\n{head};\n\n",
+        "speed_limit": f"{head}\n{{\n    return state->speed_limit;\n}}\n\n",
+        "limit_expected": f"    {real} speed_limit; /* expected */\n",
+        "limit_checked": fill("limit_test.c.in", {"prefix": prefix}),
+    }
+    return texts if setting.limits_speed else dict.fromkeys(texts, "")
 
 
 # What a header says of observations that cannot be used.
@@ -275,6 +291,7 @@ def answers(setting: Setting, rows: Sequence[Row]) -> list[Decision]:
 def rows_of(setting: Setting) -> list[Row]:
     """The test vector's steps."""
     rows = observations(setting, np.random.default_rng(0))
+    rows = with_wishes(rows) if setting.limits_speed else rows
     return with_gaps(rows) if setting.controller.gaps else rows
 
 
@@ -295,9 +312,14 @@ def _row(made: Translated, row: Row, decision: Decision) -> str:
 
     pairs = [c_text.braces([number(x), number(y)]) for x, y in row.seen.preview.tolist()]
     seen = [number(x) for x in row.seen[:8]] + [c_text.braces(pairs)]
+    limit = []
+    if made.setting.limits_speed:
+        seen.append(c_text.braces([number(x) for x in row.seen.wished.tolist()]))
+        limit = [number(decision.speed_limit)]
     values = [
         str(int(row.restart)), str(int(row.missing)), c_text.braces(seen), number(decision.steer),
-        str(int(decision.status)), str(int(row.executed is not None)), number(row.executed or 0.0),
+        str(int(decision.status)), *limit, str(int(row.executed is not None)),
+        number(row.executed or 0.0),
     ]  # fmt: skip
     return f"    {c_text.braces(values)},\n"
 

@@ -61,6 +61,17 @@ def with_gaps(rows: Sequence[Row]) -> list[Row]:
     return [row._replace(missing=i % 400 in lost) for i, row in enumerate(rows)]
 
 
+def with_wishes(rows: Sequence[Row], seed: int = 2) -> list[Row]:
+    """The same with speeds wished at the waypoints, which fit into float32."""
+    rng = np.random.default_rng(seed)
+
+    def wished(seen: Observation) -> Observation:
+        speeds = rng.uniform(0.0, 30.0, len(seen.preview))
+        return seen._replace(wished=speeds.astype(np.float32).astype(np.float64))
+
+    return [row._replace(seen=wished(row.seen)) for row in rows]
+
+
 def _driven(of: Sampled, rng: np.random.Generator) -> Iterator[Row]:
     """A car that sways along a road of corners and is overruled now and then."""
     road = RandomRoad(seed=1)

@@ -16,6 +16,7 @@ from steersman.delivery.translate.lines import indented, without_unused
 from steersman.delivery.translate.program import Program
 from steersman.delivery.translate.statements import Statements
 from steersman.delivery.translate.values import NEVER, REAL, Scalar, Static, Value
+from steersman.errors import ConfigError
 from steersman.files import replacing
 from steersman.kernels import vehicle as car
 from steersman.kernels.vehicle import VehicleTable
@@ -34,6 +35,8 @@ def write_package(setting: Setting, folder: FilePath) -> Sequence[FilePath]:
         ConfigError: C cannot be made of the controller.
         DataError: a number of the design that was given is none of its own.
     """
+    if setting.limits_speed:
+        raise ConfigError(f"{setting.name} limits the speed, which the node of ROS 2 does not do")
     made = translated(setting)
     check_values(made)
     prefix, words = setting.prefix, _words(made)

@@ -82,9 +82,13 @@ def _seen(waypoints: int, spacing: float) -> list[Variable]:
     return out
 
 
-def _observed(prefix: str, real: str, waypoints: int) -> list[str]:
+_LIMIT = Variable("speed_limit", "m/s", OUTPUT, 0.0, "Largest speed; NaN: as wished.")
+
+
+def _observed(prefix: str, real: str, waypoints: int, wishes: int) -> list[str]:
     """C lines that make an observation of the inputs, which begin with it."""
     names = [name for name, _ in SEEN]
+    first = len(names) + 2 * waypoints
     return [
         f"{prefix}_observation seen;",
         f"{real} steer = 0;",
@@ -95,6 +99,7 @@ def _observed(prefix: str, real: str, waypoints: int) -> list[str]:
         f"for (i = 0; i < {waypoints}; ++i) {{",
         f"    seen.preview[i][0] = ({real})m->value[{len(names)} + 2 * i];",
         f"    seen.preview[i][1] = ({real})m->value[{len(names) + 1} + 2 * i];",
+        *[f"    seen.wished[i] = ({real})m->value[{first} + i];"] * bool(wishes),
         "}",
     ]
 
@@ -111,6 +116,10 @@ def _steered(prefix: str, real: str, variables: Iterable[Variable]) -> list[str]
         "}",
         f"m->value[{at['status']}] = {prefix}_step(&m->state, {seen}, &steer);",
         f"m->value[{at['steer_command']}] = (double)steer;",
+        *[
+            f"m->value[{at[_LIMIT.name]}] = (double){prefix}_speed_limit(&m->state);"
+            for _ in [_LIMIT.name] * (_LIMIT.name in at)
+        ],
     ]
 
 
@@ -124,8 +133,11 @@ def controller_model(setting: Setting) -> FmuModel:
     made = translated(setting)
     check_values(made)
     s, real = setting, "float" if setting.single else "double"
-    inputs = [*_seen(s.waypoints, s.spacing), *_OVERRULED, *[_MISSING] * s.controller.gaps]
-    variables = [*inputs, _STEER, _STATUS]
+    wishes = s.waypoints if s.limits_speed else 0
+    meaning = "Speed wished at the waypoint."
+    wished = [Variable(f"wished[{i}]", "m/s", INPUT, 0.0, meaning) for i in range(wishes)]
+    inputs = [*_seen(s.waypoints, s.spacing), *wished, *_OVERRULED, *[_MISSING] * s.controller.gaps]
+    variables = [*inputs, _STEER, _STATUS, *[_LIMIT] * s.limits_speed]
     table = [
         Variable(e.name, e.unit, PARAMETER, e.value, e.meaning, low=e.minimum, high=e.maximum)
         for e in text.entries(made)
@@ -146,7 +158,7 @@ def controller_model(setting: Setting) -> FmuModel:
         {
             "begin": [f"{s.prefix}_init(&m->state, &m->parameters);"],
             "advance": [
-                *_observed(s.prefix, real, s.waypoints),
+                *_observed(s.prefix, real, s.waypoints, wishes),
                 *_steered(s.prefix, real, variables),
             ],
         },

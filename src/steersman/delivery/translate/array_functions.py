@@ -173,6 +173,12 @@ def mean(out: Expressions, given: list[Value], _: Named) -> Value:
     return Scalar(f"({out.real(whole)} / {count})", REAL)
 
 
+def smallest(out: Expressions, given: list[Value], _: Named) -> Value:
+    """The least of them."""
+    least, start = out.program.helper("least"), out.program.literal(float("inf"))
+    return arrays.total(out, given[0], start, lambda a, x: f"{least}({a}, {x})")
+
+
 def ravel(out: Expressions, given: list[Value], _: Named) -> Value:
     """The numbers in a row."""
     whole = out.dense(given[0])

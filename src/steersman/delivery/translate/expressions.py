@@ -131,7 +131,10 @@ class Expressions(Operators):
             case Bundle() if name in field_names(owner.cls):
                 return owner[name]
             case Bundle():
-                return self.call(inspect.getattr_static(owner.cls, name).fget, [owner])
+                found = inspect.getattr_static(owner.cls, name, None)
+                if not isinstance(found, property):
+                    raise NotTranslatable(f"{name} of {owner.cls.__name__}")
+                return self.call(found.fget, [owner])
         return arrays.attribute(self.array(owner), name)
 
     def _part_of(self, owner: Static, name: str) -> Value:
@@ -140,7 +143,10 @@ class Expressions(Operators):
         if isinstance(found, property) and owner.path is not None:
             return self.call(found.fget, [owner])
         path = None if owner.path is None else f"{owner.path}.{name}".lstrip(".")
-        return Static(getattr(owner.value, name), path)
+        try:
+            return Static(getattr(owner.value, name), path)
+        except AttributeError as error:
+            raise NotTranslatable(str(error)) from None
 
     def _subscript(self, node: ast.Subscript) -> Value:
         owner = opened(self.value(node.value))
@@ -286,8 +292,8 @@ class Expressions(Operators):
         function = inspect.unwrap(function)
         if inspect.ismethod(function):
             given, function = [Static(function.__self__), *given], function.__func__
-        if not inspect.isfunction(function):
-            raise NotTranslatable(f"a call of {function}")
+        if not inspect.isfunction(function) or function.__module__.startswith("numpy"):
+            raise NotTranslatable(f"a call of {getattr(function, '__name__', function)}")
         return self.program.call(self, function, given, named)
 
     def _made(self, cls: type, given: list[Value], named: dict[str, Value]) -> Value:

@@ -238,5 +238,6 @@ def _register() -> dict[Any, Special]:
 CALLS = _register()
 METHODS = {
     "copy": more.copy, "tolist": more.tolist, "mean": more.mean, "sum": more.sum, "all": _all,
+    "min": more.smallest,
     "ravel": more.ravel, "reshape": more.reshape,
 }  # fmt: skip

@@ -297,4 +297,4 @@ def _parsed(function: Callable[..., Any]) -> tuple[ast.FunctionDef, frozenset[tu
 
 
 _RESERVED = {"parameters", "real", "step", "init", "reset", "copied", "least", "most", "finite",
-             "executed", "to_int", "hold", "signal", "slew"} | set(HELPERS)  # fmt: skip
+             "executed", "to_int", "hold", "signal", "slew", "speed_limit", *HELPERS}  # fmt: skip
