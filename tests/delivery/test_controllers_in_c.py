@@ -112,9 +112,7 @@ def test_a_policy_of_several_actions(fields: dict[str, Any], tmp_path: FilePath)
 def test_parameters_that_a_design_needs_have_no_c(tmp_path: FilePath) -> None:
     lqr = {"base": {"kind": "lqr"}, "parameters": {"q_heading": "1..2", "r": "1..2"}}
     setting = bench.setting_of(str(policy_file(tmp_path, SETS | lqr)))
-    with pytest.raises(
-        ConfigError, match=r"no C code can be made of .*riccati\.py"
-    ):
+    with pytest.raises(ConfigError, match=r"no C code can be made of .*riccati\.py"):
         translated(setting)
 
 

@@ -182,11 +182,7 @@ class Policy(ControllerComponent):
         return self.read()[1].joint
 
     def _wished(self, observation: Observation) -> FloatArray:
-        """The speeds wished ahead [m/s].
-
-        Raises:
-            ConfigError: there are none.
-        """
+        """The speeds wished ahead [m/s]; a ConfigError, if there are none."""
         if not len(observation.wished):
             what = "takes a share of the wished speed, but none is wished; set speed=constant_speed"
             raise ConfigError(f"{self.file}: {what}, or another but constant_throttle")
@@ -209,8 +205,7 @@ class Policy(ControllerComponent):
         if state.adjuster is not None:
             state = state._replace(base_state=state.base_state.executed(steer))
         elif state.base is not None:
-            after = state.base.executed(state.base_state, steer)
-            state = state._replace(base_state=after)
+            state = state._replace(base_state=state.base.executed(state.base_state, steer))
         if steer == state.memory[kernel.LAST_COMMAND]:
             return state
         memory = state.memory.copy()

@@ -13,6 +13,7 @@ from steersman.controllers.base import ControllerComponent, designed
 from steersman.controllers.policy import PolicyState
 from steersman.delivery.c_text import identifier
 from steersman.delivery.graph import ExactNetwork, read_network
+from steersman.delivery.state_fields import StateField, fields, named, settled
 from steersman.delivery.translate.adaptive import ADAPTIVE_CALLS, begun
 from steersman.delivery.translate.functions import CALLS
 from steersman.delivery.translate.policies import POLICY_CALLS
@@ -83,17 +84,6 @@ class Setting(NamedTuple):
         return f"steersman_{identifier(self.name)}"
 
 
-class StateField(NamedTuple):
-    """A number, or numbers, of the state."""
-
-    name: str
-    kind: str
-    size: int | None
-    """How many numbers; None: one that is no array."""
-    start: tuple[float, ...]
-    """Before the first step."""
-
-
 class Translated(NamedTuple):
     """A controller in C."""
 
@@ -130,7 +120,7 @@ def translated(setting: Setting) -> Translated:
                 continue
             if found == known:
                 return made.translated()
-            known = _settled(found)
+            known = settled(found)
             pinned |= set(_changing(begun, known))
     except NotTranslatable as error:
         where = re.sub(r".*/steersman/", "", getattr(error, "where", "?"))
@@ -207,7 +197,7 @@ class _Pass:
     def __init__(self, setting: Setting, start: Value, known: Type, pinned: frozenset[str]) -> None:
         self.setting, self.start, self.known = setting, start, known
         self.program = Program(single=setting.single, pinned=pinned)
-        self.state = _named(known, "state->")
+        self.state = named(known, "state->")
         controller = Static(setting.controller, "")
         self.step = self._writer()
         kind = type(setting.controller)
@@ -243,9 +233,9 @@ class _Pass:
             writer.store(self.state, writer.local(after), self.known)
         assert isinstance(self.decision, Bundle)
         steer, status = (self.decision[name] for name in ("steer", "status"))
-        fields = [*_fields(self.state, self.start)]
+        kept = [*fields(self.state, self.start)]
         if self.setting.limits_speed:
-            fields.append(StateField("speed_limit", REAL, None, (math.nan,)))
+            kept.append(StateField("speed_limit", REAL, None, (math.nan,)))
             limit = self.step.real(self.decision["speed_limit"])
             self.step.lines.append(f"state->speed_limit = {limit};")
         self.step.lines += [
@@ -255,60 +245,7 @@ class _Pass:
         return Translated(
             self.setting,
             self.program,
-            tuple(fields),
+            tuple(kept),
             (*self.step.top, *self.step.lines),
             (*self.executed.top, *self.executed.lines),
         )
-
-
-def _settled(found: Type) -> Type:
-    """The type in which all numbers of a tuple may change once one does, as of a shifted window."""
-    if found.form != "record" or found.detail is not tuple:
-        parts = tuple(_settled(each) for each in found.parts)
-        return Type(found.form, found.detail, parts, found.example)
-    changing = next((each for each in found.parts if each.form == "scalar"), None)
-    if changing is None:
-        return found
-    return Type("record", tuple, tuple(join(each, changing) for each in found.parts))
-
-
-def _named(known: Type, name: str) -> Value:
-    """The state in C, by its type."""
-    match known.form:
-        case "scalar":
-            return Scalar(name, known.detail)
-        case "array":
-            return Array(name, known.detail[0], Root("state", written=True), (), known.detail[1])
-        case "record":
-            fields = getattr(known.detail, "_fields", range(len(known.parts)))
-            pairs = zip(fields, known.parts, strict=True)
-            items = [
-                _named(part, f"{name}{'' if name.endswith('>') else '_'}{field}")
-                for field, part in pairs
-            ]
-            return Bundle(known.detail, tuple(items))
-        case "maybe":
-            there = Scalar(f"{name}_known", "bool")
-            return Maybe(there, _named(known.parts[0], name))
-    return known.example  # type: ignore[no-any-return]
-
-
-def _fields(value: Value, start: Value | None) -> Iterator[StateField]:
-    """The fields of the C state, with what they are before the first step."""
-    known = start.value if isinstance(start, Static) else None
-    match value:
-        case Scalar(text, kind):
-            yield StateField(text.removeprefix("state->"), kind, None, (float(known or 0.0),))
-        case Array(text):
-            numbers = np.zeros(value.size) if known is None else np.asarray(known).ravel()
-            yield StateField(text.removeprefix("state->"), value.kind, value.size, tuple(numbers))
-        case Maybe(there, item):
-            missing = isinstance(start, Static) and (known is None or np.size(known) == 0)
-            yield StateField(
-                there.text.removeprefix("state->"), "bool", None, (float(not missing),)
-            )
-            yield from _fields(item, None if missing else start)
-        case Bundle(_, items):
-            parts = start.items if isinstance(start, Bundle) else [None] * len(items)
-            for each, begun in zip(items, parts, strict=True):
-                yield from _fields(each, begun)

@@ -14,6 +14,7 @@ from steersman.controllers.policy import Policy
 from steersman.delivery import controller_text as text
 from steersman.delivery.c_text import identifier
 from steersman.delivery.controller import Setting, Translated, translated
+from steersman.delivery.parameter_table import COLUMNS, entries, table_text
 from steersman.errors import DataError, suggestion
 from steersman.files import replacing, write_text
 from steersman.kernels import active_set
@@ -39,7 +40,7 @@ def write_controller(setting: Setting, folder: FilePath) -> Sequence[FilePath]:
         f"{setting.prefix}.h": text.header(made),
         f"test_{name}.c": text.program(made),
         f"vector_{name}.h": vector,
-        f"{name}.csv": text.table(made),
+        f"{name}.csv": table_text(made),
         "Makefile": makefile.read_text(encoding="utf-8"),
     }
     if isinstance(setting.controller, Policy):
@@ -105,7 +106,7 @@ def check_values(made: Translated) -> None:
     Raises:
         DataError: there is one.
     """
-    known = [each.name for each in text.entries(made)]
+    known = [each.name for each in entries(made)]
     for name in made.setting.values:
         if name not in known:
             raise DataError(f"parameter {name!r}: unknown{suggestion(name, known)}")
@@ -127,7 +128,7 @@ def read_table(file: FilePath) -> dict[str, float]:
     if {"name", "value"} <= set(";".join(columns).split(";")) and "name" not in columns:
         raise DataError(f"{file}: its cells are separated by ';'; expected ',' and decimal points")
     if len(rows) < 2 or not {"name", "value"} <= set(columns):  # noqa: PLR2004 - names and a row
-        raise DataError(f"{file}: expected a table with the columns {', '.join(text.COLUMNS)}")
+        raise DataError(f"{file}: expected a table with the columns {', '.join(COLUMNS)}")
     out = {}
     for line, cells in rows[1:]:
         row = dict(zip(columns, cells, strict=False))

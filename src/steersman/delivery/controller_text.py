@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from enum import IntEnum
 from importlib.metadata import version
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -17,18 +15,17 @@ from steersman.controllers import quadratic
 from steersman.controllers.policy import Policy
 from steersman.delivery import c_text
 from steersman.delivery.c_text import fill
-from steersman.delivery.controller import DESIGN, Setting, Translated
+from steersman.delivery.controller import Setting, Translated
 from steersman.delivery.observations import Row, observations, with_gaps, with_wishes
+from steersman.delivery.parameter_table import described, entries, entries_of
 from steersman.delivery.translate.emitter import c_type
 from steersman.delivery.translate.lines import indented, without_unused
 from steersman.delivery.translate.policies import NETWORK
 from steersman.delivery.translate.program import Parameter
-from steersman.messages import field_unit
 from steersman.types import Decision, Driver, Reason
 
 # How far the steering in C may be from Python's.
 TOLERANCE = {False: 1e-9, True: 1e-5}
-COLUMNS = ("index", "name", "unit", "minimum", "maximum", "value", "meaning")
 
 
 def tolerance(setting: Setting) -> float:
@@ -39,63 +36,6 @@ def tolerance(setting: Setting) -> float:
 def alone(setting: Setting) -> bool:
     """Whether it is a policy that steers without another controller."""
     return isinstance(setting.controller, Policy) and setting.start().base is None
-
-
-class Description(NamedTuple):
-    """What a parameter, or a number of it, is."""
-
-    unit: str
-    low: float
-    high: float
-    meaning: str
-
-
-def described(setting: Setting, parameter: Parameter) -> list[Description]:
-    """What each number of a parameter is.
-
-    A named tuple of a controller's state with a method ``number`` has unit and meaning of its
-    arrays' numbers.
-    """
-    first, *rest = parameter.path.split(".")
-    owner: Any = setting.start() if first == DESIGN else setting.controller
-    *way, name = rest if first == DESIGN else (first, *rest)
-    for each in way:
-        owner = owner[int(each)] if each.isdecimal() else getattr(owner, each)
-    if first == DESIGN:
-        made = "-", "Made from vehicle, control period and settings."
-        count, told = np.size(parameter.value), hasattr(owner, "number")
-        pairs = [owner.number(name, i) if told else made for i in range(count)]
-        return [Description(unit, -np.inf, np.inf, meaning) for unit, meaning in pairs]
-    field = type(owner).model_fields[name]
-    low, high = -np.inf, np.inf
-    for bound in field.metadata:
-        low = getattr(bound, "ge", getattr(bound, "gt", low))
-        high = getattr(bound, "le", getattr(bound, "lt", high))
-    return [Description(field_unit(field), low, high, field.description or "")]
-
-
-class ParameterEntry(NamedTuple):
-    """A number of the table of parameters."""
-
-    name: str
-    unit: str
-    minimum: float
-    maximum: float
-    value: float
-    meaning: str
-
-
-def entries(made: Translated) -> list[ParameterEntry]:
-    """The table of parameters, in the order in which they lie in memory."""
-    return [entry for each in made.parameters for entry in _entries(made.setting, each)]
-
-
-def _entries(setting: Setting, parameter: Parameter) -> Iterator[ParameterEntry]:
-    numbers = np.asarray(parameter.value, dtype=float).ravel().tolist()
-    for i, (number, of) in enumerate(zip(numbers, described(setting, parameter), strict=True)):
-        place = f"[{i}]" if isinstance(parameter.value, np.ndarray) else ""
-        name = parameter.path + place
-        yield ParameterEntry(name, of.unit, of.low, of.high, number, of.meaning)
 
 
 def words(made: Translated) -> dict[str, Any]:
@@ -244,7 +184,7 @@ def _lines(lines: Sequence[str]) -> str:
 def _defaults(made: Translated) -> str:
     literal, out = made.program.literal, []
     for each in made.parameters:
-        numbers = [literal(entry.value) for entry in _entries(made.setting, each)]
+        numbers = [literal(entry.value) for entry in entries_of(made.setting, each)]
         text = ", ".join(numbers)
         out.append(f"{{{text}}}," if isinstance(each.value, np.ndarray) else f"{text},")
     return _block(out or [f"{literal(0.0)},"])
@@ -327,14 +267,3 @@ def _row(made: Translated, row: Row, decision: Decision) -> str:
 def program(made: Translated) -> str:
     """The program that runs the test vector."""
     return fill("controller_test.c.in", words(made))
-
-
-def table(made: Translated) -> str:
-    """The parameters as CSV."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    for i, each in enumerate(entries(made)):
-        bounds = ["" if math.isinf(x) else repr(x) for x in (each.minimum, each.maximum)]
-        writer.writerow([i, each.name, each.unit, *bounds, repr(each.value), each.meaning])
-    return out.getvalue()

@@ -12,6 +12,7 @@ from steersman.delivery import controller_text as text
 from steersman.delivery.c_text import fill, identifier
 from steersman.delivery.controller import Setting, Translated, translated
 from steersman.delivery.controller_package import check_values, controller_card
+from steersman.delivery.parameter_table import entries
 from steersman.delivery.translate.lines import indented, without_unused
 from steersman.delivery.translate.program import Program
 from steersman.delivery.translate.statements import Statements
@@ -64,7 +65,7 @@ def write_package(setting: Setting, folder: FilePath) -> Sequence[FilePath]:
 
 def _words(made: Translated) -> dict[str, object]:
     setting = made.setting
-    numbers = [each.value for each in text.entries(made)]
+    numbers = [each.value for each in entries(made)]
     reset = f"{setting.prefix}_reset(&state_);\n        "
     gap = (
         "      // Nothing is published once the supervisor can only hold the steering.\n"
@@ -93,7 +94,7 @@ def _words(made: Translated) -> dict[str, object]:
 
 def _yaml(made: Translated) -> str:
     """The node's parameters, those of the controller with their names."""
-    rows = [f"      - {e.value!r}  # {e.name} [{e.unit}]" for e in text.entries(made)]
+    rows = [f"      - {e.value!r}  # {e.name} [{e.unit}]" for e in entries(made)]
     values = "\n".join(["    parameters:", *rows]) if rows else "    # the controller has none"
     return (
         f"{made.setting.prefix}:\n  ros__parameters:\n"

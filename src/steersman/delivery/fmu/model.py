@@ -11,6 +11,7 @@ from steersman.delivery import c_text
 from steersman.delivery import controller_text as text
 from steersman.delivery.controller import Setting, translated
 from steersman.delivery.controller_package import check_values, controller_card
+from steersman.delivery.parameter_table import entries, table_text
 from steersman.delivery.plant import FIGURES, SEEN, TranslatedPlant
 
 INPUT, OUTPUT, PARAMETER, INDEPENDENT = "input", "output", "parameter", "independent"
@@ -140,7 +141,7 @@ def controller_model(setting: Setting) -> FmuModel:
     variables = [*inputs, _STEER, _STATUS, *[_LIMIT] * s.limits_speed]
     table = [
         Variable(e.name, e.unit, PARAMETER, e.value, e.meaning, low=e.minimum, high=e.maximum)
-        for e in text.entries(made)
+        for e in entries(made)
     ]
     sources = {f"{s.prefix}.c": text.source(made), f"{s.prefix}.h": text.header(made)}
     name = c_text.identifier(s.name)
@@ -152,7 +153,7 @@ def controller_model(setting: Setting) -> FmuModel:
         True,
         (*variables, *table, _TIME),
         sources,
-        {f"{name}.csv": text.table(made), f"{name}.json": card},
+        {f"{name}.csv": table_text(made), f"{name}.json": card},
         f"{s.prefix}_parameters",
         real,
         {

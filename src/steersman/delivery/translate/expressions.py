@@ -29,8 +29,6 @@ from steersman.delivery.translate.values import (
     opened,
 )
 
-_NONE = Static(None)
-
 
 class Expressions(Operators):
     """Turns expressions into values; ``names`` are the function's variables."""
@@ -143,10 +141,7 @@ class Expressions(Operators):
         if isinstance(found, property) and owner.path is not None:
             return self.call(found.fget, [owner])
         path = None if owner.path is None else f"{owner.path}.{name}".lstrip(".")
-        try:
-            return Static(getattr(owner.value, name), path)
-        except AttributeError as error:
-            raise NotTranslatable(str(error)) from None
+        return Static(getattr(owner.value, name), path)
 
     def _subscript(self, node: ast.Subscript) -> Value:
         owner = opened(self.value(node.value))
@@ -243,9 +238,8 @@ class Expressions(Operators):
             name, known = node.func.attr, isinstance(owner, Static)
             if arrays.is_array(owner) and (name == "copy" or not self.fixed(owner)):
                 known = False  # what is copied is written to
-            if not known:
+            if not known or not isinstance(owner, Static):
                 return self.method(owner, name, given, named)
-            assert isinstance(owner, Static)
             function = inspect.getattr_static(type(owner.value), name, None)
             if inspect.isfunction(function):
                 return self.call(function, [owner, *given], named)
@@ -300,6 +294,7 @@ class Expressions(Operators):
         """A named tuple."""
         if not hasattr(cls, "_fields"):
             return self.local(given[0])  # an enumeration, whose numbers stay numbers
-        rest = {k: Static(v) for k, v in cls._field_defaults.items()}  # type: ignore[attr-defined]
+        rest = dict.fromkeys(cls._fields, Static(None))
+        rest |= {k: Static(v) for k, v in cls._field_defaults.items()}  # type: ignore[attr-defined]
         by_name = dict(zip(cls._fields, given, strict=False)) | named
-        return Bundle(cls, tuple(by_name.get(each, rest.get(each, _NONE)) for each in cls._fields))
+        return Bundle(cls, tuple((rest | by_name)[each] for each in cls._fields))
