@@ -58,7 +58,16 @@ REFUSED = {
     "loop": (_loop, "'Loop' is none"),
     "external": (_elsewhere, "holds field 1[34]"),
     "expand": (lambda: _model([_node("Expand", "x", "s", "y")], _tensor("s", 2)), "'Expand'"),
-    "constant": (lambda: _model([_node("Constant", "y", value=_tensor("v", 3))]), "'Constant'"),
+    "constant": (
+        lambda: _model([_node("Constant", "x", "y", value=_tensor("v", 3))]),
+        "is not one tensor",
+    ),
+    "constant matrix": (
+        lambda: _model(
+            [_node("Constant", "c", value=_tensor("v", 3, 3)), _node("Add", "x", "c", "y")]
+        ),
+        "expected one row",
+    ),
     "function": (
         lambda: _model(
             [_node("Relu", "x", "y")],

@@ -40,8 +40,8 @@ _NODE = {*range(1, 8), 9}
 _ATTRIBUTE = {1, 2, 3, 4, 7, 8, 13, 20}
 _TENSOR = {1, 2, 4, 5, 7, 8, 9, 10, 12, 16}
 _GRAPH_OF_MODEL, _NODES, _TENSORS = 7, 1, 5
-_INPUTS, _OPERATOR, _ATTRIBUTES, _DOMAIN = 1, 4, 5, 7
-_ATTRIBUTE_NAME, _ATTRIBUTE_INTEGER = 1, 3
+_INPUTS, _OUTPUTS, _OPERATOR, _ATTRIBUTES, _DOMAIN = 1, 2, 4, 5, 7
+_ATTRIBUTE_NAME, _ATTRIBUTE_INTEGER, _ATTRIBUTE_TENSOR = 1, 3, 5
 _DIMENSIONS, _TENSOR_NAME = 1, 8
 # Kinds of fields on the wire.
 _VARINT, _EIGHT, _SIZED, _FOUR = 0, 1, 2, 5
@@ -68,18 +68,47 @@ def check_network(data: bytes, name: str) -> None:
         tensors = dict[str, tuple[int, ...]]()
         for each in _inner(graphs, _TENSORS):
             tensor = _message(each, _TENSOR, "tensor")
-            shape = tuple(itertools.islice(_integers(tensor[_DIMENSIONS]), _MOST_DIMENSIONS))
+            shape = _shape(tensor)
             for label in map(_text, tensor[_TENSOR_NAME]):
                 if label in tensors:
                     raise ValueError(f"two tensors are called {shortened(label)!r}")
                 tensors[label] = shape
         nodes = [_message(each, _NODE, "operator") for each in _inner(graphs, _NODES)]
+        _add_constants(nodes, tensors)
         if not nodes or len(nodes) > MOST_NODES:
             raise ValueError(f"{len(nodes)} operators; 1 to {MOST_NODES} are allowed")
         for node in nodes:
-            _check(node, tensors)
+            if not _is_constant(node):
+                _check(node, tensors)
     except (ValueError, IndexError) as error:
         raise DataError(f"{name}: not a network of layers: {error}") from None
+
+
+def _shape(tensor: Message) -> tuple[int, ...]:
+    return tuple(itertools.islice(_integers(tensor[_DIMENSIONS]), _MOST_DIMENSIONS))
+
+
+def _is_constant(node: Message) -> bool:
+    return [_text(v) for v in node[_OPERATOR]] == ["Constant"]
+
+
+def _add_constants(nodes: list[Message], tensors: dict[str, tuple[int, ...]]) -> None:
+    """Add the shapes of the tensors of the operators Constant, which are as those of the file."""
+    for node in filter(_is_constant, nodes):
+        shapes: list[tuple[int, ...]] = []
+        for value in node[_ATTRIBUTES]:
+            attribute = _message(_bytes(value), _ATTRIBUTE | {_ATTRIBUTE_TENSOR}, "attribute")
+            given = [_message(_bytes(v), _TENSOR, "tensor") for v in attribute[_ATTRIBUTE_TENSOR]]
+            some = [
+                itertools.islice(_integers(each[_DIMENSIONS]), _MOST_DIMENSIONS) for each in given
+            ]
+            shapes += [tuple(each) for each in some] or [()]
+        outputs = [_text(v) for v in node[_OUTPUTS]]
+        if len(shapes) != 1 or len(outputs) != 1 or node[_INPUTS] or node[_DOMAIN]:
+            raise ValueError("a Constant that is not one tensor")
+        if outputs[0] in tensors:
+            raise ValueError(f"two tensors are called {shortened(outputs[0])!r}")
+        tensors[outputs[0]] = shapes[0]
 
 
 def _check(node: Message, tensors: dict[str, tuple[int, ...]]) -> None:

@@ -5,18 +5,17 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from steersman.delivery.operations import COMMUTATIVE, OPERATORS, Operation, Single
 from steersman.errors import DataError, one_line
 from steersman.types import FloatArray
 
-Single = NDArray[np.float32]
-RELU, TANH, CLIP, NONE = "Relu", "Tanh", "Clip", "none"
 # Largest difference of an action that float64 and a careful float32 may have.
 TOLERANCE = 1e-6
 # Sizes of scaled features; a car at speed has about 0.1 to 1, 100 is where they are clipped.
 SIZES = (0.0, 1e-42, 1e-30, 1e-10, 1e-4, 0.01, 0.1, 1.0, 10.0, 100.0, 1e4, 1e12, 1e30)
 _GEMM = {"alpha": 1.0, "beta": 1.0, "transA": 0, "transB": 0}
+_PRODUCTS = ("Gemm", "MatMul")
 
 
 class Layer(NamedTuple):
@@ -26,20 +25,32 @@ class Layer(NamedTuple):
     """(outputs, inputs)"""
     bias: Single
     """(outputs,)"""
-    activation: str
-    """RELU, TANH, CLIP to +-1, or NONE."""
+    after: tuple[Operation, ...]
+    """What is done with its sums, one after the other."""
 
 
 class Network(NamedTuple):
-    """clip(features x scale, -limit, limit) -> layers -> action."""
+    """features -> head, number by number in float32 -> layers -> action."""
 
-    scale: Single
-    limit: float
+    features: int
+    head: tuple[Operation, ...]
     layers: tuple[Layer, ...]
+
+    @property
+    def scale(self) -> Single:
+        """The factor on each feature (n,), by the first operator."""
+        first = self.head[0] if self.head else Operation("Identity")
+        known = first.numbers[0] if first.name == "Mul" else np.ones(1, np.float32)
+        return np.broadcast_to(known, self.features)
+
+    @property
+    def actions(self) -> int:
+        """How many actions it gives."""
+        return len(self.layers[-1].bias)
 
 
 def read_network(data: bytes, name: str) -> Network:
-    """The network that ``steersman train`` and ``imitate`` write.
+    """The network in an ONNX file: a chain of layers, with operators before and between them.
 
     Raises:
         DataError: the file is no ONNX, or another kind of network.
@@ -50,59 +61,96 @@ def read_network(data: bytes, name: str) -> Network:
     try:
         graph = onnx.load_from_string(data).graph
         values = {each.name: numpy_helper.to_array(each) for each in graph.initializer}
+        for node in graph.node:
+            if node.op_type == "Constant":
+                value = onnx.helper.get_attribute_value(node.attribute[0])
+                tensor = isinstance(value, onnx.TensorProto)
+                known = numpy_helper.to_array(value) if tensor else np.asarray(value, np.float32)
+                values[node.output[0]] = known
     except Exception as error:  # noqa: BLE001 - the parser's exceptions share no base class
         raise DataError(f"{name}: not an ONNX file: {one_line(str(error))[:160]}") from None
     try:
-        return _Reader(list(graph.node), values).read(graph.input[0].name, graph.output[0].name)
+        nodes = [each for each in graph.node if each.op_type != "Constant"]
+        return _Reader(nodes, values).read(graph.input[0].name, graph.output[0].name)
     except (KeyError, IndexError, ValueError) as error:
-        raise DataError(f"{name}: not a network of steersman's own: {error}") from None
+        raise DataError(f"{name}: not a network of which C can be made: {error}") from None
 
 
 class _Reader:
     """Goes along the chain of nodes."""
 
     def __init__(self, nodes: list[Any], values: dict[str, Any]) -> None:
-        self.nodes, self.values, self.at = nodes, values, 0
+        self.nodes, self.values = nodes, values
+        self.head: list[Operation] = []
+        self.layers: list[Layer] = []
 
     def read(self, start: str, end: str) -> Network:
         flow = start
-        scaled, flow = self._take("Mul", flow)
-        scale = self._single(scaled.input[1])
-        clip, flow = self._take("Clip", flow)
-        low, high = (float(self._single(each)) for each in clip.input[1:3])
-        if not -low == high > 0.0:
-            raise ValueError(f"clips its input to [{low:g}, {high:g}]")
-        layers = []
-        while self.at < len(self.nodes):
-            layer, flow = self._layer(flow)
-            layers.append(layer)
-        if flow != end or not layers:
-            raise ValueError("its nodes are no chain")
-        network = Network(scale, high, tuple(layers))
+        for i, node in enumerate(self.nodes):
+            if flow not in node.input:
+                raise ValueError(f"node {i}, {node.op_type}, does not continue the chain")
+            self._take(node, flow)
+            flow = node.output[0]
+        if flow != end or not self.layers:
+            raise ValueError("its nodes are no chain of layers")
+        network = Network(self.layers[0].weights.shape[1], tuple(self.head), tuple(self.layers))
         _check_sizes(network)
         return network
 
-    def _layer(self, flow: str) -> tuple[Layer, str]:
-        node, flow = self._take("Gemm", flow)
-        given = {a.name: a.f if a.name in {"alpha", "beta"} else a.i for a in node.attribute}
-        if {**_GEMM, **given} != {**_GEMM, "transB": 1}:
-            raise ValueError(f"a Gemm with {given}")
-        weights, bias = self._single(node.input[1]), self._single(node.input[2])
-        activation = NONE
-        if self.at < len(self.nodes) and self.nodes[self.at].op_type in {RELU, TANH, CLIP}:
-            activation = self.nodes[self.at].op_type
-            then, flow = self._take(activation, flow)
-            bounds = [float(self._single(each)) for each in then.input[1:]]
-            if activation == CLIP and bounds != [-1.0, 1.0]:
-                raise ValueError(f"clips its output to {bounds}")
-        return Layer(weights, bias, activation), flow
+    def _take(self, node: Any, flow: str) -> None:
+        if node.op_type in _PRODUCTS:
+            self.layers.append(self._layer(node, flow))
+            return
+        operation = self._operation(node, flow)
+        if not self.layers:
+            self.head.append(operation)
+            return
+        last = self.layers[-1]
+        if operation.name == "Add" and not last.after:  # as MatMul has its bias
+            bias = last.bias + operation.numbers[0]
+            self.layers[-1] = last._replace(bias=bias.astype(np.float32))
+        else:
+            self.layers[-1] = last._replace(after=(*last.after, operation))
 
-    def _take(self, kind: str, flow: str) -> tuple[Any, str]:
-        node = self.nodes[self.at]
-        if node.op_type != kind or node.input[0] != flow:
-            raise ValueError(f"node {self.at} is {node.op_type}, where {kind} is expected")
-        self.at += 1
-        return node, node.output[0]
+    def _layer(self, node: Any, flow: str) -> Layer:
+        given = {a.name: a.f if a.name in {"alpha", "beta"} else a.i for a in node.attribute}
+        if {**_GEMM, **given, "transB": 0} != _GEMM or node.input[0] != flow:
+            raise ValueError(f"a {node.op_type} with {given}")
+        weights = self._single(node.input[1])
+        weights = weights if given.get("transB") else weights.T
+        bias = np.zeros(len(weights), np.float32)
+        if len(node.input) > 2:  # noqa: PLR2004 - the third is the bias
+            bias = bias + self._single(node.input[2]).reshape(-1)
+        return Layer(weights, bias, ())
+
+    def _operation(self, node: Any, flow: str) -> Operation:
+        name = node.op_type
+        if name not in OPERATORS:
+            raise ValueError(f"operator {name!r}")
+        attributes = {a.name: a.f for a in node.attribute}
+        if OPERATORS[name].attributes:
+            known = {**OPERATORS[name].attributes, **attributes}
+            numbers = [known[each] for each in OPERATORS[name].attributes]
+            return Operation(name, tuple(np.array([x], np.float32) for x in numbers))
+        others = list(node.input)
+        place = others.index(flow)
+        if place > 0 and name not in COMMUTATIVE:
+            raise ValueError(f"{name} of a constant and the row")
+        del others[place]
+        if name == "Clip":
+            return Operation(name, self._bounds(others, attributes))
+        if any(each not in self.values for each in others):
+            raise ValueError(f"{name} of two rows that the network computes")
+        return Operation(name, tuple(self._single(each).reshape(-1) for each in others))
+
+    def _bounds(self, names: list[str], attributes: dict[str, float]) -> tuple[Single, Single]:
+        most = float(np.finfo(np.float32).max)
+        low, high = attributes.get("min", -most), attributes.get("max", most)
+        given = [self._single(each).reshape(1) if each else None for each in names]
+        bounds = [*given, None, None][:2]
+        default = (np.array([x], np.float32) for x in (low, high))
+        least, greatest = (x if x is not None else y for x, y in zip(bounds, default, strict=True))
+        return least, greatest
 
     def _single(self, name: str) -> Single:
         value = np.asarray(self.values[name])
@@ -112,34 +160,39 @@ class _Reader:
 
 
 def _check_sizes(network: Network) -> None:
-    size = network.scale.size
-    if network.scale.shape != (size,):
-        raise ValueError(f"a scale of shape {network.scale.shape}")
+    size = network.features
     for i, layer in enumerate(network.layers):
         if layer.weights.shape != (layer.bias.size, size) or layer.bias.ndim != 1:
             raise ValueError(f"layer {i + 1}: weights {layer.weights.shape} on {size} values")
         size = layer.bias.size
+    widths = [(network.features, network.head)]
+    widths += [(each.bias.size, each.after) for each in network.layers]
+    for size, operations in widths:
+        for name, numbers in operations:
+            if any(each.size not in {1, size} for each in numbers):
+                raise ValueError(f"{name} of {size} values with {[x.size for x in numbers]}")
 
 
 def normalised(network: Network, features: Single) -> Single:
     """What the first layer sees (rows, n) of raw features, in the file's own float32."""
-    limit = np.float32(network.limit)
-    with np.errstate(over="ignore"):
-        clipped: Single = np.clip(features * network.scale, -limit, limit)
-    return clipped
+    flow = features
+    for operation in network.head:
+        flow = operation(flow)
+    return flow
 
 
 def exact(network: Network, features: Single) -> FloatArray:
-    """Actions (rows, m) without the rounding of float32 behind the scaled features."""
+    """Actions (rows, m) without the rounding of float32 behind the head."""
     flow = normalised(network, features).astype(np.float64)
     for layer in network.layers:
         flow = flow @ layer.weights.T.astype(np.float64) + layer.bias
-        flow = activated(layer.activation, flow)
+        for operation in layer.after:
+            flow = operation(flow)
     return flow
 
 
 class ExactNetwork:
-    """A network in float64 behind the scaled features, as a function of features (1, n)."""
+    """A network in float64 behind the head, as a function of features (1, n)."""
 
     def __init__(self, network: Network) -> None:
         """Keep it."""
@@ -149,15 +202,6 @@ class ExactNetwork:
         """The actions (m,)."""
         answer: FloatArray = exact(self.network, features)[0]
         return answer
-
-
-def activated(activation: str, values: Any) -> Any:
-    """``values`` behind an activation."""
-    if activation == RELU:
-        return np.maximum(values, 0.0)
-    if activation == TANH:
-        return np.tanh(values)
-    return np.clip(values, -1.0, 1.0) if activation == CLIP else values
 
 
 def random_features(scale: Single, count: int, seed: int = 0) -> Single:
@@ -187,7 +231,8 @@ def rounding(network: Network, features: Single) -> FloatArray:
         size = abs(flow) @ weights + abs(layer.bias)
         error = error @ weights + (len(weights) + 1) * unit * size
         flow = flow @ layer.weights.T.astype(np.float64) + layer.bias
-        flow = activated(layer.activation, flow)
-        error = error + 4.0 * unit * abs(flow)
+        for operation in layer.after:
+            flow = operation(flow)
+            error = error * operation.slope + 4.0 * unit * abs(flow)
     bound: FloatArray = error.max(axis=1)
     return bound

@@ -35,10 +35,6 @@ HELPERS = {
         "static int floor_mod(int a, int b)\n{\n"
         "    return a % b + (a % b != 0 && (a < 0) != (b < 0) ? b : 0);\n}\n"
     ),
-    "clipped": (
-        "static float clipped(float x, float limit)\n{\n"
-        "    return x < -limit ? -limit : (x > limit ? limit : x);\n}\n"
-    ),
     "finite": "static int finite_number(real x)\n{\n    return isfinite(x) ? 1 : 0;\n}\n",
     "copied": (
         "static void copied(real *to, const real *from, int count)\n{\n    int i;\n\n"

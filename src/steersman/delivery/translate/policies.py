@@ -5,14 +5,16 @@ from __future__ import annotations
 import ast
 import inspect
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from steersman.controllers.policy import network_answer
-from steersman.delivery.graph import CLIP, RELU, TANH, Network
+from steersman.delivery import c_text
+from steersman.delivery.graph import Network
+from steersman.delivery.operations import OPERATORS, Operation
 from steersman.delivery.translate import arrays
 from steersman.delivery.translate.array_functions import Named, Special
 from steersman.delivery.translate.lines import indented
@@ -27,6 +29,7 @@ from steersman.delivery.translate.values import (
 )
 from steersman.kernels import encode, formula
 from steersman.kernels import observe as o
+from steersman.types import FloatArray
 
 if TYPE_CHECKING:
     from steersman.delivery.translate.expressions import Expressions
@@ -38,6 +41,8 @@ NETWORK = "network"
 """What the keys of the functions of networks begin with."""
 # Hidden values beyond this leave no room for what is done with them in float.
 _LARGEST = 1e30
+# No feature of a usable observation is larger.
+_FEATURE = 1e6
 
 
 @cache
@@ -136,7 +141,7 @@ def _network(out: Expressions, given: list[Value], _: Named) -> Value:
     """The actions (m,)."""
     state, features = given
     network = out.static(opened(state)["run"]).network  # type: ignore[index]
-    made = out.new_array((len(network.layers[-1].bias),), "action")
+    made = out.new_array((network.actions,), "action")
     name = network_function(out.program, network)
     out.lines.append(f"{name}({out.dense(features).text}, {made.text});")
     made.root.written = True
@@ -146,8 +151,9 @@ def _network(out: Expressions, given: list[Value], _: Named) -> Value:
 def network_function(program: Program, network: Network) -> str:
     """The name of the C function of a network, from features (n,) to actions (m,).
 
-    Features are scaled and clipped in float. What follows is summed, in float, with about twice its
-    digits: a hidden value has what rounding takes from it as its ``low``.
+    What is done with features before the first layer is done in float. What follows is summed, in
+    float, with about twice its digits: a hidden value has what rounding takes from it as its
+    ``low``.
 
     Raises:
         NotTranslatable: its hidden values may leave float.
@@ -164,62 +170,79 @@ def network_function(program: Program, network: Network) -> str:
 
 
 def _check_size(network: Network) -> None:
-    size = np.full(len(network.scale), network.limit)
+    """Refuse hidden values that leave float; operators are monotonic, features below a million."""
+    size = _largest(network.head, np.full(network.features, _FEATURE))
     for layer in network.layers:
         size = abs(layer.weights).astype(np.float64) @ size + abs(layer.bias)
         if size.max() > _LARGEST:
             what = f"a network with hidden values up to {size.max():.1e}"
             raise NotTranslatable(f"{what}, which leave float; use double")
-        if layer.activation in {TANH, CLIP}:
-            size = np.minimum(size, 1.0)
+        size = _largest(layer.after, size)
+
+
+def _largest(operations: Sequence[Operation], size: FloatArray) -> FloatArray:
+    for each in operations:
+        size = np.maximum(abs(each(size)), abs(each(-size)))
+    return size
 
 
 def _network_lines(program: Program, network: Network) -> list[str]:
-    def known(numbers: Any) -> str:
-        return program.constant(Static(numbers.astype(float))).text
-
-    single, count = program.single, len(network.scale)
-    actions = len(network.layers[-1].bias)
-    arrays_, zero = ["values", "lows"] if single else ["values"], program.literal(0.0)
-    sizes = [count, *(len(layer.bias) for layer in network.layers)]
-    lines = [f"real {name}_{k}[{size}];" for k, size in enumerate(sizes) for name in arrays_]
+    single, lows = program.single, ["lows"] * program.single
+    sizes = [network.features, *(len(layer.bias) for layer in network.layers)]
+    lines = [f"real {name}_{k}[{n}];" for k, n in enumerate(sizes) for name in ["values", *lows]]
     lines += [
         "int i;",
-        f"for (i = 0; i < {count}; ++i) {{",
-        f"const float x = (float)features[i] * (float){known(network.scale)}[i];",
+        f"for (i = 0; i < {network.features}; ++i) {{",
+        "float x = (float)features[i];",
+        *(f"x = {_text(program, each, 'x', head=True)};" for each in network.head),
         "if (x != x) {",
-        *_each(actions, "actions[i] = (real)NAN;"),
+        *_each(network.actions, "actions[i] = (real)NAN;"),
         "return;",
         "}",
-        f"values_0[i] = (real){program.helper('clipped')}(x, {network.limit:.1f}f);",
-        *[f"lows_0[i] = {zero};"] * single,
+        "values_0[i] = (real)x;",
+        *[f"lows_0[i] = {program.literal(0.0)};"] * single,
         "}",
     ]
     for k, layer in enumerate(network.layers):
-        weights, bias = known(layer.weights.T), known(layer.bias)
-        given = [f"{name}_{k}" for name in arrays_] + [f"{name}_{k + 1}" for name in arrays_]
+        given = [f"{name}_{j}" for j in (k, k + 1) for name in ["values", *lows]]
+        sizes_of = [str(sizes[k]), str(sizes[k + 1])]
+        numbers = [_constant(program, each) for each in (layer.weights.T, layer.bias)]
         sum_of = program.helper("exact_layer" if single else "layer")
-        words = [weights, bias, str(sizes[k]), str(sizes[k + 1]), *given]
-        lines.append(f"{sum_of}({', '.join(words)});")
-        cell, low = f"values_{k + 1}[i]", f"lows_{k + 1}[i] = {zero};"
-        if layer.activation == RELU:
-            smaller = [f"if (!({cell} > {zero})) {{", f"{cell} = {zero};", *[low] * single, "}"]
-            lines += _each(sizes[k + 1], *smaller)
-        elif layer.activation in {TANH, CLIP}:
-            answer = _bounded(program, layer.activation, cell)
-            lines += _each(sizes[k + 1], f"{cell} = {answer};", *[low] * single)
-    return [*lines, *_each(actions, f"actions[i] = values_{len(sizes) - 1}[i];")]
+        lines.append(f"{sum_of}({', '.join([*numbers, *sizes_of, *given])});")
+        cell, low = f"values_{k + 1}[i]", f"lows_{k + 1}[i] = {program.literal(0.0)};"
+        done = [line for each in layer.after for line in _done(program, each, cell, low)]
+        lines += _each(sizes[k + 1], *done) if done else []
+    return [*lines, *_each(network.actions, f"actions[i] = values_{len(sizes) - 1}[i];")]
+
+
+def _constant(program: Program, numbers: Any) -> str:
+    return program.constant(Static(numbers.astype(float))).text
+
+
+def _done(program: Program, operation: Operation, cell: str, low: str) -> list[str]:
+    """The lines of an operator; what rounding takes stays beside a number that Relu leaves."""
+    lows = [low] * program.single
+    if operation.name == "Relu":
+        zero = program.literal(0.0)
+        return [f"if (!({cell} > {zero})) {{", f"{cell} = {zero};", *lows, "}"]
+    return [f"{cell} = {_text(program, operation, cell)};", *lows]
+
+
+def _text(program: Program, operation: Operation, x: str, *, head: bool = False) -> str:
+    """An operator in C; the head's is in float."""
+    numbers = []
+    for each in operation.numbers:
+        if each.size == 1:
+            known = float(each[0])
+            numbers.append(c_text.decimal(known) if head else program.literal(known))
+        else:
+            numbers.append(f"{'(float)' * head}{_constant(program, each)}[i]")
+    end = "f" if head or program.single else ""
+    return OPERATORS[operation.name].text.format(*numbers, x=x, f=end)
 
 
 def _each(count: int, *lines: str) -> list[str]:
     return [f"for (i = 0; i < {count}; ++i) {{", *lines, "}"]
-
-
-def _bounded(program: Program, activation: str, cell: str) -> str:
-    one = program.literal(1.0)
-    if activation == TANH:
-        return f"{program.math('tanh')}({cell})"
-    return f"{cell} < -{one} ? -{one} : ({cell} > {one} ? {one} : {cell})"
 
 
 POLICY_CALLS: dict[Any, Special] = {
