@@ -27,16 +27,38 @@ from steersman.vehicles import Vehicle
 _FEWEST = 4
 # The limit moves on from the last one, unless that is so far from the speed [m/s].
 _AWAY = 0.5
+# Share of the grip for bends and pedals together, and for braking where bends take it all.
+_CIRCLE, _LEAST_BRAKING = 0.7, 0.1
+# Time constant of the accelerations that tyres have shown [s].
+_SHOWN_TIME = 0.15
+# What an acceleration along the road counts, where nothing shows that tyres are near their grip.
+_ALONG = 0.5
+# After a slide, the friction reckoned with stays below this share of what it was.
+_AFTER_SLIDE = 0.9
 # Least curvature that limits a speed [1/m].
 _STRAIGHT = 1e-4
+
+
+class Belief(NamedTuple):
+    """What a drive has shown of the friction."""
+
+    friction: float
+    """Friction to reckon with [-]."""
+    most: float
+    """The largest that it may become; lower after a slide [-]."""
+    a_x: float = 0.0
+    """Acceleration along the road, filtered [m/s^2]."""
+    a_y: float = 0.0
+    """Across it [m/s^2]."""
+    v: float = math.nan
+    """Speed one period ago [m/s]."""
 
 
 class GripSpeedState(NamedTuple):
     """State of the controller that steers, and what the speed follows from."""
 
     inner: Any
-    friction: float
-    """Nominal friction [-]."""
+    belief: Belief
     dt: float
     limit: float = math.nan
     """The largest speed for the next control period [m/s]."""
@@ -56,11 +78,19 @@ class GripSpeed(Wrapper):
         None, "-", "Tyre friction to reckon with; null: the nominal vehicle's.", gt=0
     )
     found: bool = param(
-        False, "-", "Reckon with the friction that mpc_delay or nmpc finds, if that is lower."
+        False,
+        "-",
+        "Find the friction by driving: reckon with little at first, and with more as tyres show "
+        "it; with less when mpc_delay or nmpc finds less.",
     )
+    least: float = param(0.2, "-", "Where it is found: the friction at first, and the least.", gt=0)
+    reach: float = param(
+        2.2, "-", "Where it is found: friction over what accelerations have shown of it.", ge=1
+    )
+    growth: float = param(0.5, "1/s", "Its largest rate of growth, relative.", gt=0)
     used: float = param(0.6, "-", "Share of the grip for bends.", gt=0, le=1)
     braking: float = param(
-        0.4, "-", "Share of the grip for braking before them, and for speeding up.", gt=0, le=1
+        0.5, "-", "Share of the grip for braking before them, and for speeding up.", gt=0, le=1
     )
 
     @model_validator(mode="after")
@@ -73,26 +103,55 @@ class GripSpeed(Wrapper):
 
     def init(self, vehicle: Vehicle, dt: float) -> GripSpeedState:
         """State before the first step."""
-        friction = vehicle.friction if self.friction is None else self.friction
-        return GripSpeedState(self.inner.init(vehicle, dt), friction, dt)
+        most = vehicle.friction if self.friction is None else self.friction
+        belief = Belief(min(self.least, most) if self.found else most, most)
+        return GripSpeedState(self.inner.init(vehicle, dt), belief, dt)
 
     def step(
         self, state: GripSpeedState, observation: Observation
     ) -> tuple[Decision, GripSpeedState]:
         """The inner controller's steering, and the largest speed [m/s] that grip allows."""
         decision, inner = self.inner.step(state.inner, observation)
-        state, friction = state._replace(inner=inner), state.friction
-        if self.found:
-            friction = min(friction, inner.motion.friction)
+        state = state._replace(inner=inner)
         seen = usable(observation)
         if seen is not None and len(seen.preview) >= _FEWEST:
-            grip = friction * GRAVITY
-            last, most = seen.v_x, self.braking * grip * state.dt
-            if math.isfinite(state.limit):
-                last = min(max(state.limit, last - _AWAY), last + _AWAY)
-            limit = min(max(self._fastest(seen, grip), last - most), last + most)
-            state = state._replace(limit=limit)
+            if self.found:
+                state = state._replace(belief=self._shown(state, seen))
+            state = state._replace(limit=self._moved(state, seen))
         return decision._replace(speed_limit=state.limit), state
+
+    def _shown(self, state: GripSpeedState, o: Observation) -> Belief:
+        """The friction to reckon with, after one more period.
+
+        It grows while the car's acceleration comes near it, and falls to what the inner controller
+        finds, once the tyres slide.
+        """
+        belief, dt = state.belief, state.dt
+        surge = 0.0 if math.isnan(belief.v) else (o.v_x - belief.v) / dt
+        blend = min(dt / _SHOWN_TIME, 1.0)
+        a_x = belief.a_x + blend * (surge - belief.a_x)
+        a_y = belief.a_y + blend * (o.v_x * o.yaw_rate - belief.a_y)
+        reached = self.reach * math.hypot(_ALONG * a_x, a_y) / GRAVITY
+        grown = min(reached, belief.friction * (1.0 + self.growth * dt))
+        friction, most = max(belief.friction, grown), belief.most
+        found = state.inner.motion.friction
+        if found < friction:
+            most = min(most, _AFTER_SLIDE * friction)
+        least = min(self.least, belief.most)
+        friction = max(min(friction, most, found), least)
+        return Belief(friction, max(most, least), a_x, a_y, o.v_x)
+
+    def _moved(self, state: GripSpeedState, o: Observation) -> float:
+        """The limit [m/s], moved on by no more than grip leaves to the pedals."""
+        grip = state.belief.friction * GRAVITY
+        across = o.v_x * o.v_x * abs(o.curvature)
+        left = math.sqrt(max((_CIRCLE * grip) ** 2 - across * across, 0.0))
+        last = o.v_x
+        if math.isfinite(state.limit):
+            last = min(max(state.limit, last - _AWAY), last + _AWAY)
+        least = last - max(left, _LEAST_BRAKING * grip) * state.dt
+        most = last + min(left, self.braking * grip) * state.dt
+        return min(max(self._fastest(o, grip), least), most)
 
     def speed_limit(self, state: GripSpeedState) -> float:
         """What grip allows [m/s]."""

@@ -22,6 +22,7 @@ from steersman.network_file import PolicyNetwork
 from steersman.policy_file import LEARNED, PolicyCard, locate, read_policy
 from steersman.provenance import missing_plugins
 from steersman.sensing import to_observation, to_row
+from steersman.speed_share import share_of, share_under
 from steersman.types import Decision, FloatArray, Observation, Status
 from steersman.vehicles import Vehicle
 
@@ -149,10 +150,11 @@ class Policy(ControllerComponent):
         features = np.zeros(state.features)
         kernel.encode(table, row, memory, features)
         shifted = to_observation(row, observation.time, table.spacing)
-        state, start = state._replace(memory=memory, shift=shift), 0.0
+        state, start, allowed = state._replace(memory=memory, shift=shift), 0.0, math.nan
         if state.base is not None and state.adjuster is None:
             decision, after = state.base.step(state.base_state, shifted)
             state, start = state._replace(base_state=after), state.base_share * decision.steer
+            allowed = decision.speed_limit
             status = decision.status if decision.status is Status.FALLBACK else status
             kernel.tell_base(table, row, memory, start, features)
         if state.adjuster is not None:
@@ -162,9 +164,10 @@ class Policy(ControllerComponent):
             answer = network_answer(state, features)
             action = steer = float(answer[0])
             if state.joint:
-                share = 1.0 + min(max(float(answer[1]), -1.0), 0.0)
+                wished = float(observation.wished[0])
+                share = share_under(float(answer[1]), share_of(allowed, wished))
                 memory[kernel.LAST_SHARE] = share
-                state = state._replace(limit=share * float(observation.wished[0]))
+                state = state._replace(limit=share * wished)
             if state.rate_step > 0.0:
                 steer = memory[kernel.LAST_COMMAND] + action * state.rate_step
             elif state.base is not None:

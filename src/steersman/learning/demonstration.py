@@ -228,17 +228,6 @@ def demonstrated_action(
     return np.clip((demo - last_command) / (dt * rate_limit), -1.0, 1.0)
 
 
-def share_of(limit: float, wished: float) -> float:
-    """A speed limit as a share in [0, 1] of the wished speed, both in [m/s]; NaN is no limit.
-
-    >>> share_of(8.0, 10.0), share_of(12.0, 10.0), share_of(float("nan"), 10.0), share_of(0.0, 0.0)
-    (0.8, 1.0, 1.0, 1.0)
-    """
-    if not limit < wished:
-        return 1.0
-    return max(limit, 0.0) / wished
-
-
 def demonstrated_correction(demo: FloatArray, base: FloatArray, authority: float) -> FloatArray:
     """The residual action in [-1, 1] that leads from the base's to the demonstrated steering."""
     return np.clip((demo - base) / authority, -1.0, 1.0)

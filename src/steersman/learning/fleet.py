@@ -21,7 +21,6 @@ from steersman.learning.demonstration import (
     Demonstrator,
     demonstrated_action,
     demonstrated_correction,
-    share_of,
 )
 from steersman.learning.privilege import Truth
 from steersman.learning.problem import Problem
@@ -30,6 +29,7 @@ from steersman.learning.spread import CarSpread, lateral_cap
 from steersman.learning.starts import FleetStart, draw_start
 from steersman.plants.mover import Seat, Shared
 from steersman.profiles import Profile, write_profile
+from steersman.speed_share import action_for, share_of, share_under
 from steersman.types import Decision, FloatArray, Pose
 from steersman.world import Simulation
 
@@ -83,6 +83,7 @@ class FleetDriver:
         self.base_share = 1.0
         """Share of the base's steering that the actions correct."""
         self._corrected = self._proposer(problem.corrected)
+        self._base_shares = np.ones(n)  # of the wished speed, which the base allows
         self._adjusted: AdjustedBase | None = None
         self._shown: FloatArray = np.zeros(0)
         if problem.parameters and problem.base is not None:
@@ -186,13 +187,14 @@ class FleetDriver:
                 self.lesson.encoding, fleet.rows[i], fleet.memory[i], fleet.base[i], fleet.inputs[i]
             )
             encode.normalise(fleet.inputs[i, -1:], self.lesson.scale[-1:])
+            if self.problem.joint:
+                self._base_shares[i] = share_of(proposed.speed_limit, fleet.wishes[i, 0])
         if demonstrator is not None and fleet.ended[i] == kernel.RUNNING:
             if demonstrator is not base:
                 proposed = self._ask(demonstrator, i, restart=restart)
             fleet.demo[i] = proposed.steer
             if self.problem.joint:
-                wished = fleet.wishes[i, 0]
-                fleet.demo_shares[i] = share_of(proposed.speed_limit, wished)
+                fleet.demo_shares[i] = share_of(proposed.speed_limit, fleet.wishes[i, 0])
 
     def _ask(self, proposer: Demonstrator, i: int, *, restart: bool) -> Decision:
         if restart:
@@ -240,7 +242,8 @@ class FleetDriver:
     def _limit(self, actions: FloatArray) -> None:
         """Limit the speeds of the next control step by actions (n,) in [-1, 1]."""
         fleet = self.fleet
-        fleet.shares[:] = 1.0 + np.clip(actions, -1.0, 0.0)
+        pairs = zip(actions.tolist(), self._base_shares.tolist(), strict=True)
+        fleet.shares[:] = [share_under(action, base) for action, base in pairs]
         fleet.memory[:, encode.LAST_SHARE] = fleet.shares
         fleet.speed_limit[:] = fleet.shares * fleet.wishes[:, 0]
 
@@ -266,13 +269,15 @@ class FleetDriver:
             last = self.last_commands()
             shown = demonstrated_action(fleet.demo, last, lesson.rate_limit, self.dt)
         if self.problem.joint:
-            return np.column_stack([shown, fleet.demo_shares - 1.0])
+            pairs = zip(fleet.demo_shares.tolist(), self._base_shares.tolist(), strict=True)
+            return np.column_stack([shown, [action_for(share, base) for share, base in pairs]])
         return shown[:, None]
 
     def snapshot(self) -> dict[str, Any]:
         """All that changes while driving."""
         return {
             "arrays": self.simulation.arrays(),
+            "base_shares": self._base_shares,
             **self.simulation.snapshot(),
             **{name: {} if p is None else p.snapshot() for name, p in self._kept().items()},
         }
@@ -280,6 +285,7 @@ class FleetDriver:
     def restore(self, saved: Tree) -> None:
         """Go on from a snapshot."""
         fill(self.simulation.arrays(), saved["arrays"])
+        self._base_shares[:] = saved["base_shares"]
         self.simulation.restore(saved)
         for name, proposer in self._kept().items():
             if proposer is not None:

@@ -1,0 +1,60 @@
+"""A speed that grip allows: with a known friction, and with one that a drive finds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from steersman.config import build, resolve
+from steersman.controllers.grip_speed import GripSpeed
+from steersman.controllers.pid import Pid
+from steersman.episode import Episode
+from steersman.errors import ConfigError
+from steersman.kernels.vehicle import GRAVITY
+from steersman.rollout import RunConfig, attempt
+from steersman.vehicles import CarlaModel3
+
+from ..loops import DT
+
+FOUND = {"kind": "grip_speed", "inner": "tuned/mpc_delay", "found": True}
+
+
+def on_a_bend(controller: Any, friction: float, seconds: float) -> Episode:
+    """From standstill into a road of bends, where 20 m/s are wished."""
+    words: dict[str, Any] = {
+        "path": {"kind": "circle", "radius": 30.0},
+        "speed": {"kind": "stop_and_go", "speed": 20.0, "stand": 0.1, "hold": 1e3},
+        "vehicle": {"kind": "carla_model3", "friction": friction},
+        "nominal": "carla_model3",
+        "sensor": {"count": 41},
+        "duration": seconds,
+    }
+    run = build(RunConfig, words)
+    return attempt(run.model_copy(update={"controller": controller})).of_controller()
+
+
+def test_with_a_known_friction_it_is_what_the_bend_allows() -> None:
+    controller = GripSpeed(inner=Pid(), friction=0.5)
+    episode = on_a_bend(controller, 3.0, 14.0)
+    allowed = np.sqrt(controller.used * 0.5 * GRAVITY * 30.0)
+    assert episode["v_x"][-1] == pytest.approx(allowed, abs=0.3)
+
+
+def test_what_finds_no_friction_is_refused() -> None:
+    with pytest.raises(ConfigError, match="finds no friction"):
+        build(GripSpeed, {"inner": "pid", "found": True})
+    nominal = GripSpeed(inner=Pid()).init(CarlaModel3(), DT)
+    assert nominal.belief.friction == CarlaModel3().friction
+
+
+@pytest.mark.parametrize("friction", [0.3, 0.7])
+def test_a_friction_that_nothing_tells_is_found(friction: float) -> None:
+    """Where a car as fast as wished leaves the road, it uses much of the grip and never all."""
+    episode = on_a_bend(resolve("controller", FOUND), friction, 25.0)
+    assert episode.completed
+    used = episode["v_x"] ** 2 / 30.0 / (friction * GRAVITY)
+    assert 0.4 < used[-1] < 1.0
+    assert np.abs(episode["lateral_error"]).max() < 0.5
+    assert not on_a_bend(resolve("controller", FOUND["inner"]), friction, 12.0).completed
