@@ -15,7 +15,7 @@ from steersman.config import build, components
 from steersman.contracts.feature import check, drive, mirrored_rows, scenes
 from steersman.contracts.reward import check as check_term
 from steersman.contracts.task import check as check_task
-from steersman.controllers.policy import card_layout
+from steersman.controllers.card import card_layout
 from steersman.delivery.translate.policies import placed_formula
 from steersman.delivery.translate.program import Program
 from steersman.delivery.translate.values import INT, Array, NotTranslatable, Scalar, Value

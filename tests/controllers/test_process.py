@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from steersman.config import resolve
-from steersman.controllers.policy import check_base
+from steersman.controllers.card import check_base
 from steersman.controllers.process import Process
 from steersman.errors import ConfigError, ControllerError
 from steersman.learning.demonstration import Demonstrator

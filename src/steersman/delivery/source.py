@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path as FilePath
 from typing import NamedTuple
 
-from steersman.controllers.policy import card_base, card_layout
+from steersman.controllers.card import card_base, card_layout
 from steersman.errors import ConfigError, DataError
 from steersman.network_file import PolicyNetwork
 from steersman.policy_file import PolicyCard, locate, read_policy

@@ -16,7 +16,7 @@ from steersman.controllers.adjustment import (
     flattened,
 )
 from steersman.controllers.base import ControllerComponent
-from steersman.controllers.policy import check_base
+from steersman.controllers.card import check_base
 from steersman.disturbances import DisturbanceComponent, Disturber
 from steersman.encoding import EncodingComponent, ExtendedEncoding, Layout
 from steersman.errors import ConfigError
