@@ -1,4 +1,4 @@
-"""What a policy's card names: its input's layout, and the controller that it corrects or adjusts."""
+"""What a policy's card names: its input's layout, and what it corrects or adjusts."""
 
 from __future__ import annotations
 
