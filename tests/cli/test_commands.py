@@ -22,6 +22,7 @@ import typer
 from tests.loops import random_policy
 from typer.testing import Result
 
+import steersman as sm
 from steersman import commands, files, policies, tuned
 from steersman.cli import output
 from steersman.config import build, components, families, read_yaml, resolve, to_yaml
@@ -219,7 +220,10 @@ class TestDrive:
         assert lines[0] == (
             "pid drives carla_model3 on circle, constant_throttle; ended by: duration"
         )
-        assert sum(line.startswith("mean |lateral error|") for line in lines) == 1
+        (error,) = (line for line in lines if line.startswith("mean |lateral error|"))
+        unit, value, _ = error.split()[-3:]
+        driven = sm.drive("pid", "duration=1").metrics.mean_abs_lateral_error_m
+        assert (unit, float(value)) == ("mm", pytest.approx(1e3 * driven, rel=1e-3))
         assert max(map(len, lines)) <= 80
         assert "\x1b" not in result.stdout
 

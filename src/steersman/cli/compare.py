@@ -108,7 +108,7 @@ def _show_replicates(found: ReplicatedComparison) -> None:
 
 def _show_metrics(outcome: DriveCompareResult) -> None:
     """All metrics of all drives, so many to a table as fit."""
-    from steersman.metrics.base import metrics
+    from steersman.metrics.base import metrics, readable
     from steersman.report.tables import text
 
     sides = outcome.contestants
@@ -119,5 +119,6 @@ def _show_metrics(outcome: DriveCompareResult) -> None:
         found = [outcome.metrics[one.name] for one in some]
         out.add_row("ended by", "-", *(str(m["end"]).replace("_", " ") for m in found))
         for name, metric in metrics().items():
-            out.add_row(metric.meaning, metric.unit, *(text(m.get(name)) for m in found))
+            shown = [readable(metric, m.get(name)) for m in found]
+            out.add_row(metric.meaning, shown[0][0], *(text(value) for _, value in shown))
         show("", out)

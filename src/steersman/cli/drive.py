@@ -123,14 +123,15 @@ def _replay(page: FilePath | None, config: RunConfig, episode: Episode) -> None:
 
 
 def _show(config: RunConfig, found: dict[str, Any], folder: FilePath | None) -> None:
-    from steersman.metrics.base import metrics
+    from steersman.metrics.base import metrics, readable
     from steersman.report.tables import text
 
     steady = found["steady"]
     figures = table("measured", "unit", "run", "last half", right=("run", "last half"))
     for name, metric in metrics().items():
-        late = text(steady[name]) if name in steady else ""
-        figures.add_row(metric.meaning, metric.unit, text(found[name]), late)
+        unit, value = readable(metric, found[name])
+        late = text(readable(metric, steady[name])[1]) if name in steady else ""
+        figures.add_row(metric.meaning, unit, text(value), late)
     who = f"{config.controller.kind} drives {config.plant.car(config.vehicle)}"
     where = f"on {config.path.kind}, {config.speed.kind}"
     end = str(found["end"]).replace("_", " ")

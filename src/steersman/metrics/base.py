@@ -32,6 +32,8 @@ class Metric(Component):
     """A figure of a drive; made by :func:`metric`."""
 
     unit: ClassVar[str] = "-"
+    shown_in: ClassVar[tuple[str, float] | None] = None
+    """The unit of tables to read, and how many of it one ``unit`` is; None: ``unit`` itself."""
     meaning: ClassVar[str] = ""
     better: ClassVar[Literal["lower", "higher"] | None] = None
     """Which values are better; None if neither are."""
@@ -50,6 +52,12 @@ class Metric(Component):
         with np.errstate(over="ignore", invalid="ignore"):
             value = cls.function(episode)
         return cls.dtype(value) if value is not None and math.isfinite(value) else None
+
+
+def readable(kind: type[Metric], value: Any) -> tuple[str, Any]:
+    """The unit that tables to read have for a metric, and a value in it."""
+    unit, factor = kind.shown_in or (kind.unit, None)
+    return unit, value if factor is None or value is None else factor * value
 
 
 def metric(

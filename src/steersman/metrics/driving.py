@@ -10,6 +10,8 @@ from steersman.episode import OFF_TRACK, ROLL_OVER, Episode
 from steersman.metrics.base import metric
 from steersman.types import Driver, FloatArray, Status
 
+# Errors are kept in m, and read in mm.
+MM = ("mm", 1e3)
 # ISO 11270 judges lateral jerk as a moving average over this time [s].
 JERK_WINDOW = 0.5
 # A turn back of the normalised steering by less is no reversal [-].
@@ -41,25 +43,34 @@ def _speed(episode: Episode) -> FloatArray:
     return np.hypot(episode["v_x"], episode["v_y"])
 
 
-@metric("mean_abs_lateral_error_m", "m", "mean |lateral error|", "lower", steady=True)
+@metric("mean_abs_lateral_error_m", "m", "mean |lateral error|", "lower", steady=True, shown_in=MM)
 def mean_abs_lateral_error(episode: Episode) -> float:
     """Mean of |d| [m]; the paper's average lateral error (ALE)."""
     return _mean_abs(episode["lateral_error"])
 
 
-@metric("rms_lateral_error_m", "m", "RMS of the lateral error", "lower", steady=True)
+@metric("rms_lateral_error_m", "m", "RMS of the lateral error", "lower", steady=True, shown_in=MM)
 def rms_lateral_error(episode: Episode) -> float:
     """Root mean square of d [m]."""
     return _rms(episode["lateral_error"])
 
 
-@metric("p95_abs_lateral_error_m", "m", "95th percentile of |lateral error|", "lower", steady=True)
+@metric(
+    "p95_abs_lateral_error_m",
+    "m",
+    "95th percentile of |lateral error|",
+    "lower",
+    steady=True,
+    shown_in=MM,
+)
 def p95_abs_lateral_error(episode: Episode) -> float:
     """95th percentile of |d| [m], linear between order statistics."""
     return _percentile(np.abs(episode["lateral_error"]), 95.0)
 
 
-@metric("max_abs_lateral_error_m", "m", "largest |lateral error|", "lower", steady=True)
+@metric(
+    "max_abs_lateral_error_m", "m", "largest |lateral error|", "lower", steady=True, shown_in=MM
+)
 def max_abs_lateral_error(episode: Episode) -> float:
     """Largest |d| [m]."""
     return _max_abs(episode["lateral_error"])
