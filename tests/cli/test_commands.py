@@ -227,6 +227,17 @@ class TestDrive:
         assert max(map(len, lines)) <= 80
         assert "\x1b" not in result.stdout
 
+    def test_a_bend_that_was_too_fast_is_named_with_its_cure(self, steersman: Steersman) -> None:
+        words = ("drive", "tuned/lqr", "path.radius=15", "duration=5")
+        result = steersman(*words, "speed=constant_speed", "speed.speed=25")
+        assert "ended by: " in result.stdout
+        assert "m/s in a bend of 15 m ask for " in result.stderr
+        cure = re.search(r"; (speed.a_lat_max=[0-9.]+) slows down for bends", result.stderr)
+        assert cure is not None
+        cured = steersman(*words, "speed=constant_speed", "speed.speed=25", cure[1])
+        assert "ended by: duration" in cured.stdout
+        assert "speed: " not in cured.stderr
+
     def test_files_in_the_folder(self, steersman: Steersman, tmp_path: FilePath) -> None:
         result = steersman("drive", "duration=1", "seed=3", "--json", "--out", "a/b")
         folder = tmp_path / "a" / "b"

@@ -84,6 +84,9 @@ def drive(
     if error is not None:
         kept = "" if folder is None else f"; what was driven until then is in {folder}"
         raise SteersmanError(f"{error}{kept}") from error
+    hint = driving.too_fast(config, episode) if config.plant.computed else None
+    if hint is not None:
+        note(f"speed: {hint}")
     if as_json:
         show_json({"config": dump(config), "metrics": metrics})
     else:
