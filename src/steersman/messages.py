@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
@@ -84,6 +84,30 @@ def _fault(cls: type[BaseModel], detail: ErrorDetails) -> ConfigError:
     return ConfigError(_describe(detail, names, owner, field), names)
 
 
+def _elsewhere(owner: type[BaseModel], name: str) -> str | None:
+    """The field of a part that is called so, or one that holds components of this family."""
+    parts = {f"{part}.": field.annotation for part, field in owner.model_fields.items()}
+    for before, cls in {"": owner, **parts}.items():
+        fields = getattr(cls, "model_fields", {}) if isinstance(cls, type) else {}
+        if name in fields:
+            return f"{before}{name}"
+        for field, info in fields.items():
+            if name in (*_families(info.metadata), *_held(info.annotation)):
+                return f"{before}{field}"
+    return None
+
+
+def _held(annotation: Any) -> Iterator[str]:
+    """The families of components that a type holds, in a tuple or mapping."""
+    yield from _families(getattr(annotation, "__metadata__", ()))
+    for inner in get_args(annotation):
+        yield from _held(inner)
+
+
+def _families(marks: Iterable[Any]) -> Iterator[str]:
+    return (mark.family for mark in marks if hasattr(mark, "family"))
+
+
 def _describe(
     detail: ErrorDetails, names: tuple[str, ...], owner: type[BaseModel], field: Any
 ) -> str:
@@ -91,7 +115,9 @@ def _describe(
     if kind == "extra_forbidden":
         of = getattr(owner, "kind", "")
         of = f" of {of}" if of else ""
-        return f"unknown field{of}{suggestion(names[-1], owner.model_fields)}"
+        place = _elsewhere(owner, names[-1])
+        near = f"; did you mean {place!r}?" if place else suggestion(names[-1], owner.model_fields)
+        return f"unknown field{of}{near}"
     unit = field_unit(field)
     bracket = "" if unit == "-" else f" [{unit}]"
     if kind == "missing":

@@ -86,6 +86,15 @@ def test_unknown_field_is_refused() -> None:
         PathFollowingEnv({"actoin": "direct"})
 
 
+def test_fields_of_the_problem_are_keywords() -> None:
+    made = gymnasium.make("steersman/PathFollowing-v0", problem=SMALL, corridor=2.0).unwrapped
+    assert isinstance(made, PathFollowingEnv)
+    assert made.problem == problem(corridor=2.0)
+    assert PathFollowingEnv(problem(), corridor=2.0).problem == problem(corridor=2.0)
+    with pytest.raises(ConfigError, match="path: unknown field; did you mean"):
+        gymnasium.make("steersman/PathFollowing-v0", path="circle")
+
+
 def test_same_seed_same_episodes(env: PathFollowingEnv) -> None:
     first = play(env, 3)
     assert equal(play(env, 3), first)

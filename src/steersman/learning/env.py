@@ -11,7 +11,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from steersman.config import build, merge
+from steersman.config import build, dump, merge
 from steersman.errors import ConfigError, suggestion
 from steersman.kernels import observe
 from steersman.kernels import world as kernel
@@ -48,6 +48,7 @@ class PathFollowingEnv(gymnasium.Env[Features, Features]):
         self,
         problem: Problem | Mapping[str, Any] | None = None,
         render_mode: str | None = None,
+        **fields: Any,
     ) -> None:
         """Make the environment.
 
@@ -55,12 +56,14 @@ class PathFollowingEnv(gymnasium.Env[Features, Features]):
             problem: a Problem, or the fields that differ from its default.
             render_mode: ``human`` shows every step in a window, ``rgb_array`` lets
                 :meth:`render` return a picture; None draws nothing. Both need the extra ``video``.
+            fields: further fields of the problem, as ``roads=["circle"]``.
 
         Raises:
             ConfigError: a field or the mode is not allowed.
         """
-        if not isinstance(problem, Problem):
-            problem = build(Problem, merge({}, problem or {}))
+        if fields or not isinstance(problem, Problem):
+            given = dump(problem) if isinstance(problem, Problem) else problem
+            problem = build(Problem, merge(merge({}, given or {}), fields))
         if render_mode not in (None, *self.metadata["render_modes"]):
             near = suggestion(str(render_mode), self.metadata["render_modes"])
             raise ConfigError(f"{render_mode!r} is not allowed{near}", ("render_mode",))
