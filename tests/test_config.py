@@ -93,6 +93,12 @@ def complaint(data: dict[str, Any], cls: type[Settings] = Run) -> str:
     ("assignments", "expected"),
     [
         (["duraton=3"], "duraton: unknown field; did you mean 'duration'?"),
+        (["kp=3"], "kp: unknown field; allowed: duration, seeds, widget"),
+        (["widget.kp=3"], "widget.kp: unknown field of plain; did you mean 'gains.kp'?"),
+        (
+            ["widget={kind: outer, length: 1, widget: plain}"],
+            "widget.widget: unknown field of outer; did you mean 'inner'?",
+        ),
         (["widget=plan"], "widget: unknown widget 'plan'; did you mean 'plain'?"),
         (["widget.radus=3"], "widget.radus: unknown field of plain; did you mean 'radius'?"),
         (["widget.gains.kpp=3"], "widget.gains.kpp: unknown field; did you mean 'kp'?"),

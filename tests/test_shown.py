@@ -123,6 +123,16 @@ def test_a_recording_is_loaded(episode, tmp_path):
     assert found["lateral_error"].tolist() == episode["lateral_error"].tolist()
 
 
+def test_a_gif_is_in_real_time_with_ten_pictures_a_second(episode, tmp_path):
+    pytest.importorskip("pygame")
+    image = pytest.importorskip("PIL.Image")
+    episode.save(tmp_path / "x.gif")
+    with image.open(tmp_path / "x.gif") as film:
+        shown = film.n_frames * film.info["duration"] / 1e3
+        assert film.info["duration"] == 100
+        assert shown == pytest.approx(len(episode) * episode.dt, abs=0.1)
+
+
 def test_an_unknown_column_is_answered_with_the_nearest(episode):
     with pytest.raises(sm.ConfigError, match="no column 'lateral_eror'; did you mean 'lateral_e"):
         _ = episode["lateral_eror"]
