@@ -106,7 +106,7 @@ def test_it_needs_nothing_but_mathematics_and_keeps_nothing(tmp_path: FilePath) 
     assert used - copies <= {"tanhf", "fmaf", "remainder", "atan2f", "sinf", "cosf", "hypotf"}
     assert {kind.lower() for kind, _ in symbols} <= {"u", "t", "r", "n"}  # no writable data
     public = {name for kind, name in symbols if kind == "T"}
-    functions = ("init", "reset", "step", "executed", "network")
+    functions = ("set", "init", "reset", "step", "executed", "network")
     assert public == {f"steersman_precision_{n}" for n in functions}
     assert [line for line in source.read_text().splitlines() if line.startswith("#include")] == [
         '#include "steersman_precision.h"', "#include <math.h>", "#include <stddef.h>",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+import math
 import re
 import subprocess
 from pathlib import Path as FilePath
@@ -41,6 +43,12 @@ def run_vector(setting: Setting, folder: FilePath, *flags: str) -> subprocess.Co
 @needs_compiler
 def test_the_vector_runs_under_sanitisers(tmp_path: FilePath) -> None:
     setting = made("tuned/pid_feedforward", tmp_path)
+    code = bench.compiled(setting, tmp_path, (COMPILER, "-O0"))
+    change, numbers = code.function("set"), (ctypes.c_double * 20)()
+    change.restype = ctypes.c_int
+    wanted = ((0, 0.5), (0, -0.5), (0, math.nan), (-1, 0.5), (99, 0.5))
+    assert [change(numbers, i, ctypes.c_double(x)) for i, x in wanted] == [1, 0, 0, 0, 0]
+    assert list(numbers) == [0.5, *[0.0] * 19]
     said = run_vector(setting, tmp_path, *SANITISERS)
     assert said.returncode == 0, said.stdout + said.stderr
     assert "0 other statuses: as expected" in said.stdout

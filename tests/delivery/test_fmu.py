@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import zipfile
 from functools import cache
 from pathlib import Path as FilePath
@@ -139,6 +140,9 @@ def test_a_controller_answers_by_its_parameters_and_period(tmp_path: FilePath) -
     other = setting.controller.model_copy(update={"gain": stronger})
     changed = answers(setting._replace(controller=other), [*rows, rows[20]])[-1]
     unit.unit.setFMUstate(before)
+    for wrong in (-5.0, math.nan):
+        with pytest.raises(FMICallException):
+            unit.put(gain=wrong)
     unit.put(gain=stronger)
     assert abs(unit.answer(seen, now)[0] - changed.steer) < 1e-12
     assert abs(changed.steer - first) > 1e-6
@@ -165,6 +169,9 @@ def test_the_car_has_figures_and_one_period(tmp_path: FilePath) -> None:
         unit.unit.doStep(0.1, 0.03)
     quick = unit.get("car.v_x")[0]
     unit.unit.reset()
+    for wrong in (-5.0, 0.0, math.nan):
+        with pytest.raises(FMICallException):
+            unit.put(mass=wrong)
     unit.put(mass=4000.0, throttle=1.0)
     unit.unit.setupExperiment(startTime=0.0)
     unit.unit.enterInitializationMode()

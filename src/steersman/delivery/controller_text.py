@@ -25,6 +25,8 @@ from steersman.delivery.translate.program import Parameter
 from steersman.types import Decision, Driver, Reason
 
 # How far the steering in C may be from Python's.
+# Limits that are above zero are at least this.
+_SMALLEST = 1e-30
 TOLERANCE = {False: 1e-9, True: 1e-5}
 
 
@@ -167,6 +169,7 @@ def source(made: Translated) -> str:
             "helpers": "".join(f"{each}\n" for each in program.helpers.values()),
             "constants": program.constants_of([*made.step, *made.executed, *texts]),
             "defaults": _defaults(made),
+            **_limits(made),
             "functions": "".join(f"{each}\n" for each in texts) + network,
             "reset": _block(_reset(made) or ["(void)state;"]),
             "step": _lines(made.step),
@@ -175,6 +178,24 @@ def source(made: Translated) -> str:
             "gap": fill("gap.c.in", common) if gaps else "",
         },
     )
+
+
+def _limits(made: Translated) -> dict[str, object]:
+    """The limits of those parameters that have any."""
+    rows = [
+        f"    {{{i}, {_limit(made, each.minimum)}, {_limit(made, each.maximum)}}},\n"
+        for i, each in enumerate(entries(made))
+        if math.isfinite(each.minimum) or math.isfinite(each.maximum)
+    ]
+    body = "".join(rows) or "    {-1, 0, 0},\n"
+    text = "static const struct {\n    int index;\n    real low;\n    real high;\n} limits[] = {\n"
+    return {"limits": f"{text}{body}}};\n\n", "limit_count": max(len(rows), 1)}
+
+
+def _limit(made: Translated, limit: float) -> str:
+    """A limit in C, where above zero is above what float holds."""
+    beside = math.copysign(_SMALLEST, limit)
+    return made.program.literal(beside if 0.0 < abs(limit) < _SMALLEST else limit)
 
 
 def _lines(lines: Sequence[str]) -> str:

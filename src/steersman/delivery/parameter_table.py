@@ -15,6 +15,8 @@ from steersman.delivery.translate.program import Parameter
 from steersman.messages import field_unit
 
 COLUMNS = ("index", "name", "unit", "minimum", "maximum", "value", "meaning")
+# Limits below this are those above zero.
+_TINY = 1e-300
 
 
 class Description(NamedTuple):
@@ -43,11 +45,18 @@ def described(setting: Setting, parameter: Parameter) -> list[Description]:
         pairs = [owner.number(name, i) if told else made for i in range(count)]
         return [Description(unit, -np.inf, np.inf, meaning) for unit, meaning in pairs]
     field = type(owner).model_fields[name]
-    low, high = -np.inf, np.inf
+    return [Description(field_unit(field), *limits(field), field.description or "")]
+
+
+def limits(field: Any) -> tuple[float, float]:
+    """The least and the largest number that a field allows."""
+    low, high = -math.inf, math.inf
     for bound in field.metadata:
-        low = getattr(bound, "ge", getattr(bound, "gt", low))
-        high = getattr(bound, "le", getattr(bound, "lt", high))
-    return [Description(field_unit(field), low, high, field.description or "")]
+        low = getattr(bound, "ge", low)
+        high = getattr(bound, "le", high)
+        low = math.nextafter(bound.gt, math.inf) if hasattr(bound, "gt") else low
+        high = math.nextafter(bound.lt, -math.inf) if hasattr(bound, "lt") else high
+    return low, high
 
 
 class ParameterEntry(NamedTuple):
@@ -81,6 +90,13 @@ def table_text(made: Translated) -> str:
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(COLUMNS)
     for i, each in enumerate(entries(made)):
-        bounds = ["" if math.isinf(x) else repr(x) for x in (each.minimum, each.maximum)]
+        bounds = [_shown(x) for x in (each.minimum, each.maximum)]
         writer.writerow([i, each.name, each.unit, *bounds, repr(each.value), each.meaning])
     return out.getvalue()
+
+
+def _shown(limit: float) -> str:
+    """A limit; what is next to zero, as zero."""
+    if math.isinf(limit):
+        return ""
+    return repr(limit if abs(limit) > _TINY else 0 * limit)

@@ -101,6 +101,8 @@ def _words(model: FmuModel) -> dict[str, object]:
         "period": repr(model.period),
         "period_plain": f"{model.period:g}",
         "started": "".join(f"    {each.start!r},\n" for each in model.variables),
+        "lowest": "".join(f"    {_limit(each.low)},\n" for each in model.variables),
+        "highest": "".join(f"    {_limit(each.high)},\n" for each in model.variables),
         "whole": "".join(f"    {int(each.whole)},\n" for each in model.variables),
         "parameters_field": f"    {model.parameters} parameters;\n" if model.parameters else "",
         "renew": _block(renew),
@@ -115,6 +117,10 @@ _STEP_CHECK = """\
         return "the communication step has to be a whole multiple of PLAIN s";
     }
 """
+
+
+def _limit(value: float) -> str:
+    return repr(value).replace("inf", "INFINITY")
 
 
 def _block(lines: Iterable[str]) -> str:

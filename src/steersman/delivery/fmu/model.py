@@ -11,8 +11,9 @@ from steersman.delivery import c_text
 from steersman.delivery import controller_text as text
 from steersman.delivery.controller import Setting, translated
 from steersman.delivery.controller_package import check_values, controller_card
-from steersman.delivery.parameter_table import entries, table_text
+from steersman.delivery.parameter_table import entries, limits, table_text
 from steersman.delivery.plant import FIGURES, SEEN, TranslatedPlant
+from steersman.vehicles import Vehicle
 
 INPUT, OUTPUT, PARAMETER, INDEPENDENT = "input", "output", "parameter", "independent"
 
@@ -173,6 +174,12 @@ _ENDED = Variable(
 )  # fmt: skip
 
 
+def _limits(figure: str) -> tuple[float, float]:
+    """Of a figure of the car; those that are no field of its file have none."""
+    field = Vehicle.model_fields.get(figure)
+    return (-math.inf, math.inf) if field is None else limits(field)
+
+
 def plant_model(made: TranslatedPlant) -> FmuModel:
     """The simulated car on its road."""
     p = made.prefix
@@ -188,7 +195,8 @@ def plant_model(made: TranslatedPlant) -> FmuModel:
     outputs = [Variable(o.name, o.unit, OUTPUT, o.start) for o in made.outputs]
     figures = zip(FIGURES, made.figures.tolist(), strict=True)
     parameters = [
-        Variable(name, unit, PARAMETER, value, "Of the car.") for (name, unit), value in figures
+        Variable(name, unit, PARAMETER, value, "Of the car.", False, *_limits(name))
+        for (name, unit), value in figures
     ]
     first = len(inputs)
     given = [f"given.{name} = m->value[{i}];" for i, (name, *_) in enumerate(inputs)]

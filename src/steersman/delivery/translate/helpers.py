@@ -42,3 +42,19 @@ HELPERS = {
     ),
 }
 HELPER_NAMES = {"finite": "finite_number"}
+RESERVED = {
+    *(
+        "parameters",
+        "real",
+        "limits",
+        "step",
+        "init",
+        "reset",
+        "executed",
+        "hold",
+        "signal",
+        "slew",
+    ),
+    *("finite", "speed_limit", *HELPERS),
+}
+"""Names that no function made from Python has."""

@@ -15,7 +15,7 @@ from steersman.delivery import c_text
 from steersman.delivery.translate import arguments
 from steersman.delivery.translate.emitter import c_type, texts
 from steersman.delivery.translate.expressions import Expressions
-from steersman.delivery.translate.helpers import HELPER_NAMES, HELPERS
+from steersman.delivery.translate.helpers import HELPER_NAMES, HELPERS, RESERVED
 from steersman.delivery.translate.lines import indented, names, without_unused
 from steersman.delivery.translate.statements import Statements
 from steersman.delivery.translate.values import (
@@ -276,7 +276,7 @@ class Program:
 
     def _name(self, wanted: str) -> str:
         name, count = wanted, 1
-        while name in self._names or name in _RESERVED:
+        while name in self._names or name in RESERVED:
             count += 1
             name = f"{wanted}_{count}"
         self._names.add(name)
@@ -294,7 +294,3 @@ def _parsed(function: Callable[..., Any]) -> tuple[ast.FunctionDef, frozenset[tu
         for each in ast.walk(tree)
         if isinstance(each, ast.Name) and isinstance(each.ctx, ast.Load)
     )
-
-
-_RESERVED = {"parameters", "real", "step", "init", "reset", "copied", "least", "most", "finite",
-             "executed", "to_int", "hold", "signal", "slew", "speed_limit", *HELPERS}  # fmt: skip
