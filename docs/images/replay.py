@@ -1,4 +1,7 @@
-"""Draw docs/images/replay.png: a replay of three drives through Monza's first chicane.
+"""Draw the replays: ``python docs/images/replay.py [monza] [ice]``.
+
+``replay.png``: three drives through Monza's first chicane. ``ice.png``: a car that finds out how
+slippery a road is and slows down, beside one that drives as fast as wished.
 
 Needs Playwright (extra ``dev``), Pillow, and a Chromium of the system.
 """
@@ -7,51 +10,88 @@ from __future__ import annotations
 
 import io
 import shutil
+import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
 from steersman import tuned
-from steersman.config import build, read_yaml
+from steersman.bench.beyond import beyond_grip
+from steersman.config import build, read_yaml, resolve
 from steersman.metrics.base import summarise
 from steersman.report import ReportRun, write_report
 from steersman.rollout import RunConfig, run
 
 HERE = Path(__file__).resolve().parent
 SIZE = {"width": 1280, "height": 712}
-START, SECONDS = 820.0, 20.0
-DRIVERS = ("policy", "pid_feedforward", "pure_pursuit")
-CURSOR, CLOSER = 9.1, 2
 
 
-def drive(name: str) -> ReportRun:
-    """A part of a lap, with a delay of the steering that no controller is told of."""
+class Replay(NamedTuple):
+    """A picture: who drives, at which time [s] it is taken, and how often it is magnified."""
+
+    file: str
+    title: str
+    drive: Callable[[str], RunConfig]
+    drivers: tuple[str, ...]
+    cursor: float
+    closer: int
+
+
+def chicane(name: str) -> RunConfig:
+    """A part of a lap, with a steering delay that no controller gets."""
     file = tuned.locate(f"tuned/{name}")
-    controller = name if file is None else read_yaml(file)["controller"]
     tree = {
-        "controller": controller,
+        "controller": name if file is None else read_yaml(file)["controller"],
         "path": "monza",
         "speed": {"kind": "constant_speed", "speed": 12.0},
         "plant": {"kind": "simulator", "steering_delay": 0.1},
-        "start": START,
-        "duration": SECONDS,
+        "start": 820.0,
+        "duration": 20.0,
     }
-    episode = run(build(RunConfig, tree))
+    return build(RunConfig, tree)
+
+
+def ice(name: str) -> RunConfig:
+    """A road of ice; friction is no part of what controllers get."""
+    wanted = ("clothoid_102", "ice_1.15")
+    found = next(s for s in beyond_grip().scenarios() if (s.path, s.disturbance) == wanted)
+    controller = {"kind": "grip_speed", "found": True} if name == "grip_speed" else f"tuned/{name}"
+    sensor = found.run.sensor.model_copy(update={"count": 41})
+    changes = {"controller": resolve("controller", controller), "sensor": sensor}
+    return found.run.model_copy(update=changes)
+
+
+REPLAYS = {
+    "monza": Replay(
+        "replay", "Monza", chicane, ("policy", "pid_feedforward", "pure_pursuit"), 9.1, 2
+    ),
+    "ice": Replay("ice", "Ice", ice, ("grip_speed", "mpc_delay"), 5.5, 1),
+}
+
+
+def shown(name: str, config: RunConfig) -> ReportRun:
+    """The drive, for the page."""
+    episode = run(config)
     return ReportRun(name.replace("_", " "), episode, summarise(episode), config=dict(episode.meta))
 
 
-def main() -> None:
+def draw(replay: Replay) -> None:
     """Drive, write the page, and take its picture."""
+    runs = [shown(name, replay.drive(name)) for name in replay.drivers]
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
-        page_file = write_report([drive(n) for n in DRIVERS], Path(folder) / "page.html", "Monza")
-        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"))
+        page_file = write_report(runs, Path(folder) / "page.html", replay.title)
+        browser = playwright.chromium.launch(
+            executable_path=shutil.which("chromium"), args=["--no-sandbox"]
+        )
         page = browser.new_page(viewport=SIZE, color_scheme="light")
         page.goto(page_file.as_uri())
         page.locator("#replay[data-ready]").wait_for(state="attached")
-        page.locator("[data-part=slider]").fill(str(CURSOR))
-        for _ in range(CLOSER):
+        page.locator("[data-part=slider]").fill(str(replay.cursor))
+        for _ in range(replay.closer):
             page.keyboard.press("+")
         page.locator("[data-part=slider]").blur()
         page.locator("#replay").evaluate("node => node.scrollIntoView()")
@@ -59,8 +99,9 @@ def main() -> None:
         picture = page.screenshot()
         browser.close()
     image = Image.open(io.BytesIO(picture)).convert("RGB").quantize(128)
-    image.save(HERE / "replay.png", optimize=True)
+    image.save(HERE / f"{replay.file}.png", optimize=True)
 
 
 if __name__ == "__main__":
-    main()
+    for word in sys.argv[1:] or REPLAYS:
+        draw(REPLAYS[word])
