@@ -8,8 +8,9 @@ memory of each (with its workers) is read twice a second. A job is flat if the m
 fifth exceeds that of the second fifth by at most 5 % or 10 MB.
 
 Kills: each command that resumes is run whole, then again, killed (SIGKILL, its workers too) at
-moments drawn over its whole length, until its share of the kills is spent; then it runs to its
-end, and its results must be those of the whole run, to the bit, but for times.
+moments drawn over its whole length, every second one after the first checkpoint is there, until its
+share of the kills is spent; then it runs to its end, and its results must be those of the whole
+run, to the bit, but for times.
 """
 
 from __future__ import annotations
@@ -261,12 +262,14 @@ def kills(
     while spent < share or cut.exists():
         process = start(line(command, cut), folder)
         if spent < share:
+            while spent % 2 and process.poll() is None and not resumable(command, cut):
+                time.sleep(0.05)
             try:
-                code = process.wait(rng.uniform(0.0, length))
+                code = process.wait(rng.uniform(0.0, 0.5 * length if spent % 2 else length))
             except subprocess.TimeoutExpired:
                 killed(process)
                 spent += 1
-                kept += any(any(cut.glob(pattern)) for pattern in command.kept)
+                kept += resumable(command, cut)
                 continue
         else:
             code = process.wait()
@@ -286,6 +289,11 @@ def kills(
         "failed": failed,
         "held": not differ and not failed and kept >= SETTLED * spent,
     }
+
+
+def resumable(command: Command, out: Path) -> bool:
+    """Whether something is there that would be resumed."""
+    return any(any(out.glob(pattern)) for pattern in command.kept)
 
 
 def line(command: Command, out: Path) -> list[str]:

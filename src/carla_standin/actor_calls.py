@@ -20,10 +20,14 @@ _COMMANDS = {
     6: "set_actor_transform",
     8: "set_actor_target_velocity",
     9: "set_actor_target_angular_velocity",
+    10: "add_actor_impulse",
+    11: "add_actor_force",
     14: "set_actor_simulate_physics",
+    16: "set_actor_autopilot",
     19: "set_actor_location",
 }
-_AUTOPILOT = 16
+# Commands about what is not here: gravity (the world is flat), debug telemetry, lights.
+_WITHOUT_EFFECT = {15, 17, 18}
 # Where a vehicle control says "reverse", which the longitudinal map does not have.
 _REVERSE = 4
 
@@ -109,6 +113,31 @@ def set_actor_target_angular_velocity(calls: Dispatcher, number: int, velocity: 
 
 
 @answers(Reply.NOTHING)
+def add_actor_impulse(calls: Dispatcher, number: int, impulse: Any) -> None:
+    """Change a vehicle's velocity by impulse over mass, in the world [N s]."""
+    calls.world.car(number)[1].push(read_vector(impulse))
+
+
+@answers(Reply.NOTHING)
+def add_actor_force(calls: Dispatcher, number: int, force: Any) -> None:
+    """A force on a vehicle's centre of mass over the next tick, in the world [N]."""
+    calls.world.car(number)[1].pull(read_vector(force))
+
+
+@answers(Reply.NOTHING)
+def enable_actor_constant_velocity(calls: Dispatcher, number: int, velocity: Any) -> None:
+    """Hold a vehicle's velocity, in its own axes [m/s]; it steers and turns as ever."""
+    x, y, _ = read_vector(velocity)
+    calls.world.car(number)[1].held = x, -y
+
+
+@answers(Reply.NOTHING)
+def disable_actor_constant_velocity(calls: Dispatcher, number: int) -> None:
+    """Let a vehicle's velocity go again."""
+    calls.world.car(number)[1].held = None
+
+
+@answers(Reply.NOTHING)
 def set_actor_simulate_physics(calls: Dispatcher, number: int, enabled: bool) -> None:
     """Let a vehicle move, or stand where it is put."""
     calls.world.car(number)[1].freeze(not enabled)
@@ -185,9 +214,10 @@ def _execute(calls: Dispatcher, command: Any, subject: int | None) -> list[Any]:
             number = actor if subject is None else subject
             fault = calls.execute(_COMMANDS[kind], [number, *rest])
             return [[0, [fault]]] if fault else [[1, number]]
+        case [[int() as kind, [actor, *_]]] if kind in _WITHOUT_EFFECT:
+            return [[1, actor if subject is None else subject]]
         case [[int() as kind, _]]:
-            what = "autopilot" if kind == _AUTOPILOT else f"command {kind} of a batch"
-            return [[0, [f"stand-in: {what} is not implemented"]]]
+            return [[0, [f"stand-in: command {kind} of a batch is not implemented"]]]
     return [[0, ["stand-in: not a command of a batch"]]]
 
 

@@ -26,18 +26,22 @@ _NOTHING_ELSEWHERE = frozenset(
         "apply_color_texture_to_objects",
         "apply_float_color_texture_to_objects",
         "load_map_layer",
-        "reset_all_traffic_lights",
         "unload_map_layer",
     }
 )
-# Calls of the traffic manager; their names would not say to a user what is missing.
-_AUTOPILOT = frozenset(
+# Calls about what is not here, so that they change nothing: lights, doors, drawings, gravity (the
+# world is flat).
+_WITHOUT_EFFECT = frozenset(
     {
-        "add_traffic_manager_running",
-        "destroy_traffic_manager",
-        "get_traffic_manager_running",
-        "is_traffic_manager_running",
-        "set_actor_autopilot",
+        "close_vehicle_door",
+        "draw_debug_shape",
+        "freeze_all_traffic_lights",
+        "open_vehicle_door",
+        "reset_all_traffic_lights",
+        "set_actor_enable_gravity",
+        "set_vehicle_light_state",
+        "show_vehicle_debug_telemetry",
+        "update_lights_state",
     }
 )
 # What a malformed argument can raise deep inside; all of it is the client's to mend.
@@ -89,14 +93,22 @@ class Dispatcher:
         self._port = stream_port
         self.streams = streams
 
-    def answer(self, name: str, arguments: list[Any]) -> Any:
-        """The result of a call; whatever is wrong with it becomes the error that is answered."""
-        if name not in _answers:
-            what = "autopilot (the traffic manager)" if name in _AUTOPILOT else repr(name)
-            text = f"stand-in: {what} is not implemented; docs/carla_standin.md lists what is"
-            warn_once(text)
-            return failure(text, Reply.NOTHING if name in _NOTHING_ELSEWHERE else Reply.VALUE)
-        reply, function = _answers[name]
+    def answer(self, name: str, arguments: list[Any], owed: str = "") -> Any:
+        """The result of a call; whatever is wrong with it becomes the error that is answered.
+
+        ``owed`` is an earlier error of the client, which it gets instead: the call is not made.
+        """
+        known = _answers.get(name)
+        if known is not None and owed:
+            return failure(owed, known[0])
+        if known is None:
+            text = self.unanswered(name)
+            warn_once(text or f"stand-in: {name} has no effect")
+            reply = (
+                Reply.NOTHING if name in {*_NOTHING_ELSEWHERE, *_WITHOUT_EFFECT} else Reply.VALUE
+            )
+            return failure(text, reply) if text else result(None, Reply.NOTHING)
+        reply, function = known
         try:
             return result(function(self, *arguments), reply)
         except Refused as error:
@@ -105,6 +117,13 @@ class Dispatcher:
             text = told(name, f"wrong arguments ({error})")
         warn_once(text)
         return failure(text, reply)
+
+    @staticmethod
+    def unanswered(name: str) -> str:
+        """What a client is told of a call that is not implemented; nothing of others."""
+        if name in _answers or name in _WITHOUT_EFFECT:
+            return ""
+        return f"stand-in: {name!r} is not implemented; docs/carla_standin.md lists what is"
 
     def execute(self, name: str, arguments: list[Any]) -> str:
         """Make a call as part of a batch; what went wrong, or nothing."""

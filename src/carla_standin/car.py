@@ -26,6 +26,9 @@ class Car:
         self.offset = offset
         self.command = sm.Command(0.0, 0.0, 0.0)
         self.moves = True
+        self.held: tuple[float, float] | None = None
+        """A velocity that is kept, ahead and to the left [m/s]."""
+        self._force = (0.0, 0.0)
         self.yaw_acceleration = 0.0
         """Mean over the last tick [rad/s^2]."""
 
@@ -46,7 +49,14 @@ class Car:
             self.yaw_acceleration = 0.0
             return
         before = self.motion.yaw_rate
+        (x, y), self._force = self._force, (0.0, 0.0)
+        if x or y:
+            self.push((x * dt, y * dt, 0.0))
+        if self.held is not None:
+            self.motion.velocity = self.held
         self.motion.advance(self.command, dt, substeps)
+        if self.held is not None:
+            self.motion.velocity = self.held
         self.yaw_acceleration = (self.motion.yaw_rate - before) / dt
 
     @property
@@ -86,6 +96,15 @@ class Car:
     @yaw_rate.setter
     def yaw_rate(self, rate: float) -> None:
         self.motion.yaw_rate = sm.CarlaFrame.radians_left(rate)
+
+    def push(self, impulse: tuple[float, float, float]) -> None:
+        """Change the velocity by an impulse on the ground, in CARLA's world [N s]."""
+        (v_x, v_y), mass = self.velocity, self.vehicle.mass
+        self.velocity = v_x + impulse[0] / mass, v_y + impulse[1] / mass
+
+    def pull(self, force: tuple[float, float, float]) -> None:
+        """Add a force that acts over the next tick, in CARLA's world [N]."""
+        self._force = self._force[0] + force[0], self._force[1] + force[1]
 
     def freeze(self, frozen: bool) -> None:
         """Stop and leave the physics, or take part in it again."""

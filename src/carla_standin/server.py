@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path as FilePath
 
 import steersman as sm
-from carla_standin import actor_calls  # noqa: F401 - it enters its calls
+from carla_standin import actor_calls, traffic  # noqa: F401 - they enter their calls
 from carla_standin.blueprints import VehicleBlueprint, default_models
 from carla_standin.calls import Dispatcher
 from carla_standin.car import warm_up
@@ -194,8 +194,8 @@ class CallConnection(ClientConnection):
         self._calls = calls
         self.incoming = Incoming()
         self._pack = msgpack.Packer().pack
-        self._replies = bytearray()
-        self._paused = False
+        self._replies, self._paused = bytearray(), False
+        self._owed = ""  # the error of a call that waited for no answer
 
     def data_received(self, data: bytes) -> None:
         """Answer every call that is complete, in the order in which they came."""
@@ -218,7 +218,10 @@ class CallConnection(ClientConnection):
             if message is None:
                 break
             call = request(message)
-            outcome = self._calls.answer(call.name, call.arguments)
+            owed, self._owed = self._owed, ""
+            if call.ignores_reply:
+                owed, self._owed = "", owed or self._calls.unanswered(call.name)
+            outcome = self._calls.answer(call.name, call.arguments, owed)
             self._replies += self._pack(response(call.number, outcome))
             awaited = awaited or not call.ignores_reply
             if len(self._replies) > _REPLIES:

@@ -46,6 +46,8 @@ class StandinWorld:
         self.opendrive: WorldMap | None = None
         """What a client has sent and not yet loaded."""
         self.weather: list[Any] = list(_WEATHER)
+        self.managers: dict[int, str] = {}
+        """Addresses of clients' traffic managers by port."""
         self.frame = 1
         self.episode = 0
         self.actors: dict[int, Actor] = {}

@@ -234,16 +234,14 @@ def test_a_batch_answers_for_each_command(client: Any, world: Any) -> None:
     assert cars[first.actor_id].get_velocity().x < -3.0
     answers = client.apply_batch_sync(
         [
-            go.SetAutopilot(first.actor_id, False),
             go.DestroyActor(first.actor_id),
             go.ApplyVehicleControl(first.actor_id, carla.VehicleControl()),
             go.DestroyActor(second.actor_id),
         ]
     )
-    assert "autopilot is not implemented" in answers[0].error
-    assert "no actor" in answers[2].error
-    assert not answers[1].error
-    assert not answers[3].error
+    assert "no actor" in answers[1].error
+    assert not answers[0].error
+    assert not answers[2].error
     world.tick()
     assert not list(world.get_actors().filter("vehicle.*"))
 
@@ -261,11 +259,42 @@ def test_what_is_not_implemented_says_so(client: Any, world: Any) -> None:
             call()
 
 
-def test_autopilot_is_refused_by_name(client: Any, world: Any) -> None:
+def test_impulses_and_forces_change_the_velocity(world: Any) -> None:
     car = spawn(world)
-    for call in (lambda: car.set_autopilot(True), client.get_trafficmanager):
-        with pytest.raises(RuntimeError, match=r"autopilot \(the traffic manager\) is not implem"):
-            call()
+    mass = car.get_physics_control().mass
+    car.add_impulse(carla.Vector3D(x=4.0 * mass))
+    world.tick()
+    after = car.get_velocity().x
+    assert after == pytest.approx(4.0, abs=0.2)  # it rolls to a stop
+    car.add_force(carla.Vector3D(x=20.0 * mass))  # over one tick of 0.05 s
+    world.tick()
+    pulled = car.get_velocity().x
+    assert pulled - after == pytest.approx(1.0, abs=0.2)
+    world.tick()
+    assert pulled - 0.2 < car.get_velocity().x < pulled
+
+
+def test_a_constant_velocity_is_held_until_it_is_let_go(world: Any) -> None:
+    car = spawn(world)
+    car.enable_constant_velocity(carla.Vector3D(x=7.0))
+    car.apply_control(carla.VehicleControl(brake=1.0))
+    for _ in range(20):
+        world.tick()
+    assert car.get_velocity().x == pytest.approx(7.0, abs=1e-3)
+    car.disable_constant_velocity()
+    for _ in range(40):
+        world.tick()
+    assert car.get_velocity().x < 1.0
+
+
+def test_a_call_that_waits_for_no_answer_is_answered_at_the_next(world: Any) -> None:
+    car = spawn(world)
+    car.set_light_state(carla.VehicleLightState.NONE)  # there are no lights to change
+    frame = world.tick()
+    car.add_torque(carla.Vector3D(z=100.0))
+    with pytest.raises(RuntimeError, match=r"stand-in: 'add_actor_\w+' is not implemented"):
+        world.tick()
+    assert world.tick() == frame + 1
 
 
 def test_there_are_not_endlessly_many_actors(world: Any) -> None:

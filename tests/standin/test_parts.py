@@ -135,6 +135,22 @@ def test_any_arguments_get_an_answer(name: str, arguments: list[Any]) -> None:
     msgpack.packb(answer)
 
 
+def test_a_traffic_manager_is_kept_until_it_is_destroyed() -> None:
+    counter, _ = desk()
+
+    def call(name: str, *arguments: Any) -> Any:
+        return counter.answer(name, list(arguments))[0][1]
+
+    assert call("get_traffic_manager_running", 8000) == ["", 0]
+    assert call("add_traffic_manager_running", ["127.0.0.1", 8000]) is True
+    assert call("add_traffic_manager_running", ["127.0.0.1", 8000]) is False
+    assert call("is_traffic_manager_running", 8000) is True
+    assert call("get_traffic_manager_running", 8000) == ["127.0.0.1", 8000]
+    assert call("destroy_traffic_manager", 8000) is True
+    assert call("is_traffic_manager_running", 8000) is False
+    assert "no port" in call("add_traffic_manager_running", ["", 70_000])[0]
+
+
 def valid(counter: Dispatcher, number: int) -> dict[str, list[Any]]:
     """Arguments that calls about vehicle ``number`` take."""
     pose = [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]
