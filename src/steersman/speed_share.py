@@ -33,7 +33,7 @@ def share_under(action: float, base: float) -> float:
 def action_for(share: float, base: float) -> float:
     """The action in [-1, 1] that leads from a base's share to another one.
 
-    >>> action_for(0.6, 0.6), action_for(0.3, 0.6), action_for(0.8, 0.6), action_for(1.0, 1.0)
+    >>> action_for(0.5, 0.5), action_for(0.25, 0.5), action_for(0.75, 0.5), action_for(1.0, 1.0)
     (0.0, -0.5, 0.5, 0.0)
     """
     if share < base:
