@@ -319,7 +319,8 @@ def digest(command: Command, out: Path) -> list[object]:
 def timeless(value: object) -> object:
     """A record without the figures of computing times."""
     if isinstance(value, dict):
-        return {k: timeless(v) for k, v in value.items() if "time" not in k and "_us" not in k}
+        by_clock = ("time", "_us", "deadline")
+        return {k: timeless(v) for k, v in value.items() if not any(w in k for w in by_clock)}
     return [timeless(each) for each in value] if isinstance(value, list) else value
 
 
