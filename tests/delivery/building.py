@@ -34,6 +34,12 @@ bench = script("benchmarks/controllers_in_c.py")
 # What else a policy can be: its problem, the operators of its network, and its trim.
 ARCHITECTURES: dict[str, tuple[dict[str, Any], tuple[str, str], float]] = {
     "history and trim": ({"encoding": {"kind": "extended", "history": 8}}, ("Relu", "Tanh"), 1.0),
+    "rate": ({"encoding": {"kind": "extended"}}, ("Relu", "Tanh"), 0.0),
+    "one step of history": (
+        {"action": "direct", "encoding": {"kind": "extended", "history": 1, "roads": 1}},
+        ("Relu", "Tanh"), 0.3,
+    ),
+    "paper": ({"encoding": {"kind": "waypoints"}}, ("Relu", "Tanh"), 0.0),
     "paper, direct": (
         {"action": "direct", "encoding": {"kind": "waypoints", "waypoints": 3}},
         ("Tanh", "Clip"), 0.0,

@@ -146,8 +146,7 @@ def test_drawn_observations_and_a_drive(word: str, single: bool, tmp_path: FileP
     known = bench.known(setting, bench.drawn_rows(setting, 500))
     found = bench.parity(setting, code, known)
     assert found.other_statuses == 0
-    # Dead reckoning carries the last digits of sines and sums along, for seconds.
-    assert found.steering <= (1e-6 if single else 1e-9 if setting.controller.gaps else 1e-12)
+    assert found.steering <= (1e-6 if single else 1e-12)
     assert (100 if setting.controller.gaps else 300) < found.usable < 490
     if not single:
         assert bench.drive_difference(word, code, duration=5) <= 1e-12

@@ -27,8 +27,6 @@ STRAIGHTEN = 0.5
 # A car that is slower is taken to stand, as the model has no meaning there [m/s].
 _STANDING = 0.5
 _NOTHING = np.zeros(2)
-# Sum of the squared coefficients of a third difference.
-_THIRD = 20.0
 
 
 def quiet(seen: Observation) -> FloatArray:
@@ -38,7 +36,7 @@ def quiet(seen: Observation) -> FloatArray:
     them for the road. The smoother of ``mpc_delay`` hardly changes exact waypoints.
     """
     points = np.ascontiguousarray(seen.preview)
-    noise = float(np.square(np.diff(points, 3, axis=0)).mean()) / _THIRD
+    noise = road_filter.roughness(points)
     if not 0.0 < noise < math.inf:
         return points
     out, factor = np.empty_like(points), np.empty((len(points), len(points)))

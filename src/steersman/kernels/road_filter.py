@@ -20,6 +20,8 @@ N_MEMORY = 9
 _POINT_DRIFT, _D_DRIFT, _HEADING_DRIFT = 1e-3, 1e-3, 3e-4
 # Standard deviation of the rate at which a road's curvature changes [1/m^2].
 _CURVATURE_RATE = 1e-3
+# Sum of the squared coefficients of a third difference.
+_THIRD_SQUARES = 20.0
 # Variances never vanish: a division by them must stay finite.
 _TINY = 1e-14
 
@@ -120,6 +122,21 @@ def fuse_points(  # noqa: PLR0917 - numba takes no keyword-only arguments
         count += 1
     if count > 0:
         memory[R_POINTS] = max(noise + share * (total / count - noise), _TINY)
+
+
+@kernel
+def roughness(points: FloatArray) -> float:
+    """Variance of white noise that the third differences of points (n >= 4, 2) are those of [m^2].
+
+    One sum in one order, so that C has the same to the last bit.
+    """
+    total = 0.0
+    for i in range(points.shape[0] - 3):
+        for j in range(2):
+            third = (points[i + 3, j] - points[i, j]) - 3.0 * (points[i + 2, j] - points[i + 1, j])
+            total += third * third
+    variance: float = total / (2.0 * (points.shape[0] - 3) * _THIRD_SQUARES)
+    return variance
 
 
 @kernel
