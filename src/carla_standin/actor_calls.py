@@ -81,7 +81,7 @@ def get_actors_by_id(calls: Dispatcher, numbers: list[int]) -> list[Any]:
 @answers(Reply.VALUE)
 def get_actor_bounding_box(calls: Dispatcher, number: int) -> list[Any]:
     """Its box, relative to its origin."""
-    return calls.world.actor(number).box()
+    return calls.world.seen(number).box()
 
 
 @answers(Reply.NOTHING)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import errno
 import math
 import signal
 import struct
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path as FilePath
 
 import steersman as sm
@@ -176,6 +176,7 @@ class ClientConnection(asyncio.Protocol):
     def connection_lost(self, exc: Exception | None) -> None:
         """A client has disconnected."""
         self.server.sessions.discard(self)
+        self.server.streams.forget(self)
 
     def reject(self, why: str) -> None:
         """Close the connection: what came is not the protocol."""
@@ -191,11 +192,10 @@ class CallConnection(ClientConnection):
         super().__init__(server)
         import msgpack
 
-        self._calls = calls
-        self.incoming = Incoming()
+        self._calls, self.incoming = calls, Incoming()
         self._pack = msgpack.Packer().pack
-        self._replies, self._paused = bytearray(), False
-        self._owed = ""  # the error of a call that waited for no answer
+        # Last the error of a call that waited for no answer.
+        self._replies, self._paused, self._owed = bytearray(), False, ""
 
     def data_received(self, data: bytes) -> None:
         """Answer every call that is complete, in the order in which they came."""
@@ -209,8 +209,7 @@ class CallConnection(ClientConnection):
     def _work(self) -> None:
         """Answer until there is no more to answer, or the client does not take the answers.
 
-        A call may ignore its reply, but the client keeps a note of the
-        call until the reply is there: these travel with the next one that is waited for.
+        Replies that are not waited for travel with the next one that is.
         """
         awaited = False
         while not self._paused:
@@ -221,6 +220,7 @@ class CallConnection(ClientConnection):
             owed, self._owed = self._owed, ""
             if call.ignores_reply:
                 owed, self._owed = "", owed or self._calls.unanswered(call.name)
+            self.server.streams.asker = self
             outcome = self._calls.answer(call.name, call.arguments, owed)
             self._replies += self._pack(response(call.number, outcome))
             awaited = awaited or not call.ignores_reply
@@ -289,12 +289,12 @@ def serve(server: StandinServer, ready: Callable[[StandinServer], None]) -> None
 
     async def forever() -> None:
         stop = asyncio.Event()
-        with contextlib.suppress(NotImplementedError):  # Windows has neither
+        with suppress(NotImplementedError):  # Windows has neither
             for number in (signal.SIGINT, signal.SIGTERM):
                 asyncio.get_running_loop().add_signal_handler(number, stop.set)
         async with server:
             ready(server)
             await server.until(stop)
 
-    with contextlib.suppress(KeyboardInterrupt):
+    with suppress(KeyboardInterrupt):
         asyncio.run(forever())

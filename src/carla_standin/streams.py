@@ -28,8 +28,8 @@ class Listener(Protocol):
 class _Expected:
     """A subscription under way, and what was sent meanwhile."""
 
-    def __init__(self, until: float) -> None:
-        self.until = until
+    def __init__(self, until: float, asker: object) -> None:
+        self.until, self.asker = until, asker
         self.missed = bytearray()
 
 
@@ -43,6 +43,8 @@ class Streams:
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         """Without listeners; ``clock`` gives the time [s]."""
         self._clock = clock
+        self.asker: object = None
+        """The connection whose call is answered at present."""
         self._listeners: dict[int, set[Listener]] = {}
         self._expected: dict[int, list[_Expected]] = {}
 
@@ -51,7 +53,14 @@ class Streams:
         self._forget_the_late()
         if sum(map(len, self._expected.values())) >= _MOST_UNDER_WAY:
             return  # what it misses until it listens is lost
-        self._expected.setdefault(stream, []).append(_Expected(self._clock() + _UNDER_WAY))
+        self._expected.setdefault(stream, []).append(
+            _Expected(self._clock() + _UNDER_WAY, self.asker)
+        )
+
+    def forget(self, asker: object) -> None:
+        """A client is gone: what it has not listened to yet is for no other one."""
+        for waiting in self._expected.values():
+            waiting[:] = [one for one in waiting if one.asker is not asker]
 
     def join(self, stream: int, listener: Listener) -> None:
         """A client listens to a stream."""

@@ -1,4 +1,4 @@
-"""Calls of CARLA's traffic manager, which runs inside a client: where it is, and whom it drives."""
+"""Calls of CARLA's traffic manager, which runs inside a client: its address, and its vehicles."""
 
 from __future__ import annotations
 

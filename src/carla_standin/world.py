@@ -51,6 +51,7 @@ class StandinWorld:
         self.frame = 1
         self.episode = 0
         self.actors: dict[int, Actor] = {}
+        self._gone: dict[int, tuple[int, Actor]] = {}  # by their numbers; after which frame
         self._next_actor = 1
         self._next_stream = SNAPSHOTS + 1
         self._begin()
@@ -59,7 +60,7 @@ class StandinWorld:
         """A new episode with nothing in it but the spectator."""
         self.episode += 1
         self.elapsed = 0.0
-        self.actors = {}
+        self.actors, self._gone = {}, {}
         self.spectator = self._add([0, SPECTATOR, []], Transform(), None)
 
     def load(self, world_map: WorldMap, reset_settings: bool) -> None:
@@ -81,6 +82,18 @@ class StandinWorld:
         if found is None:
             raise Refused(f"there is no actor {number!r:.20}; it may have been destroyed")
         return found
+
+    def seen(self, number: Any) -> Actor:
+        """The actor of that number, also one that was destroyed after the last frame but one.
+
+        Clients have it in their snapshots until then, and the traffic manager, which runs in
+        threads of a client, ends the whole program where it gets an error.
+
+        Raises:
+            Refused: there is none.
+        """
+        gone = self._gone.get(number) if isinstance(number, int) else None
+        return self.actor(number) if gone is None else gone[1]
 
     def car(self, number: Any) -> tuple[Actor, Car]:
         """The vehicle of that number.
@@ -158,7 +171,7 @@ class StandinWorld:
         for other in self.actors.values():
             if other.parent is actor:
                 other.pose, other.parent = other.transform, None
-        del self.actors[number]
+        self._gone[number] = self.frame, self.actors.pop(number)
         return True
 
     # ------------------------------------------------------------------------------- time
@@ -172,6 +185,7 @@ class StandinWorld:
                 actor.car.advance(dt, substeps)
         self.frame += 1
         self.elapsed += dt
+        self._gone = {n: each for n, each in self._gone.items() if each[0] >= self.frame - 1}
         sent = [StreamMessage(SNAPSHOTS, self.snapshot(clock))]
         sensors = [actor for actor in self.actors.values() if actor.sensor is not None]
         hits = self._hits() if sensors else []

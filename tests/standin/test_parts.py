@@ -318,6 +318,19 @@ def test_a_subscription_counts_from_the_question() -> None:
     assert b"e" not in last.heard[-1]
 
 
+def test_what_a_lost_client_asked_for_is_no_other_ones() -> None:
+    streams, lost, present = Streams(), object(), Ear()
+    streams.asker = lost
+    streams.expect(1)
+    streams.publish(StreamMessage(1, b"a"))
+    streams.asker = present
+    streams.expect(1)
+    streams.forget(lost)
+    streams.publish(StreamMessage(1, b"b"))
+    streams.join(1, present)
+    assert present.heard == [framed(b"b")]
+
+
 def test_cars_can_be_spawned_where_lanes_begin(caplog: pytest.LogCaptureFixture) -> None:
     (found,) = read_map("road", ROAD).spawn_points
     # 5 m along the lane, 2 m right of the line, mirrored into CARLA's axes.
