@@ -66,6 +66,16 @@ def test_a_number_of_the_design_changes_wherever_a_state_holds_it() -> None:
     assert inner.state.gains.flat[40] == 0.5
 
 
+def compared(setting: Setting, folder: FilePath, flag: str, count: int) -> tuple[Any, Any]:
+    """The C code of a controller, and how far it is from Python over drawn observations."""
+    code = bench.compiled(setting, folder, (COMPILER, flag))
+    known = bench.known(setting, bench.drawn_rows(setting, count))
+    found = bench.parity(setting, code, known)
+    assert found.other_statuses == 0
+    assert known.answers[:, 0].std() > 0.01
+    return code, found
+
+
 @needs_compiler
 @pytest.mark.parametrize("fields", [{}, {"base": {"kind": "stanley"}}], ids=["memory", "residual"])
 def test_a_policy_behind_a_predictor(fields: dict[str, Any], tmp_path: FilePath) -> None:
@@ -75,13 +85,9 @@ def test_a_policy_behind_a_predictor(fields: dict[str, Any], tmp_path: FilePath)
     net = random_net(len(config.problem.layout.scale), 8)
     file = export_policy(net, config, tmp_path, {}, ("Relu", "Tanh"), 0.6 if fields else 1.0)
     setting = made(f"predicted/{file}", tmp_path)
-    code = bench.compiled(setting, tmp_path, (COMPILER, "-O0"))
-    known = bench.known(setting, bench.drawn_rows(setting, 400))
-    found = bench.parity(setting, code, known)
-    assert found.other_statuses == 0
+    _, found = compared(setting, tmp_path, "-O0", 400)
     assert found.steering <= 1e-12
     assert 250 < found.usable < 390
-    assert known.answers[:, 0].std() > 0.01
 
 
 SETS: dict[str, Any] = {
@@ -106,13 +112,9 @@ def test_a_policy_of_several_actions(fields: dict[str, Any], tmp_path: FilePath)
     setting = made(word, tmp_path)
     said = run_vector(setting, tmp_path, "-O1")  # of joint ones it compares the speed, too
     assert said.returncode == 0, said.stdout
-    code = bench.compiled(setting, tmp_path, (COMPILER, "-O1"))
-    known = bench.known(setting, bench.drawn_rows(setting, 400))
-    found = bench.parity(setting, code, known)
-    assert found.other_statuses == 0
+    code, found = compared(setting, tmp_path, "-O1", 400)
     assert found.steering <= 1e-12
     assert 300 < found.usable < 390
-    assert known.answers[:, 0].std() > 0.01
     # Python's network is in float here, C's in double.
     assert bench.drive_difference(f"{word} speed=constant_speed", code, duration=5) <= 1e-5
 
@@ -142,10 +144,7 @@ def test_ros_has_no_speed(tmp_path: FilePath) -> None:
 )
 def test_drawn_observations_and_a_drive(word: str, single: bool, tmp_path: FilePath) -> None:
     setting = made(word, tmp_path, single=single)
-    code = bench.compiled(setting, tmp_path, (COMPILER, "-O0"))
-    known = bench.known(setting, bench.drawn_rows(setting, 500))
-    found = bench.parity(setting, code, known)
-    assert found.other_statuses == 0
+    code, found = compared(setting, tmp_path, "-O0", 500)
     assert found.steering <= (1e-6 if single else 1e-12)
     assert (100 if setting.controller.gaps else 300) < found.usable < 490
     if not single:
