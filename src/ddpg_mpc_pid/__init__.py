@@ -3,7 +3,7 @@
 A package of its own: it uses ``import steersman`` and none of its modules.
 """
 
-from ddpg_mpc_pid.plan import Plan, full, quick
+from ddpg_mpc_pid.plan import Plan, full, only, published, quick
 from ddpg_mpc_pid.results import StudyResult
 from ddpg_mpc_pid.sections import sections, write_page
 from ddpg_mpc_pid.study import estimate, reproduce
@@ -13,6 +13,8 @@ __all__ = [
     "StudyResult",
     "estimate",
     "full",
+    "only",
+    "published",
     "quick",
     "reproduce",
     "sections",

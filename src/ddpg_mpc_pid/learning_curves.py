@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ddpg_mpc_pid import statistics as st
-from ddpg_mpc_pid.plan import METHODS, STEPS, THRESHOLDS, Plan
+from ddpg_mpc_pid.plan import METHODS, THRESHOLDS, Plan
 from ddpg_mpc_pid.results import (
     CostSaving,
     LearningCurves,
@@ -99,7 +99,7 @@ def learning_curves(plan: Plan, trained: Mapping[str, StudyTraining]) -> Learnin
 def _horizon(plan: Plan, curves: Mapping[str, Curves], cost: str) -> float:
     """What the longest run of the compared methods spent in all."""
     values = [v for name, c in curves.items() if not METHODS[name].ablation for v in c.last(cost)]
-    return max(values, default=float(STEPS))
+    return max(values, default=float(max(t.config.steps for t in plan.trainings())))
 
 
 def _method(name: str, curves: Curves, plan: Plan) -> MethodResult:

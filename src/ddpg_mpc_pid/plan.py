@@ -18,8 +18,10 @@ STEPS = UPDATES * VEHICLES // PER_STEP
 # two coarser ones.
 THRESHOLDS = (0.5, 0.2, 0.1, 0.05, 0.01)
 
-# What differs from the preset "paper" in every training, and why.
-DEPARTURES: tuple[tuple[str, str], ...] = (
+Departures = tuple[tuple[str, str], ...]
+"""Settings over the preset "paper" in every training, each with its reason."""
+
+DEPARTURES: Departures = (
     (f"steps={STEPS}", f"{UPDATES} updates a training, so that all fit into the time"),
     (f"agent.vehicles={VEHICLES}", "several vehicles collect at the same time"),
     (f"agent.updates={PER_STEP}", "one update for four environment steps"),
@@ -39,6 +41,9 @@ DEPARTURES: tuple[tuple[str, str], ...] = (
 _NONE = ("problem.task.demonstration=none",)
 _FIXED = ("problem.task.demonstration=fixed",)
 _ALONE = ("problem.demonstration.p_action={kind: constant, at: 0}",)
+_DIRECT = ("problem.action=direct",)
+_PRECISE = ("problem.task={kind: precise, demonstration: adaptive}",)
+_SHORT = (f"steps={UPDATES}",)
 FULL_METHOD = "adaptive"
 
 
@@ -50,16 +55,18 @@ class Method(NamedTuple):
     reward: str
     """Methods of the same reward may be compared by their losses."""
     ablation: bool = False
-    """Compared with the full method, with fewer seeds."""
+    """Compared with the full method; with fewer seeds in the short plan."""
 
 
-METHODS: dict[str, Method] = {
+_BY_DEMONSTRATION: dict[str, Method] = {
     "ddpg": Method("DDPG alone", (*_NONE, "problem.demonstration.enabled=false"), "track"),
     "reward": Method("+ demonstration reward", (*_FIXED, *_ALONE), "fixed"),
     "action": Method("+ extra action", _NONE, "track"),
     "both": Method("+ both", _FIXED, "fixed"),
     "adaptive": Method("+ both, adaptive", (), "adaptive"),
-    "direct": Method("+ both, adaptive, direct action", ("problem.action=direct",), "direct"),
+    "direct": Method("+ both, adaptive, direct action", _DIRECT, "direct"),
+}
+_ABLATIONS: dict[str, Method] = {
     "sideslip": Method("Phi as side-slip", ("problem.task.phi=sideslip",), "sideslip", True),
     "store_agent": Method(
         "own action in the buffer", ("problem.demonstration.store=agent",), "adaptive", True
@@ -70,12 +77,7 @@ METHODS: dict[str, Method] = {
         "adaptive",
         True,
     ),
-    "precise": Method(
-        "reward with a finite slope at zero error",
-        ("problem.task={kind: precise, demonstration: adaptive}",),
-        "precise",
-        True,
-    ),
+    "precise": Method("reward with a finite slope at zero error", _PRECISE, "precise", True),
     "normalised": Method(
         "normalised coefficients", ("problem.task.normalise=true",), "normalised", True
     ),
@@ -86,6 +88,30 @@ METHODS: dict[str, Method] = {
         True,
     ),
 }
+# What only the plan as published trains: methods 1 to 4 with the direct action, equation 5 with a
+# weight at which it matters, and the rewards by the length of the training.
+_PUBLISHED: dict[str, Method] = {
+    **{
+        f"{name}_direct": method._replace(
+            label=f"{method.label}, direct action",
+            words=(*method.words, *_DIRECT),
+            reward=f"{method.reward}, direct",
+            ablation=True,
+        )
+        for name, method in list(_BY_DEMONSTRATION.items())[:4]
+    },
+    "change": Method(
+        "+ both, adaptive, direct action, c_change = 100",
+        (*_DIRECT, "problem.task.c_change=100"),
+        "change",
+        True,
+    ),
+    "adaptive_short": Method(f"+ both, adaptive, {UPDATES} updates", _SHORT, "adaptive", True),
+    "precise_short": Method(
+        f"reward with a finite slope, {UPDATES} updates", (*_PRECISE, *_SHORT), "precise", True
+    ),
+}
+METHODS: dict[str, Method] = _BY_DEMONSTRATION | _ABLATIONS | _PUBLISHED
 # Settings of the smoke run, over the departures.
 _TINY = (
     "steps=600",
@@ -116,8 +142,9 @@ class Plan(NamedTuple):
     methods: tuple[str, ...]
     seeds: int
     ablation_seeds: int
+    departures: Departures
     words: tuple[str, ...]
-    """Settings over the preset, of every training."""
+    """Further settings of every training."""
     circle_seconds: float
     monza_seconds: float | None
     """None: a whole lap."""
@@ -158,7 +185,8 @@ def _trainings(plan: Plan) -> tuple[Training, ...]:
         for name in plan.methods:
             method = METHODS[name]
             if seed < (plan.ablation_seeds if method.ablation else plan.seeds):
-                words = (*plan.words, *method.words, f"seed={seed}")
+                base = (*(word for word, _ in plan.departures), *plan.words)
+                words = (*base, *method.words, f"seed={seed}")
                 last = {word.partition("=")[0]: word for word in words}  # later ones win
                 config = sm.configure("train", "paper", *last.values())
                 found.append(Training(name, seed, config))
@@ -166,12 +194,13 @@ def _trainings(plan: Plan) -> tuple[Training, ...]:
 
 
 def full() -> Plan:
-    """The whole study."""
+    """The whole study, in trainings that are short enough for an evening."""
     return Plan(
-        methods=tuple(METHODS),
+        methods=(*_BY_DEMONSTRATION, *_ABLATIONS),
         seeds=5,
         ablation_seeds=3,
-        words=tuple(word for word, _ in DEPARTURES),
+        departures=DEPARTURES,
+        words=(),
         circle_seconds=60.0,
         monza_seconds=None,
         error_ranges=(0.0, 0.1, 0.2, 0.3, 0.4, 0.5),
@@ -185,13 +214,39 @@ def full() -> Plan:
     )
 
 
+def published() -> Plan:
+    """Every training as published: the preset "paper" and nothing else, five seeds each."""
+    methods = (*_BY_DEMONSTRATION, *_PUBLISHED, "precise")
+    return full()._replace(methods=methods, ablation_seeds=5, departures=())
+
+
+def only(plan: Plan, methods: tuple[str, ...] | None, seeds: int | None) -> Plan:
+    """A part of a plan: some of its methods, and so many seeds of each at most.
+
+    Raises:
+        sm.ConfigError: the plan has no such method.
+    """
+    chosen = plan.methods if methods is None else methods
+    for name in chosen:
+        if name not in plan.methods:
+            raise sm.ConfigError(
+                f"--methods: this plan has no {name!r}{sm.suggestion(name, plan.methods)}"
+            )
+    most = max(plan.seeds, plan.ablation_seeds) if seeds is None else seeds
+    return plan._replace(
+        methods=chosen,
+        seeds=min(plan.seeds, most),
+        ablation_seeds=min(plan.ablation_seeds, most),
+    )
+
+
 def quick() -> Plan:
     """A smoke run: every stage, nearly nothing in it."""
     return full()._replace(
         methods=("ddpg", "both", "adaptive"),
         seeds=1,
         ablation_seeds=1,
-        words=(*(word for word, _ in DEPARTURES), *_TINY),
+        words=_TINY,
         circle_seconds=2.0,
         monza_seconds=4.0,
         error_ranges=(0.0, 0.2),

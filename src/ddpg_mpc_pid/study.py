@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import steersman as sm
 from ddpg_mpc_pid.drives import ErrorDrives, circle, circle_tests, robustness, waypoint_errors
 from ddpg_mpc_pid.learning_curves import learning_curves
-from ddpg_mpc_pid.plan import DEPARTURES, METHODS, Plan
+from ddpg_mpc_pid.plan import METHODS, Plan
 from ddpg_mpc_pid.results import (
     AwayResult,
     AwayTest,
@@ -256,7 +256,7 @@ def _plan(plan: Plan) -> dict[str, Any]:
         **plan._asdict(),
         "digest": plan.digest(),
         "preset": "paper",
-        "departures": [{"setting": s, "why": why} for s, why in DEPARTURES],
+        "departures": [{"setting": s, "why": why} for s, why in plan.departures],
         "training_methods": {name: METHODS[name]._asdict() for name in plan.methods},
         "trainings": [job.name for job in jobs(plan, FilePath())],
         "wrong_parameters": WRONG,

@@ -33,7 +33,7 @@ from ddpg_mpc_pid.tracks import per_corner
 from steersman.cli import app
 from steersman.config import dump
 from steersman.engine.work import Outcome, packed, perform
-from steersman.errors import DataError, SteersmanError
+from steersman.errors import ConfigError, DataError, SteersmanError
 from steersman.learning import progress
 from steersman.learning.progress import TrainRow
 from steersman.learning.train import train
@@ -65,8 +65,8 @@ def test_the_full_plan_has_every_method_with_its_seeds() -> None:
     names = [t.name for t in plan.trainings()]
     assert len(names) == len(set(names)) == 6 * 5 + 6 * 3
     assert {t.config.seed for t in plan.trainings()} == set(range(5))
-    first = plan.trainings()[: len(METHODS)]
-    assert [t.method for t in first] == list(METHODS)
+    first = plan.trainings()[: len(plan.methods)]
+    assert tuple(t.method for t in first) == plan.methods
     for t in plan.trainings():
         updates = t.config.steps * t.config.agent.updates / t.config.agent.vehicles
         assert updates <= 40_000
@@ -86,18 +86,47 @@ def test_methods_differ_in_what_their_names_say() -> None:
     assert configs["direct"].action == "direct"
     rates = {t.method: t.config.agent.learning_rate.kind for t in study.full().trainings()}
     assert {name for name, kind in rates.items() if kind != "cyclical"} == {"constant_rate"}
-    for name in METHODS:
-        expected = {"scheduled"} if name == "scheduled" else set()
-        assert bool(expected) == configs[name].demonstration.controller.scheduled
+    for name, problem in configs.items():
+        assert problem.demonstration.controller.scheduled == (name == "scheduled")
 
 
 def test_methods_of_the_same_reward_have_the_same_task() -> None:
     tasks: dict[str, set[str]] = {}
-    for t in study.full().trainings():
+    for t in (*study.full().trainings(), *study.published().trainings()):
         tasks.setdefault(METHODS[t.method].reward, set()).add(
             json.dumps([dump(t.config.problem.task), t.config.problem.action])
         )
     assert {len(found) for found in tasks.values()} == {1}
+
+
+def test_the_plan_as_published_changes_nothing_but_the_method() -> None:
+    plan = study.published()
+    assert set(METHODS) == {*plan.methods, *study.full().methods}
+    preset = sm.configure("train", "paper")
+    short = {"adaptive_short", "precise_short"}
+    for t in plan.trainings():
+        assert t.config.agent == preset.agent
+        assert t.config.validation == preset.validation
+        assert t.config.steps == (40_000 if t.method in short else 200_000)
+    assert len(plan.trainings()) == 5 * len(plan.methods) == 70
+    tasks = {t.method: t.config.problem for t in plan.trainings()}
+    demonstrated = ("ddpg", "reward", "action", "both")
+    for name in demonstrated:
+        twin = tasks[f"{name}_direct"]
+        assert (tasks[name].action, twin.action) == ("rate", "direct")
+        assert twin.task == tasks[name].task
+        assert twin.demonstration == tasks[name].demonstration
+    assert tasks["change"].task.c_change > 0.0
+    assert tasks["change"].action == "direct"
+
+
+def test_a_part_of_a_plan() -> None:
+    part = study.only(study.published(), ("ddpg", "direct"), 2)
+    names = [t.name for t in part.trainings()]
+    assert names == ["ddpg/seed_0", "direct/seed_0", "ddpg/seed_1", "direct/seed_1"]
+    assert study.only(study.full(), None, None) == study.full()
+    with pytest.raises(ConfigError, match="did you mean 'direct'"):
+        study.only(study.published(), ("dirct",), None)
 
 
 def test_every_departure_has_its_reason() -> None:

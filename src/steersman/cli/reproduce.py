@@ -14,12 +14,14 @@ from steersman import files
 from steersman.cli import settings
 from steersman.cli.outcome import goes_on
 from steersman.cli.output import animated, note, steps_bar, write
+from steersman.errors import ConfigError
 
 EXAMPLES = (
     "\b\n"
     "Examples:\n"
     "  steersman reproduce --out runs/paper\n"
     "  steersman reproduce --quick --out runs/quick\n"
+    "  steersman reproduce --published --methods ddpg,adaptive --seeds 3 --out runs/published\n"
     "\n"
     "The same command goes on where an interrupted one stopped."
 )
@@ -31,6 +33,21 @@ def reproduce(
     quick: Annotated[
         bool, typer.Option("--quick", help="Smoke run: every stage, nearly nothing in it.")
     ] = False,
+    published: Annotated[
+        bool,
+        typer.Option(
+            "--published",
+            help="Trainings as published: 200 000 updates, one after each step of one vehicle.",
+        ),
+    ] = False,
+    methods: Annotated[
+        str | None,
+        typer.Option("--methods", metavar="NAME,...", help="Only these methods of the plan."),
+    ] = None,
+    seeds: Annotated[
+        int | None,
+        typer.Option("--seeds", min=1, metavar="N", help="At most so many seeds of each method."),
+    ] = None,
     other_version: Annotated[
         bool,
         typer.Option(
@@ -45,11 +62,15 @@ def reproduce(
 
     Trains two agents at a time (or --jobs), drives all tests, and writes results.json, plots/ and
     report.html, which puts what was measured beside the paper. What is finished is not done again.
+    Methods and tests: docs/reproduce.md.
     """
     import ddpg_mpc_pid as study
 
+    if quick and published:
+        raise ConfigError("--quick and --published are two plans; give one of them")
+    plan = study.quick() if quick else study.published() if published else study.full()
+    plan = study.only(plan, tuple(methods.split(",")) if methods else None, seeds)
     folder = files.out_folder(out)
-    plan = study.quick() if quick else study.full()
     work = study.estimate(plan)
     note(
         f"{work.trainings} trainings of {work.updates} updates and their tests: about "
