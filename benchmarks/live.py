@@ -35,10 +35,11 @@ from steersman.rollout import RunConfig
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 GOAL_MS = 300
-ROUNDS = 20
-CONTROLLERS = ("pid", "pure_pursuit", "stanley", "lqr", "mpc_pid")
-# Moves a slider of the vehicle, which is a new design for every controller.
-CHANGE = """async (share) => {
+ROUNDS, FIRST = 20, 120
+CONTROLLERS = ("pid_feedforward", "pure_pursuit", "stanley", "lqr", "mpc_pid")
+# Moves a slider of the vehicle, which is a new design for every controller, by whole steps, so that
+# each change is a drive that the server does not have.
+CHANGE = """async (steps) => {
   const slider = document.querySelector("input[type=range][aria-label='vehicle.mass']");
   const took = document.getElementById("took");
   const shown = new Promise((done) => new MutationObserver((_, watch) => {
@@ -46,7 +47,7 @@ CHANGE = """async (share) => {
     requestAnimationFrame(() => setTimeout(() => done(performance.now()), 0));
   }).observe(took, { childList: true, characterData: true, subtree: true }));
   const begun = performance.now();
-  slider.value = Number(slider.min) + share * (slider.max - slider.min);
+  slider.value = Number(slider.min) + steps * Number(slider.step);
   slider.dispatchEvent(new Event("input"));
   return (await shown) - begun;
 }"""
@@ -86,12 +87,12 @@ def measured(browser: Any, controller: str) -> dict[str, float]:
         page = browser.new_page(viewport={"width": 1280, "height": 900})
         page.goto(address.url)
         page.wait_for_function("() => Boolean(document.getElementById('took').textContent)")
-        page.evaluate(CHANGE, 0.3)  # compiles, and has a drive before it from now on
+        page.evaluate(CHANGE, FIRST)  # compiles, and has a drive before it from now on
         thread = page.context.new_cdp_session(page)
         thread.send("Performance.setTimeDomain", {"timeDomain": "threadTicks"})
         thread.send("Performance.enable")
         begun, before = time.process_time(), busy(thread)
-        took = [page.evaluate(CHANGE, 0.31 + 0.001 * k) for k in range(ROUNDS)]
+        took = [page.evaluate(CHANGE, FIRST + 1 + k) for k in range(ROUNDS)]
         cpu = (time.process_time() - begun) / ROUNDS
         shown = (busy(thread) - before) / ROUNDS
         page.close()
@@ -121,7 +122,7 @@ def main() -> None:
     machine = {"cpus": os.cpu_count(), "load": [round(before, 1), round(os.getloadavg()[0], 1)]}
     sys.stdout.write(f"goal {GOAL_MS} ms; {machine}\n")
     if out is not None:
-        record = {**provenance(), **machine, "goal_ms": GOAL_MS, "controllers": found}
+        record = {"command": " ".join(["python", *sys.argv]), **provenance(), **machine, "goal_ms": GOAL_MS, "controllers": found}
         write_text(out, json.dumps(record, indent=1) + "\n")
 
 
