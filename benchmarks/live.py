@@ -122,7 +122,13 @@ def main() -> None:
     machine = {"cpus": os.cpu_count(), "load": [round(before, 1), round(os.getloadavg()[0], 1)]}
     sys.stdout.write(f"goal {GOAL_MS} ms; {machine}\n")
     if out is not None:
-        record = {"command": " ".join(["python", *sys.argv]), **provenance(), **machine, "goal_ms": GOAL_MS, "controllers": found}
+        record = {
+            "command": " ".join(["python", *sys.argv]),
+            **provenance(),
+            **machine,
+            "goal_ms": GOAL_MS,
+            "controllers": found,
+        }
         write_text(out, json.dumps(record, indent=1) + "\n")
 
 

@@ -219,13 +219,22 @@ def test_profile_from_a_file(tmp_path: FilePath) -> None:
     assert speeds == pytest.approx([0.0, 10.0])
     file = written(tmp_path, "gear,speed_m_s,time_s\n1,3,0\n2,4,1\n")
     assert read_profile(file)[1] == pytest.approx([3.0, 4.0])
+    file = written(tmp_path, "# t [ms]; v (km/h)\n0; 3,6\n2500; 7,2\n")
+    times, speeds = read_profile(file)
+    assert times == pytest.approx([0.0, 2.5])
+    assert speeds == pytest.approx([1.0, 2.0])
 
 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "is empty; needs the columns time_s and speed_m_s or speed_km_h"),
-        ("time_s,speed\n0,1\n", "line 1: needs the columns"),
+        ("", "is empty; needs the columns time and speed, e.g. time_s and speed_m_s or speed_km_h"),
+        ("time_s,gear\n0,1\n", "line 1: needs the columns"),
+        (
+            "s_m;x_m;y_m;vx_mps\n0;0;0;1\n",
+            "line 1: needs the columns time and speed, e.g. time_s"
+            " and speed_m_s or speed_km_h; speeds along a path are speed=path",
+        ),
         ("time_s,speed_m_s\n", "holds no breakpoints"),
         ("time_s,speed_m_s\n0,1\n1,fast\n", "line 3: speed_m_s is 'fast', not a finite number"),
         ("time_s,speed_m_s\n0,1\n1,nan\n", "line 3: speed_m_s is 'nan', not a finite number"),

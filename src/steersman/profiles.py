@@ -8,12 +8,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from steersman.columns import find
 from steersman.errors import ConfigError, DataError
 from steersman.kernels import speed as kernel
 from steersman.kernels.speed import SpeedTable
 from steersman.kernels.speed_profile import brake_ahead, curvatures, fastest
+from steersman.logs.columns import SIGNALS
+from steersman.paths.points import COLUMNS as PATH_COLUMNS
 from steersman.protocols import Path
-from steersman.tables import read_sheet
+from steersman.tables import Sheet, read_sheet
 from steersman.types import FloatArray
 
 CAP_STEP = 1.0
@@ -24,6 +27,9 @@ _CEILING = 1e3
 # Steps are so much longer than a whole fraction of the path that none is left over by rounding.
 _LONGER = 1.0 + 1e-12
 _NO_CAP = np.zeros(0)
+# Of a profile's file.
+_COLUMNS = {"time": SIGNALS["time"], "speed": PATH_COLUMNS["speed"]}
+_NEEDS = "needs the columns time and speed, e.g. time_s and speed_m_s or speed_km_h"
 
 
 class RoadSpeed(NamedTuple):
@@ -158,23 +164,27 @@ def read_profile(file: FilePath) -> tuple[FloatArray, FloatArray]:
     Raises:
         DataError: names the file, the line and what is wrong.
     """
-    needs = "needs the columns time_s and speed_m_s or speed_km_h"
-    sheet = read_sheet(file, needs, lambda titles: "time_s" in titles)
-    header = sheet.titles
-    factors = {"speed_m_s": 1.0, "speed_km_h": 1.0 / 3.6}
-    column = next((name for name in factors if name in header), None)
-    if "time_s" not in header or column is None:
-        raise sheet.fault(sheet.title_line, needs)
+
+    def is_header(titles: list[str]) -> bool:
+        return _COLUMNS.keys() <= find(Sheet(file, titles, 0, [], []), _COLUMNS).keys()
+
+    sheet = read_sheet(file, _NEEDS, is_header)
+    found = find(sheet, _COLUMNS)
+    if found.keys() < _COLUMNS.keys():
+        along = "; speeds along a path are speed=path, with this file as path.file"
+        raise sheet.fault(sheet.title_line, _NEEDS + along * ("speed" in found))
     if not sheet.rows:
         raise DataError(f"{file}: holds no breakpoints; give at least one line of numbers")
-    times, speeds = sheet.numbers("time_s"), sheet.numbers(column)
+    times, speeds = (found[k].factor * sheet.numbers(found[k].place) for k in ("time", "speed"))
+    title = {name: sheet.titles[column.place] for name, column in found.items()}
     back = np.flatnonzero(np.diff(times) <= 0.0)
     if back.size:
-        raise sheet.fault(sheet.lines[back[0] + 1], "time_s must increase from line to line")
+        line = sheet.lines[back[0] + 1]
+        raise sheet.fault(line, f"{title['time']} must increase from line to line")
     if (speeds < 0.0).any():
         line = sheet.lines[np.flatnonzero(speeds < 0.0)[0]]
-        raise sheet.fault(line, f"{column} must not be negative")
-    return times - times[0], speeds * factors[column]
+        raise sheet.fault(line, f"{title['speed']} must not be negative")
+    return times - times[0], speeds
 
 
 def read_ggv(file: FilePath) -> FloatArray:

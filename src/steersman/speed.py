@@ -217,7 +217,7 @@ def _without_standstill(times: FloatArray, speeds: FloatArray) -> tuple[FloatArr
 
 @register("speed", "csv")
 class SpeedCsv(SpeedTracking):
-    """A profile from a CSV file with the columns time_s and speed_m_s (or speed_km_h)."""
+    """A profile from a table with columns of time and speed, e.g. time_s and speed_km_h."""
 
     suffixes: ClassVar[tuple[str, ...]] = (".csv",)
 

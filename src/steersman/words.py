@@ -16,6 +16,7 @@ Where a controller gets a name of its own (bench, compare), a word may be ``name
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Iterable, Sequence
 from pathlib import Path as FilePath
 from typing import Any
@@ -23,7 +24,7 @@ from typing import Any
 from steersman import policies, tuned
 from steersman.core_yaml import read_yaml
 from steersman.errors import ConfigError, DataError, shortened, suggestion
-from steersman.registry import components
+from steersman.registry import components, families
 
 YAML = (".yaml", ".yml")
 _CONTROLLER, _POLICY = "controller", "policy"
@@ -68,6 +69,25 @@ def means(family: str, word: str) -> bool:
     if suffix in YAML:
         return place.is_file() and _in_yaml(family, word)
     return _by_suffix(family, suffix) is not None or (family == _CONTROLLER and _results(place))
+
+
+def family_of(word: str) -> tuple[str, str]:
+    """The family of a component, and its word in it: ``family.word``, or a word of one family.
+
+    Raises:
+        ConfigError: there is none, or one in several families.
+    """
+    first, _, rest = word.partition(".")
+    if rest and first in families() and means(first, rest):
+        return first, rest
+    found = [family for family in families() if means(family, word)]
+    if len(found) == 1:
+        return found[0], word
+    if ways := " or ".join(f"{family}.{word}" for family in found):
+        raise ConfigError(f"{word!r} is in several families; write {ways}")
+    near = [name for f in families() for kind in components(f) for name in (f, kind, f"{f}.{kind}")]
+    found = difflib.get_close_matches(word, near, n=1)
+    raise ConfigError(f"unknown component {word!r}{suggestion(word, found or families())}")
 
 
 def fields_of(family: str, word: str) -> dict[str, Any]:

@@ -126,6 +126,24 @@ class TestList:
 
 
 class TestShow:
+    @pytest.mark.parametrize("word", ["lqr", "controller.lqr", "tuned/lqr"])
+    def test_a_word_of_one_family_needs_no_kind(self, steersman: Steersman, word: str) -> None:
+        shown = steersman("show", word).stdout
+        assert shown.startswith(f"controller {word.removeprefix('controller.')}\n\nLinear-quadr")
+
+    @pytest.mark.parametrize(
+        ("word", "hint"),
+        [
+            ("lqrr", "did you mean 'lqr'?"),
+            ("csv", "write path.csv or speed.csv"),
+            ("q", "allowed: agent, controller,"),
+        ],
+    )
+    def test_a_word_of_no_family(self, steersman: Steersman, word: str, hint: str) -> None:
+        result = steersman("show", word)
+        assert result.exit_code == 2
+        assert hint in result.stderr
+
     def test_a_component(self, steersman: Steersman) -> None:
         result = steersman("show", "path", "circle")
         assert "path circle\n\nA full circle" in result.stdout

@@ -22,7 +22,7 @@ LIST_EXAMPLES = (
 SHOW_EXAMPLES = (
     "\b\nExamples:\n"
     "  steersman show controller mpc_pid\n"
-    "  steersman show controller tuned/mpc_pid\n"
+    "  steersman show tuned/mpc_pid\n"
     "  steersman show path circle --json\n"
     "  steersman show drive\n"
     "  steersman show train"
@@ -79,7 +79,7 @@ def show_component(
         str,
         typer.Argument(
             metavar="KIND",
-            help=f"E.g. controller; or {', '.join(_COMMANDS)}",
+            help=f"E.g. controller, or a component, e.g. tuned/lqr; or {', '.join(_COMMANDS)}",
             autocompletion=settings.component,
         ),
     ],
@@ -90,8 +90,12 @@ def show_component(
     as_json: settings.AsJson = False,
 ) -> None:
     """Show the fields of a component, or all settings of a command."""
+    from steersman.config import families
     from steersman.fields import fields_of
+    from steersman.words import family_of
 
+    if name is None and kind not in (*families(), *_COMMANDS):
+        kind, name = family_of(kind)
     cls, tuned = _find(kind, name)
     fields = fields_of(cls, tuned)
     about = paragraphs(cls)

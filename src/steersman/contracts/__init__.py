@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from steersman.config import Component, components, dump, families, lookup, override, resolve
-from steersman.errors import ConfigError, DataError, one_line, suggestion
-from steersman.words import means
+from steersman.errors import ConfigError, DataError, one_line
+from steersman.words import family_of
 
 T = TypeVar("T")
 Check = Callable[[T], Iterator[str]]
@@ -96,7 +96,7 @@ def check(word: str, assignments: Iterable[str] = ()) -> tuple[str, list[str]]:
         ConfigError: there is no such component, no contract of its family, or a field is wrong.
         DataError: a file that the component reads is missing or malformed.
     """
-    family, name = _family(word)
+    family, name = family_of(word)
     run = _contract(family)
     if run.of_classes and name in components(family):
         cls = lookup(family, name)
@@ -133,17 +133,3 @@ def _contract(family: str) -> Contract[Any]:
         raise ConfigError(f"{family}: has no contract; families that have: {others}")
     found: Contract[Any] = importlib.import_module(f"{__name__}.{family}").check
     return found
-
-
-def _family(word: str) -> tuple[str, str]:
-    first, _, rest = word.partition(".")
-    if rest and first in families() and means(first, rest):
-        return first, rest
-    found = [family for family in families() if means(family, word)]
-    if len(found) == 1:
-        return found[0], word
-    if found:
-        ways = " or ".join(f"{family}.{word}" for family in found)
-        raise ConfigError(f"{word!r} is in several families; write {ways}")
-    names = [f"{family}.{kind}" for family in families() for kind in components(family)]
-    raise ConfigError(f"unknown component {word!r}{suggestion(word, [*families(), *names])}")
