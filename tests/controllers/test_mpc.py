@@ -47,8 +47,9 @@ def scenes(count: int = 20, largest: float = 3.0) -> list[Observation]:
     return [scene(d, kappa, rng.uniform(3.0, 15.0), slip) for d, kappa, _, slip in draws]
 
 
-def test_zero_order_hold_is_scipys() -> None:
-    a, b = single_track(CAR, 8.0)
+@pytest.mark.parametrize("v", [0.3, 8.0, 90.0])
+def test_zero_order_hold_is_scipys(v: float) -> None:
+    a, b = single_track(CAR, v)
     expected = cont2discrete((a, b, np.eye(4), np.zeros((4, 1))), DT)[:2]
     for ours, theirs in zip(zero_order_hold(a, b, DT), expected, strict=True):
         assert ours == pytest.approx(theirs, abs=1e-13)

@@ -9,6 +9,7 @@ import subprocess
 from pathlib import Path as FilePath
 from typing import Any
 
+import numpy as np
 import pytest
 
 from steersman.delivery.controller import Setting, translated
@@ -119,10 +120,53 @@ def test_a_policy_of_several_actions(fields: dict[str, Any], tmp_path: FilePath)
     assert bench.drive_difference(f"{word} speed=constant_speed", code, duration=5) <= 1e-5
 
 
-def test_parameters_that_a_design_needs_have_no_c(tmp_path: FilePath) -> None:
-    lqr = {"base": {"kind": "lqr"}, "parameters": {"q_heading": "1..2", "r": "1..2"}}
-    setting = bench.setting_of(str(policy_file(tmp_path, SETS | lqr)))
-    with pytest.raises(ConfigError, match=r"no C code can be made of .*riccati\.py"):
+def setting_a_design(tmp_path: FilePath, base: dict[str, Any], **parameters: Any) -> Setting:
+    fields = SETS | {"base": base, "parameters": parameters}
+    setting: Setting = bench.setting_of(str(policy_file(tmp_path, fields)))
+    return setting
+
+
+DESIGNS: dict[str, dict[str, Any]] = {
+    "Riccati equations over speed": {
+        "base": {"kind": "lqr"}, "q_heading": "0.3..3:log", "r": "1..4",
+    },
+    "a condensed program, its speed chosen": {
+        "base": {"kind": "mpc_pid", "horizon": 4, "rate_limit": True}, "v0": (5.0, 18.0),
+        "model_error.mass": "0.5..2",
+    },
+    "tyres and weights of a plan": {
+        "base": {"kind": "mpc_delay", "horizon": 4, "filter_road": False,
+                 "estimate_friction": False},
+        "model_error.friction": "0.1..1.2:log", "r_change": "0.1..20:log",
+    },
+}  # fmt: skip
+
+
+@needs_compiler
+@pytest.mark.parametrize("design", DESIGNS)
+def test_what_a_policy_sets_is_designed_anew_in_c(design: str, tmp_path: FilePath) -> None:
+    setting = setting_a_design(tmp_path, **DESIGNS[design])
+    write_controller(setting, tmp_path)
+    _, found = compared(setting, tmp_path, "-O1", 200)
+    assert found.steering <= (1e-12 if "Riccati" in design else 1e-9)
+    assert found.usable > 130
+
+
+@needs_compiler
+def test_a_design_without_a_solution_leaves_the_former(tmp_path: FilePath) -> None:
+    limits = {"q_heading": "1e-3..1e22:log", "r": "1e-20..1e3:log"}
+    setting = setting_a_design(tmp_path, {"kind": "lqr"}, **limits)
+    write_controller(setting, tmp_path)
+    _, found = compared(setting, tmp_path, "-O0", 200)
+    assert found.steering <= 1e-12
+    start = setting.start()
+    hopeless = np.array([1.0, -1.0])
+    assert start.adjuster.adjust(start.base_state, hopeless) is start.base_state
+
+
+def test_a_horizon_that_a_policy_sets_has_no_c(tmp_path: FilePath) -> None:
+    setting = setting_a_design(tmp_path, {"kind": "mpc"}, horizon="5..40", q="1..2")
+    with pytest.raises(ConfigError, match=r"no C code can be made of .*horizon\w*, which changes"):
         translated(setting)
 
 

@@ -192,7 +192,7 @@ def raising(a: float, b: float, x: FloatArray) -> float:
     ("function", "message"),
     [
         (recursive, "recursive calls itself"),
-        (ragged, "where a constant is expected"),
+        (ragged, "where C needs a constant"),
         (raising, "raise ValueError"),
     ],
 )

@@ -164,13 +164,20 @@ def carried(state: Any, was: Any, now: Any) -> Any:
     >>> carried(was._replace(error=0.1), was, now)
     PidState(integral=0.0, derivative=0.5, error=0.1)
     """
-    if state is was or (isinstance(state, bool | int | float | str) and state == was):
+    if state is was or _equal(state, was):
         return now
     alike = type(state) is type(was) is type(now)
     if isinstance(state, tuple) and alike and len(state) == len(was) == len(now):
         parts = [carried(*each) for each in zip(state, was, now, strict=True)]
         return type(state)(*parts) if hasattr(state, "_fields") else tuple(parts)
     return state
+
+
+def _equal(one: Any, other: Any) -> bool:
+    """Whether two numbers, texts or arrays are equal."""
+    if isinstance(one, np.ndarray):
+        return isinstance(other, np.ndarray) and np.array_equal(one, other)
+    return isinstance(one, bool | int | float | str) and bool(one == other)
 
 
 class Adjusted(NamedTuple):

@@ -25,13 +25,9 @@ from steersman.vehicles import Vehicle
 
 def predict(a: FloatArray, b: FloatArray, horizon: int) -> tuple[FloatArray, FloatArray]:
     """Predict y over the horizon: free response (N, 4) to the state, forced (N, N) to steering."""
-    free, impulse, power = np.zeros((horizon, 4)), np.zeros(horizon), np.eye(4)
-    for i in range(horizon):
-        impulse[i] = (power @ b)[0, 0]
-        power = a @ power
-        free[i] = power[0]
-    steps = np.arange(horizon)
-    return free, np.tril(impulse[abs(steps[:, None] - steps)])
+    free, forced = np.zeros((horizon, 4)), np.zeros((horizon, horizon))
+    kernel.respond(a, b, free, forced, np.empty((2, 4, 4)))
+    return free, forced
 
 
 # DAQP's kind of a soft constraint, and its exit flags for "solved".
@@ -157,37 +153,46 @@ def build_problem(  # noqa: PLR0913 - one argument for each term of the optimisa
     free, forced = predict(*zero_order_hold(*single_track(vehicle, v0), dt), horizon)
     weights = np.full(horizon, q)
     weights[-1] += p
-    hessian = forced.T @ (weights[:, None] * forced) + r * np.eye(horizon)
-    rows = []
-    max_angle = vehicle.max_wheel_angle
-    if rate_limit:
-        rows.append(np.eye(horizon) - np.eye(horizon, k=-1))
+    weight = forced.T * weights
+    hessian = weight @ forced + r * np.eye(horizon)
+    matrix = _changes(horizon, rate_limit)
     if corridor is not None:
-        rows.append(forced)
-    matrix = np.vstack(rows) if rows else np.zeros((0, horizon))
-    count = horizon + len(matrix)
-    upper = np.full(count, max_angle)
+        matrix = np.vstack([matrix, forced])
+    lower, upper = _bounds(horizon + len(matrix), vehicle.max_wheel_angle)
     inverse = np.empty_like(hessian)
     if not active_set.inverse_root(hessian, inverse):
         raise np.linalg.LinAlgError("the Hessian is not positive definite")
-    soft = None
-    if corridor is not None:
-        sense = np.zeros(count, dtype=np.int32)
-        sense[-horizon:] = _SOFT
-        soft = QpSolver(hessian, np.zeros(horizon), matrix, upper, -upper, sense)
     return MpcProblem(
         horizon,
         dt,
-        np.ascontiguousarray(free[:, [1, 3]]),
+        np.ascontiguousarray(free[:, 1::2]),
         forced,
-        np.ascontiguousarray(forced.T * weights),
+        np.ascontiguousarray(weight),
         hessian,
-        max_angle,
+        vehicle.max_wheel_angle,
         vehicle.steer_rate_up * vehicle.max_wheel_angle * dt if rate_limit else None,
         corridor,
         inverse,
         matrix,
-        -upper,
+        lower,
         upper,
-        soft,
+        None if corridor is None else _soft(hessian, matrix, upper),
     )
+
+
+def _changes(horizon: int, rate_limit: bool) -> FloatArray:
+    """Rows (N, N) that give the changes of the wheel angle, or none (0, N)."""
+    return (np.eye(horizon) - np.eye(horizon, k=-1))[: horizon if rate_limit else 0]
+
+
+def _bounds(count: int, most: float) -> tuple[FloatArray, FloatArray]:
+    """Lower and upper limits (count,) of so many numbers."""
+    return np.full(count, -most), np.full(count, most)
+
+
+def _soft(hessian: FloatArray, matrix: FloatArray, upper: FloatArray) -> QpSolver:
+    """The program with its last N rows as soft limits."""
+    n = len(hessian)
+    sense = np.zeros(len(upper), dtype=np.int32)
+    sense[-n:] = _SOFT
+    return QpSolver(hessian, np.zeros(n), matrix, upper, -upper, sense)

@@ -15,9 +15,8 @@ import numpy as np
 
 from steersman.config import param, register
 from steersman.controllers.base import ControllerComponent
-from steersman.controllers.riccati import gain, riccati
+from steersman.controllers.riccati import regulators
 from steersman.controllers.single_track import (
-    ErrorModel,
     discrete,
     error_model,
     errors,
@@ -103,15 +102,19 @@ def gain_at(gains: FloatArray, v: float) -> tuple[float, float, float, float]:
     return k1, k2, k3, k4
 
 
-def lqr_gain(a: FloatArray, b: FloatArray, q: FloatArray, r: float) -> FloatArray:
-    """Gain (..., 4) of u = -K x that minimises the sum of x'qx + r u^2 for x(k+1) = a x + b u."""
-    return gain(a, b, riccati(a, b, q, r), r)
+@lru_cache(maxsize=64)
+def _schedule(vehicle: Vehicle, dt: float, weights: tuple[float, ...], r: float) -> FloatArray:
+    a, b = _models(vehicle, dt)
+    gains = regulators(a, b, np.diag(weights), r)
+    gains.setflags(write=False)
+    return gains
 
 
 @lru_cache(maxsize=64)
-def _schedule(vehicle: Vehicle, dt: float, weights: tuple[float, ...], r: float) -> FloatArray:
-    each = zip(*(error_model(vehicle, v) for v in _SPEEDS), strict=True)
-    model = discrete(ErrorModel(*map(np.array, each)), dt)
-    gains = lqr_gain(model.a, model.b, np.diag(weights), r)
-    gains.setflags(write=False)
-    return gains
+def _models(vehicle: Vehicle, dt: float) -> tuple[FloatArray, FloatArray]:
+    """Errors over a period (speeds, 4, 4), and the effect of the wheel angle (speeds, 4)."""
+    models = [discrete(error_model(vehicle, v), dt) for v in _SPEEDS]
+    a, b = np.array([each.a for each in models]), np.array([each.b for each in models])
+    for each in (a, b):
+        each.setflags(write=False)
+    return a, b

@@ -14,8 +14,9 @@ import numpy as np
 
 from steersman.controllers.motion_estimate import SLOWEST
 from steersman.controllers.quadratic import optimum
-from steersman.controllers.riccati import gain, riccati
+from steersman.controllers.riccati import riccati
 from steersman.controllers.single_track import ErrorModel, discrete, error_model, steady_state
+from steersman.kernels import linear_system
 from steersman.kernels import mpc_delay as kernel
 from steersman.types import FloatArray, Observation, Status
 from steersman.vehicles import Vehicle
@@ -71,22 +72,26 @@ class Tables:
         at = min(max((v - SLOWEST) / SPEED_STEP, 0.0), N_SPEEDS - 1.001)
         i = int(at)
         w = at - i
-        pairs = zip(self._model(i), self._model(i + 1), strict=True)
+        pairs = zip(self.model(i), self.model(i + 1), strict=True)
         return Model(*((1.0 - w) * low + w * high for low, high in pairs))
 
     def fill(self) -> Tables:
         """Build the models of all speeds now, so that no step has to."""
         for i in range(N_SPEEDS):
-            self._model(i)
+            self.model(i)
         return self
 
-    def _model(self, i: int) -> Model:
+    def model(self, i: int) -> Model:
+        """The model at the speed of that number."""
         found = self._models[i]
         if found is None:
-            v = SLOWEST + SPEED_STEP * i
-            found = build_model(self.vehicle, self.dt, self.horizon, self.weights, v)
-            self._models[i] = found
+            found = self._models[i] = self.built(i)
         return found
+
+    def built(self, i: int) -> Model:
+        """The same, built anew."""
+        v = SLOWEST + SPEED_STEP * i
+        return build_model(self.vehicle, self.dt, self.horizon, self.weights, v)
 
 
 @lru_cache(maxsize=64)
@@ -104,15 +109,15 @@ def build_model(vehicle: Vehicle, dt: float, horizon: int, weights: Weights, v: 
     continuous = error_model(vehicle, v)
     model = discrete(continuous, dt)
     steady = _steady(continuous)
-    a, b, e = np.eye(5), np.ones(5), np.zeros(5)
-    a[:4, :4], a[:4, 4], b[:4] = model.a, model.b, model.b
+    a, b, e = np.zeros((5, 5)), np.ones(5), np.zeros(5)
+    a[:4, :4], a[:4, 4], a[4, 4], b[:4] = model.a, model.b, 1.0, model.b
     e[2] = steady[0, 0]
     p = riccati(a, b, np.diag(weights[:5]), weights.change)
-    k, scale = gain(a, b, p, weights.change), weights.change + b @ p @ b
-    ahead, costate = np.empty(horizon), p @ e
+    k, ahead, costate = np.empty(5), np.empty(horizon), p @ e
+    scale = linear_system.gain(a, b, p, weights.change, k)
     for j in range(horizon):
         ahead[j] = b @ costate / scale
-        costate = (a - np.outer(b, k)).T @ costate
+        costate = a.T @ costate - k * (b @ costate)
     return Model(model.a, model.b, steady, k, ahead, p)
 
 

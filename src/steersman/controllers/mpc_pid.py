@@ -68,9 +68,22 @@ class Mpc(ControllerComponent):
     def init(self, vehicle: Vehicle, dt: float) -> MpcState:
         """Build the QP for the vehicle's nominal parameters; there is no plan yet."""
         nominal = self.model_error.nominal(vehicle)
-        terms = self.model_dump(include={"horizon", "q", "p", "r", "rate_limit", "corridor"})
         speeds = _GRID if self.scheduled else (self.v0,)
-        return MpcState(nominal, tuple(build_problem(nominal, dt, v0=v, **terms) for v in speeds))
+        problems = [
+            build_problem(
+                nominal,
+                dt,
+                v0=v,
+                horizon=self.horizon,
+                q=self.q,
+                p=self.p,
+                r=self.r,
+                rate_limit=self.rate_limit,
+                corridor=self.corridor,
+            )
+            for v in speeds
+        ]
+        return MpcState(nominal, tuple(problems))
 
     def decide(self, state: MpcState, observation: Observation) -> tuple[float, Status, MpcState]:
         """Normalised steering, unclipped."""

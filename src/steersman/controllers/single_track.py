@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from steersman.kernels import linear_system
 from steersman.kernels.preview import curvature_at
 from steersman.types import FloatArray, Observation
 from steersman.vehicles import Vehicle
@@ -38,28 +39,27 @@ def single_track(vehicle: Vehicle, v0: float) -> tuple[FloatArray, FloatArray]:
 
 
 def zero_order_hold(a: FloatArray, b: FloatArray, dt: float) -> tuple[FloatArray, FloatArray]:
-    """Exact discretisation for inputs held over ``dt`` [s]: expm of the augmented matrix.
+    """Exact discretisation for inputs held over ``dt`` [s]: exp of the augmented matrix.
 
-    ``a`` is (..., n, n), ``b`` (..., n, m): a system in each leading place.
+    ``a`` is (n, n), ``b`` (n, m).
     """
-    from scipy.linalg import expm  # it takes a while to import
-
-    n, m = b.shape[-2:]
-    block = np.zeros((*b.shape[:-2], n + m, n + m))
-    block[..., :n, :n], block[..., :n, n:] = a, b
-    exact = expm(block * dt)
-    return exact[..., :n, :n], exact[..., :n, n:]
+    n, m = b.shape
+    block, exact = np.zeros((n + m, n + m)), np.empty((n + m, n + m))
+    block[:n, :n], block[:n, n:] = a, b
+    work = np.empty((linear_system.EXPONENTIAL_WORK, n + m, n + m))
+    linear_system.exponential(block * dt, exact, work)
+    return exact[:n, :n].copy(), exact[:n, n:].copy()
 
 
 class ErrorModel(NamedTuple):
-    """xi' = a xi + b delta + g kappa at one speed, or at one in each leading place."""
+    """xi' = a xi + b delta + g kappa at one speed."""
 
     a: FloatArray
-    """(..., 4, 4)"""
+    """(4, 4)"""
     b: FloatArray
-    """(..., 4) effect of the wheel angle."""
+    """(4,) effect of the wheel angle."""
     g: FloatArray
-    """(..., 4) effect of the curvature."""
+    """(4,) effect of the curvature."""
 
 
 def error_model(vehicle: Vehicle, v: float) -> ErrorModel:
@@ -79,8 +79,8 @@ def error_model(vehicle: Vehicle, v: float) -> ErrorModel:
 
 def discrete(model: ErrorModel, dt: float) -> ErrorModel:
     """xi(k+1) = a xi(k) + b delta(k) + g kappa(k), exact for inputs held over ``dt`` [s]."""
-    a, inputs = zero_order_hold(model.a, np.stack([model.b, model.g], axis=-1), dt)
-    return ErrorModel(a, inputs[..., 0].copy(), inputs[..., 1].copy())
+    a, inputs = zero_order_hold(model.a, np.array([model.b, model.g]).T, dt)
+    return ErrorModel(a, inputs[:, 0].copy(), inputs[:, 1].copy())
 
 
 def steady_state(model: ErrorModel) -> tuple[FloatArray, float]:
@@ -88,11 +88,14 @@ def steady_state(model: ErrorModel) -> tuple[FloatArray, float]:
 
     Both are in proportion to the curvature; only e2, minus the side-slip, is not zero.
     """
-    # Rows 1 and 3 of 0 = a xi + b delta + g kappa with xi = [0, 0, e2, 0].
-    rows = [1, 3]
-    matrix = np.stack([model.a[rows, 2], model.b[rows]], axis=1)
-    heading, angle = np.linalg.solve(matrix, -model.g[rows])
-    return np.array([0.0, 0.0, heading, 0.0]), float(angle)
+    # Rows 1 and 3 of 0 = a xi + b delta + g kappa with xi = [0, 0, e2, 0], by Cramer's rule; the
+    # determinant is c_f c_r (l_f + l_r) / (m I) in the model of errors.
+    a_1, a_3 = float(model.a[1, 2]), float(model.a[3, 2])
+    b_1, b_3 = float(model.b[1]), float(model.b[3])
+    g_1, g_3 = float(model.g[1]), float(model.g[3])
+    scale = a_1 * b_3 - a_3 * b_1
+    heading, angle = (b_1 * g_3 - b_3 * g_1) / scale, (a_3 * g_1 - a_1 * g_3) / scale
+    return np.array([0.0, 0.0, heading, 0.0]), angle
 
 
 def steady_wheel_angle(vehicle: Vehicle, v: float, kappa: float) -> float:

@@ -5,7 +5,36 @@ from __future__ import annotations
 import math
 
 from steersman.kernels.compiled import kernel
+from steersman.kernels.linear_system import product, unit
 from steersman.types import FloatArray
+
+
+@kernel
+def respond(
+    a: FloatArray, b: FloatArray, free: FloatArray, forced: FloatArray, work: FloatArray
+) -> None:
+    """The first state over the horizon, by ``a`` (n, n) and ``b`` (n, 1) of a period.
+
+    ``free`` (N, n) becomes its response to the state, ``forced`` (N, N) that to the inputs;
+    ``work`` (2, n, n) is scratch.
+    """
+    n, horizon = a.shape[0], forced.shape[0]
+    power, after = work[0], work[1]
+    unit(power)
+    for i in range(horizon):
+        impulse = 0.0
+        for k in range(n):
+            impulse += power[0, k] * b[k, 0]
+        for j in range(horizon):
+            if j >= i:
+                forced[j, j - i] = impulse
+            else:
+                forced[j, horizon - i + j] = 0.0
+        product(a, power, after)
+        for j in range(n):
+            free[i, j] = after[0, j]
+            for k in range(n):
+                power[k, j] = after[k, j]
 
 
 @kernel

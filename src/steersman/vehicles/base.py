@@ -194,39 +194,40 @@ class Vehicle(Component):
         out = np.zeros(kernel.N_PARAMS)
         air = 0.5 * AIR_DENSITY
         drag, measured = air * self.drag_area, self.map_drag_area
-        values = {
-            kernel.MASS: self.mass,
-            kernel.INERTIA: self.yaw_inertia,
-            kernel.L_F: self.l_f,
-            kernel.L_R: self.l_r,
-            kernel.TRACK: self.track_width,
-            kernel.ROLL_ARM: self._arm(),
-            kernel.C_F: self.c_f,
-            kernel.C_R: self.c_r,
-            kernel.MU: self.friction,
-            kernel.DRAG: drag,
-            kernel.DRIVE_FRONT: self.drive_front,
-            kernel.BRAKE_FORCE: self.brake_force,
-            kernel.BRAKE_FRONT: self.brake_front,
-            kernel.MAX_STEER: self.max_wheel_angle,
-            kernel.ACKERMANN: self.track_width / self.wheelbase if self.ackermann else 0.0,
-            kernel.STEER_UP: self.steer_rate_up,
-            kernel.STEER_DOWN: self.steer_rate_down,
-            kernel.PEDAL_UP: self.pedal_rate_up,
-            kernel.PEDAL_DOWN: self.pedal_rate_down,
-            kernel.MAP_MASS: self.mass if self.map_mass is None else self.map_mass,
-            kernel.MAP_DRAG: drag if measured is None else air * measured,
-            kernel.LOAD_LAG: self.load_lag,
-            kernel.FADE_SPEED: self.fade_speed,
-            kernel.SLIP_SPEED: self._slip_speed(),
-            kernel.STEER_LAG: self.steer_lag,
-            kernel.STEER_BIAS: self.steer_bias / self.max_wheel_angle,
-            kernel.LOAD_LIMIT: self.stiffness_load_limit or 0.0,
-            kernel.ROTATING: self.rotating_mass,
-            kernel.GRIP_LEFT: 1.0,
-            kernel.GRIP_RIGHT: 1.0,
-        }
-        out[list(values)] = list(values.values())
+        columns = (
+            (kernel.MASS, self.mass),
+            (kernel.INERTIA, self.yaw_inertia),
+            (kernel.L_F, self.l_f),
+            (kernel.L_R, self.l_r),
+            (kernel.TRACK, self.track_width),
+            (kernel.ROLL_ARM, self._arm()),
+            (kernel.C_F, self.c_f),
+            (kernel.C_R, self.c_r),
+            (kernel.MU, self.friction),
+            (kernel.DRAG, drag),
+            (kernel.DRIVE_FRONT, self.drive_front),
+            (kernel.BRAKE_FORCE, self.brake_force),
+            (kernel.BRAKE_FRONT, self.brake_front),
+            (kernel.MAX_STEER, self.max_wheel_angle),
+            (kernel.ACKERMANN, self.track_width / self.wheelbase if self.ackermann else 0.0),
+            (kernel.STEER_UP, self.steer_rate_up),
+            (kernel.STEER_DOWN, self.steer_rate_down),
+            (kernel.PEDAL_UP, self.pedal_rate_up),
+            (kernel.PEDAL_DOWN, self.pedal_rate_down),
+            (kernel.MAP_MASS, self.mass if self.map_mass is None else self.map_mass),
+            (kernel.MAP_DRAG, drag if measured is None else air * measured),
+            (kernel.LOAD_LAG, self.load_lag),
+            (kernel.FADE_SPEED, self.fade_speed),
+            (kernel.SLIP_SPEED, self._slip_speed()),
+            (kernel.STEER_LAG, self.steer_lag),
+            (kernel.STEER_BIAS, self.steer_bias / self.max_wheel_angle),
+            (kernel.LOAD_LIMIT, self.stiffness_load_limit or 0.0),
+            (kernel.ROTATING, self.rotating_mass),
+            (kernel.GRIP_LEFT, 1.0),
+            (kernel.GRIP_RIGHT, 1.0),
+        )
+        for column, value in columns:
+            out[column] = value
         return out
 
     def _slip_speed(self) -> float:

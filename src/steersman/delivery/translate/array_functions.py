@@ -191,3 +191,8 @@ def reshape(out: Expressions, given: list[Value], _: Named) -> Value:
     wanted = [out.static(each) for each in given[1:]]
     shape = np.empty(whole.size).reshape(*wanted).shape
     return Array(whole.text, shape, whole.root, (), whole.kind)
+
+
+def nothing(_: Expressions, __: list[Value], ___: Named) -> Value:
+    """What Python does to its own memory."""
+    return Static(None)

@@ -128,7 +128,8 @@ class Emitter:
             raise Pinned(value.of)
         if isinstance(value, Bundle):
             return tuple(self.static(each) for each in value.items)
-        raise NotTranslatable(f"{value} where a constant is expected")
+        what = getattr(value, "text", value)
+        raise NotTranslatable(f"{what}, which changes, where C needs a constant")
 
     def fixed(self, value: Value) -> bool:
         """Whether a value is known and no parameter."""

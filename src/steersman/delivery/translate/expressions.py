@@ -291,10 +291,10 @@ class Expressions(Operators):
         return self.program.call(self, function, given, named)
 
     def _made(self, cls: type, given: list[Value], named: dict[str, Value]) -> Value:
-        """A named tuple."""
-        if not hasattr(cls, "_fields"):
+        """A named tuple, or a dataclass."""
+        names = field_names(cls)
+        if not names:
             return self.local(given[0])  # an enumeration, whose numbers stay numbers
-        rest = dict.fromkeys(cls._fields, Static(None))
-        rest |= {k: Static(v) for k, v in cls._field_defaults.items()}  # type: ignore[attr-defined]
-        by_name = dict(zip(cls._fields, given, strict=False)) | named
-        return Bundle(cls, tuple((rest | by_name)[each] for each in cls._fields))
+        rest = {k: Static(getattr(cls, "_field_defaults", {}).get(k)) for k in names}
+        by_name = dict(zip(names, given, strict=False)) | named
+        return Bundle(cls, tuple((rest | by_name)[each] for each in names))

@@ -240,4 +240,5 @@ METHODS = {
     "copy": more.copy, "tolist": more.tolist, "mean": more.mean, "sum": more.sum, "all": _all,
     "min": more.smallest,
     "ravel": more.ravel, "reshape": more.reshape,
+    "setflags": more.nothing,
 }  # fmt: skip

@@ -71,6 +71,8 @@ class Program:
         self.parameters: dict[str, Parameter] = {}
         self.constants: dict[Any, tuple[str, str]] = {}
         self.helpers: dict[str, str] = {}
+        self.unsolved = False
+        """Whether some function may answer NaN because its equations have no solution."""
         self.functions: dict[Any, Function] = {}
         self._names: set[str] = set()
         self._alive: list[Any] = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ from steersman.delivery.translate.lines import bare
 from steersman.delivery.translate.loops import Loops
 from steersman.delivery.translate.values import (
     NEVER,
+    REAL,
     Array,
     Maybe,
     NotTranslatable,
@@ -19,6 +21,7 @@ from steersman.delivery.translate.values import (
     Type,
     Value,
     join,
+    leaves,
     type_of,
 )
 
@@ -194,7 +197,23 @@ class Statements(Loops):
         return out
 
     def _raise(self, node: ast.Raise) -> None:
-        raise NotTranslatable(ast.unparse(node))
+        """What has no solution has NaN for all numbers of it."""
+        if node.exc is None or "LinAlgError" not in ast.unparse(node.exc):
+            raise NotTranslatable(ast.unparse(node))
+        self.program.unsolved = True
+        nan = Static(math.nan)
+        if self.targets is not None:
+            for each in leaves(self.targets):
+                if isinstance(each, Array):
+                    indices = self.loops(each.shape)
+                    self.lines.append(f"{each.element(*indices)} = {self.real(nan)};")
+                    self.ended(indices)
+                elif each.kind == REAL:
+                    self.lines.append(f"{each.text} = {self.real(nan)};")
+            self.lines.append("return;")
+        elif self.result.form == "scalar":
+            self.lines.append(f"return {self.real(nan)};")
+        self.over = True
 
 
 def _tested_for_none(test: ast.expr) -> tuple[str | None, bool | None]:
