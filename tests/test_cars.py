@@ -169,5 +169,5 @@ def test_the_car_of_shipped_gains_is_the_one_that_their_file_names() -> None:
     for name in tuned.names():
         file = tuned.locate(name)
         assert file is not None
-        old = "carla_model3_v1" in file.read_text(encoding="utf-8")
-        assert tuned.vehicle(name) == ("carla_model3_v1" if old else "carla_model3")
+        assert tuned.VEHICLE == "carla_model3"
+        assert "carla_model3_v1" not in file.read_text(encoding="utf-8")

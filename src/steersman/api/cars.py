@@ -210,7 +210,7 @@ def _cars_of(
             continue
         name = words_.bare(word.partition("=")[2].strip() if "=" in word else word)
         if name in tuned.names():
-            return name, cars_of([{"kind": tuned.vehicle(name)}])
+            return name, cars_of([{"kind": tuned.VEHICLE}])
         result = _result(name)
         if result is not None:
             return name, _of_tuning(result)

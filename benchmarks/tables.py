@@ -1,0 +1,126 @@
+"""The benchmark's tables in README and docs, written anew from the records.
+
+    python benchmarks/tables.py
+
+A table stands under its record's mark, ``<!-- results/bench/results.json -->``. Its first column
+says what it shows: all controllers, or chosen ones by disturbance. Everything else of a page is prose,
+which stays as it is.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from steersman.bench.results import BenchResult, Summary, IntervalEstimate
+from steersman.files import write_text
+
+ROOT = Path(__file__).resolve().parents[1]
+RECORD = "results/bench/results.json"
+MARK = f"<!-- {RECORD} -->\n"
+PAGES = ("README.md", "docs/bench.md")
+
+
+def three(value: float) -> str:
+    """Three digits, never as a power of ten."""
+    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
+
+
+def interval(found: IntervalEstimate | None, factor: float = 1.0) -> str:
+    """A value and its interval, three digits each."""
+    if found is None or found.value is None:
+        return ""
+    low, high = (factor * (end or 0.0) for end in (found.low, found.high))
+    return f"{three(factor * found.value)} [{three(low)}, {three(high)}]"
+
+
+def every_controller(summary: Summary) -> Iterator[list[str]]:
+    """All controllers, from the smallest pooled error on."""
+    best = summary.best_classical
+    yield [
+        "controller",
+        "clean, RMS [mm]",
+        "disturbed, RMS [mm]",
+        "disturbed, typical [mm]",
+        "ended early",
+        "regret, median [mm]",
+        "RMS steering change [1/1000]",
+        "median",
+        "step [us]",
+        f"RMS over {best}'s",
+        "typical ratio",
+    ]
+    for name, found in summary.controllers.items():
+        label = f"**policy `{name}`**" if found.learned else f"`{name}`"
+        seeds = f" ({found.replicates} seeds)" if found.replicates > 1 else ""
+        figure = found.figures["steer_change_rms"].median
+        ratio = found.ratio["all"] if found.ratio else None
+        yield [
+            label + seeds,
+            interval(found.clean.rms_m if found.clean else None, 1e3),
+            interval(found.disturbed.rms_m if found.disturbed else None, 1e3),
+            interval(found.disturbed.typical_m if found.disturbed else None, 1e3),
+            f"{found.failures} of {found.runs}",
+            interval(found.regret.median_m if found.regret else None, 1e3),
+            f"{1e3 * (found.steer_change_rms or 0.0):.1f}",
+            f"{1e3 * (figure.value or 0.0):.3g}",
+            f"{found.control_time_us_p50:.0f}",
+            interval(ratio.rms if ratio else None),
+            interval(ratio.typical if ratio else None),
+        ]
+
+
+def by_disturbance(summary: Summary, header: list[str]) -> Iterator[list[str]]:
+    """The controllers of a table's header, disturbance by disturbance."""
+    names = [cell.strip("`") for cell in header[1:]]
+    yield header
+    for disturbance, rows in summary.by["disturbance"].items():
+        cells = (rows[name] for name in names)
+        yield [
+            disturbance,
+            *(
+                f"{three(1e3 * (one.rms_m.value or 0.0))}, {one.failures} of {one.runs}"
+                for one in cells
+            ),
+        ]
+
+
+def markdown(rows: Iterator[list[str]]) -> str:
+    """A table; the first column is text."""
+    header, *body = rows
+    rule = "|".join(["---", *["---:"] * (len(header) - 1)])
+    return "\n".join([f"| {' | '.join(header)} |", f"|{rule}|", *map(line, body)])
+
+
+def line(cells: list[str]) -> str:
+    """A row of a table."""
+    return f"| {' | '.join(cells)} |"
+
+
+def written(text: str, summary: Summary) -> str:
+    """A page with its tables written anew."""
+    prose, *parts = text.split(MARK)
+    out = [prose]
+    for part in parts:
+        table, gap, rest = part.partition("\n\n")
+        header = [cell.strip() for cell in table.splitlines()[0].strip("|").split("|")]
+        whole = header[0] == "controller"
+        rows = every_controller(summary) if whole else by_disturbance(summary, header)
+        out.append(MARK + markdown(rows) + gap + rest)
+    return "".join(out)
+
+
+def main() -> None:
+    """Write every page."""
+    summary = BenchResult.read(ROOT / RECORD).summary
+    for page in PAGES:
+        file = ROOT / page
+        text = file.read_text(encoding="utf-8")
+        new = written(text, summary)
+        write_text(file, new)
+        print(f"{page}: {'written' if new != text else 'as it was'}", file=sys.stderr)  # noqa: T201
+
+
+if __name__ == "__main__":
+    main()
