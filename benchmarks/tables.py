@@ -2,9 +2,9 @@
 
     python benchmarks/tables.py
 
-A table stands under its record's mark, ``<!-- results/bench/results.json -->``. Its first column
-says what it shows: all controllers, or chosen ones by disturbance. Everything else of a page is prose,
-which stays as it is.
+A table stands under its record's mark, ``<!-- results/bench/results.json -->``. Its first
+column says what it shows: all controllers, or chosen ones by disturbance. Everything else of a
+page is prose, which stays as it is.
 """
 
 from __future__ import annotations
@@ -13,18 +13,19 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from steersman.bench.results import BenchResult, Summary, IntervalEstimate
+from steersman.bench.results import BenchResult, IntervalEstimate, Summary
 from steersman.files import write_text
 
 ROOT = Path(__file__).resolve().parents[1]
 RECORD = "results/bench/results.json"
 MARK = f"<!-- {RECORD} -->\n"
 PAGES = ("README.md", "docs/bench.md")
+FOUR_DIGITS = 1000.0
 
 
 def three(value: float) -> str:
     """Three digits, never as a power of ten."""
-    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
+    return f"{value:.0f}" if abs(value) >= FOUR_DIGITS else f"{value:.3g}"
 
 
 def interval(found: IntervalEstimate | None, factor: float = 1.0) -> str:
