@@ -9,10 +9,13 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel
 
-from steersman.config import Of, build, merge, resolve
+from steersman.config import Of, build, components, merge, resolve
 from steersman.errors import ConfigError, DataError
-from steersman.words import seed_list
+from steersman.ranges import seed_list
+from steersman.words import by_suffix
 
+# A part and a field of it.
+_PAIR = 2
 _POLICY = "its policy drives with controller=policy controller.file={inside}policy.onnx"
 
 
@@ -86,7 +89,8 @@ def build_for(command: str, tree: Mapping[str, Any]) -> Any:
     try:
         return build(settings_of(command), tree)
     except ConfigError as error:
-        hint = _several_seeds(error, command, tree) or _part_with(error, command, tree)
+        ways = (_several_seeds, _part_with, _kind_with)
+        hint = next(filter(None, (way(error, command, tree) for way in ways)), None)
         raise ConfigError(hint, error.where) if hint else error from None
 
 
@@ -118,6 +122,20 @@ def _part_with(error: ConfigError, command: str, tree: Mapping[str, Any]) -> str
         if found is not None and name in type(found).model_fields:
             return f"unknown field; did you mean '{field}.{name}'?"
     return None
+
+
+def _kind_with(error: ConfigError, command: str, tree: Mapping[str, Any]) -> str | None:
+    """The message about a field that other components of the family have; None without one."""
+    what = error.what.partition(";")[0]
+    family = component_fields(command).get(error.where[0]) if len(error.where) == _PAIR else None
+    if family is None or not what.startswith("unknown field of"):
+        return None
+    (field, name), given = error.where, tree[error.where[0]]
+    value = str(given[name]) if isinstance(given, Mapping) and name in given else "..."
+    if name == "file" and by_suffix(family, FilePath(value).suffix):
+        return f"{what}; write {field}={value}"
+    kinds = [kind for kind, cls in components(family).items() if name in cls.model_fields]
+    return f"{what}; write {field}={'|'.join(kinds)} {field}.{name}={value}" if kinds else None
 
 
 def check_command(name: str, tree: Mapping[str, Any], command: str) -> None:

@@ -23,6 +23,7 @@ from steersman.command_table import (
 )
 from steersman.config import Component, lay_over, override, read_yaml
 from steersman.errors import ConfigError, DataError, suggestion
+from steersman.files import near_file
 
 Word: TypeAlias = str | BaseModel | Mapping[str, Any]
 Notify: TypeAlias = Callable[[str], None]
@@ -239,7 +240,10 @@ def existing(name: str) -> FilePath:
     if file.is_dir():
         raise DataError(f"{name}: is a folder, expected a file")
     if not file.exists():
-        near = suggestion(name, tuned.names()) if name.startswith("tuned/") else ""
+        near = near_file(name, words_.YAML)
+        near = (
+            suggestion(name, tuned.names()) if name.startswith("tuned/") else near and f"; {near}"
+        )
         raise DataError(f"{name}: no such file{near}")
     return file
 

@@ -157,8 +157,8 @@ def resolve(family: str, value: Any, *, optional: bool = False) -> Component | N
         value = {"kind": value}
     if not isinstance(value, Mapping) or "kind" not in value:
         raise ConfigError(
-            f"{_a(family)} is a name, or fields among them 'kind'; given {value!r};"
-            f" names: {', '.join(components(family))}"
+            f"{_a(family)} is a name, or fields among them 'kind'; given {value!r}"
+            + (words.for_number(family, value) or f"; names: {', '.join(components(family))}")
         )
     base = words.fields_of(family, str(value["kind"]))
     kind = str(base.pop("kind"))

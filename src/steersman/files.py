@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import difflib
 import inspect
 import os
 import stat
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import wraps
 from pathlib import Path as FilePath
@@ -16,6 +17,7 @@ from steersman.bounds import MOST_JSON, from_json
 from steersman.errors import DataError
 
 LOCK = ".lock"
+HTML = (".html", ".htm")
 # How long another process may take to end, e.g. one whose parent was killed [s].
 PATIENCE = 2.0
 # How a file begins that stands for one which was not fetched.
@@ -49,7 +51,8 @@ def reading(file: FilePath, cure: str) -> Iterator[BinaryIO]:
     except OSError as error:
         fault = "is a folder" if isinstance(error, IsADirectoryError) else None
         fault = fault or f"cannot be read ({error.strerror})"
-        raise DataError(f"{file}: {fault}; {cure}") from None
+        like = near_file(str(file), [FilePath(file).suffix])
+        raise DataError(f"{file}: {fault}; {like or cure}") from None
     except ValueError:
         raise DataError(f"{str(file)!r}: is not the name of a file; {cure}") from None
 
@@ -79,6 +82,24 @@ def read_json(file: FilePath, cure: str = "give a JSON file") -> Any:
         raise
     except ValueError as error:
         raise DataError(f"{file}: not valid JSON ({error})") from None
+
+
+def near_file(word: str, endings: Iterable[str]) -> str:
+    """The words that name the file that was meant, of those in its folder; empty without one.
+
+    Args:
+        word: no file, or the stem of one.
+        endings: of files that would do.
+    """
+    place = FilePath(word)
+    try:
+        files = [f for f in place.parent.iterdir() if f.suffix in set(endings) and f.is_file()]
+    except (OSError, ValueError):
+        return ""
+    names = {f.name: f for f in sorted(files)}
+    stems = [f.name for f in names.values() if f.stem == place.name]
+    close = stems or difflib.get_close_matches(place.name, names, n=1, cutoff=0.8)
+    return f"did you mean {str(names[close[0]])!r}?" if close else ""
 
 
 @contextmanager
@@ -170,17 +191,24 @@ def out_folder(name: str) -> FilePath:
         raise DataError(f"{folder}: cannot be written ({error.strerror})") from None
 
 
-def out_file(name: str, option: str = "--out") -> FilePath:
+def out_file(name: str, option: str = "--out", endings: Sequence[str] = ()) -> FilePath:
     """The file for a result, in a folder that is proved to be writable before anything runs.
 
-    ``option`` is what the user gave the name with.
+    Args:
+        name: the file.
+        option: what the user gave the name with.
+        endings: those that its name may have; none: any.
 
     Raises:
-        DataError: it is a folder, a device or the like, or its folder cannot be written.
+        DataError: its name has another ending, it is a folder, a device or the like, or its folder
+            cannot be written.
     """
     file = FilePath(name)
     if not name.strip() or file.is_dir():
         raise DataError(f"{option}: expected the name of a file, given {name!r}")
+    if endings and file.suffix not in endings:
+        allowed = " or ".join(endings)
+        raise DataError(f"{option}: {name!r} is not allowed; a name that ends in {allowed} is")
     refuse_special(file)
     out_folder(str(file.parent))
     return file

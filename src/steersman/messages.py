@@ -140,6 +140,8 @@ def _describe(
 
 def _how_to_write(kind: str, given: Any, unit: str) -> str:
     """A hint at the number's unit, or at quotes around a text that looks like something else."""
+    if _NOT_A[kind] == "a list":
+        return f"; write [{given}]" if isinstance(given, str) else ""
     if kind == "string_type":
         return f"; put it in quotes: '{given}'" if isinstance(given, int | float) else ""
     if not kind.startswith(("float", "int")) or unit == "-":

@@ -1,15 +1,17 @@
-"""Ranges of a setting in words: LOW..HIGH, LOW..HIGH:log, A|B."""
+"""Ranges of a setting in words: LOW..HIGH, LOW..HIGH:log, A|B; seeds: LOW..HIGH, A,B."""
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 from steersman.errors import ConfigError
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _RANGE = re.compile(rf"\s*(?P<low>{_NUMBER})\.\.(?P<high>{_NUMBER})(?P<log>:log)?\s*")
+_MOST_SEEDS = 10_000
 _WHOLE = re.compile(r"[-+]?\d+")
 
 
@@ -79,3 +81,51 @@ def search_range(name: str, text: str) -> SettingRange:
         raise ConfigError(f"{text!r}: a logarithmic range must begin above 0", (name,))
     whole = all(_WHOLE.fullmatch(match[end]) for end in ("low", "high"))
     return SettingRange(low, high, log, whole)
+
+
+def seed_list(given: str | Iterable[int]) -> list[int]:
+    """Seeds from a list, or from a text with numbers and ranges.
+
+    >>> seed_list("0..2,7")
+    [0, 1, 2, 7]
+
+    Raises:
+        ConfigError: the text is neither, or names a seed twice.
+    """
+    if not isinstance(given, str):
+        return list(given)
+    seeds: list[int] = []
+    for part in given.strip().strip("[]").split(","):
+        first, dots, last = (piece.strip() for piece in part.partition(".."))
+        ends = (first, last) if dots else (first, first)
+        if not all(end.isascii() and end.isdecimal() for end in ends):
+            raise ConfigError(f"{given!r} is not a list of seeds; write 0..4 or 0,3,7", ("seeds",))
+        low, high = int(ends[0]), int(ends[1])
+        if not low <= high < low + _MOST_SEEDS:
+            raise ConfigError(f"{part.strip()} is not a range of seeds", ("seeds",))
+        seeds += range(low, high + 1)
+    if len(set(seeds)) < len(seeds):
+        raise ConfigError(f"{given!r} names a seed twice", ("seeds",))
+    return seeds
+
+
+def split_seeds(words: Sequence[Any]) -> tuple[list[int] | None, list[Any]]:
+    """The seeds that ``seeds=...`` names, None without it, and all other words.
+
+    >>> split_seeds(["demo", "seeds=0..2,7", "steps=1e4"])
+    ([0, 1, 2, 7], ['demo', 'steps=1e4'])
+
+    Raises:
+        ConfigError: they cannot be read, or come twice.
+    """
+    keys = [word.partition("=")[0].strip() if isinstance(word, str) else "" for word in words]
+    given = [word for word, key in zip(words, keys, strict=True) if key == "seeds"]
+    others = [word for word in words if word not in given]
+    if not given:
+        return None, others
+    if len(given) > 1:
+        raise ConfigError(f"given twice: {given[0]} and {given[1]}", ("seeds",))
+    if "seed" in keys:
+        rival = words[keys.index("seed")]
+        raise ConfigError(f"{given[0]} and {rival} contradict each other; give one of them")
+    return seed_list(given[0].partition("=")[2]), others

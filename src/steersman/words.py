@@ -17,13 +17,16 @@ Where a controller gets a name of its own (bench, compare), a word may be ``name
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable
 from pathlib import Path as FilePath
 from typing import Any
 
 from steersman import policies, tuned
 from steersman.core_yaml import read_yaml
 from steersman.errors import ConfigError, DataError, shortened, suggestion
+from steersman.files import near_file
+from steersman.messages import field_unit
 from steersman.registry import components, families
 
 YAML = (".yaml", ".yml")
@@ -39,9 +42,9 @@ _AROUND: dict[str, tuple[str, dict[str, Any]]] = {
 }
 # The same by the part that each adds, the outermost first.
 PARTS = {"supervisor": "supervised", "estimator": "estimated", "predictor": "predicted"}
-_MOST_SEEDS = 10_000
 # What the folder of a training or tuning holds for a controller.
 RESULTS = ("policy.onnx", "tuned.yaml")
+_NUMBER = re.compile(r"-?\d+(\.\d+)?")
 # Names of files that every tuning, training or drive writes: the folder's name says more.
 _COMMON = ("tuned", "policy", "config", "episode")
 
@@ -56,7 +59,9 @@ def unknown(family: str, word: str) -> ConfigError:
     """The error about a word that is none of the family's; it names the nearest match."""
     if family == _CONTROLLER and word.strip("/") == "tuned":
         return ConfigError(f"unknown {family} {word!r}; write one of {', '.join(tuned.names())}")
-    return ConfigError(f"unknown {family} {shortened(word)!r}{suggestion(word, known(family))}")
+    file = near_file(word, _endings(family))
+    near = f"; {file}" if file else for_number(family, word) or suggestion(word, known(family))
+    return ConfigError(f"unknown {family} {shortened(word)!r}{near}")
 
 
 def means(family: str, word: str) -> bool:
@@ -68,7 +73,7 @@ def means(family: str, word: str) -> bool:
     suffix, place = FilePath(word).suffix, FilePath(word)
     if suffix in YAML:
         return place.is_file() and _in_yaml(family, word)
-    return _by_suffix(family, suffix) is not None or (family == _CONTROLLER and _results(place))
+    return by_suffix(family, suffix) is not None or (family == _CONTROLLER and _results(place))
 
 
 def family_of(word: str) -> tuple[str, str]:
@@ -105,12 +110,11 @@ def fields_of(family: str, word: str) -> dict[str, Any]:
         return found
     if file.suffix in YAML:
         return _from_yaml(family, word)
-    kind = _by_suffix(family, file.suffix)
+    kind = by_suffix(family, file.suffix)
     if kind is not None:
         return {"kind": kind, "file": word}
     if file.is_file():
-        endings = [*YAML, *(end for cls in components(family).values() for end in cls.suffixes)]
-        raise DataError(f"{word}: expected a file that ends in {', '.join(dict.fromkeys(endings))}")
+        raise DataError(f"{word}: expected a file that ends in {', '.join(_endings(family))}")
     raise unknown(family, word)
 
 
@@ -168,7 +172,28 @@ def wrapped() -> dict[str, str]:
     return {fields["kind"]: field for field, fields in _AROUND.values()}
 
 
-def _by_suffix(family: str, suffix: str) -> str | None:
+def _endings(family: str) -> list[str]:
+    """Of files that stand for a component of the family."""
+    return list(
+        dict.fromkeys([*YAML, *(e for cls in components(family).values() for e in cls.suffixes)])
+    )
+
+
+def for_number(family: str, given: Any) -> str:
+    """The end of a message where a number stands for a component: that with a field so called."""
+    number = _NUMBER.match(str(given))
+    fields = {kind: cls.model_fields.get(family) for kind, cls in components(family).items()}
+    found = [
+        (k, field_unit(f)) for k, f in fields.items() if f is not None and f.annotation is float
+    ]
+    if number is None or not found:
+        return ""
+    kind, unit = found[0]
+    value = number[0] if number[0] == str(given) else f"NUMBER, in {unit}"
+    return f"; write {family}={kind} {family}.{family}={value}"
+
+
+def by_suffix(family: str, suffix: str) -> str | None:
     """The kind of the family that reads files with this ending."""
     found = (k for k, cls in components(family).items() if suffix and suffix in cls.suffixes)
     return next(found, None)
@@ -183,13 +208,13 @@ def _in_yaml(family: str, word: str) -> bool:
     tree = read_yaml(word)
     if "kind" in tree or family in tree:
         return family in tree or means(family, str(tree["kind"]))
-    kind = _by_suffix(family, FilePath(word).suffix)
+    kind = by_suffix(family, FilePath(word).suffix)
     return kind is not None and bool(set(tree) & {*components(family)[kind].model_fields, "base"})
 
 
 def _from_yaml(family: str, word: str) -> dict[str, Any]:
     tree = read_yaml(word)
-    kind = _by_suffix(family, FilePath(word).suffix)
+    kind = by_suffix(family, FilePath(word).suffix)
     if not {"kind", family} & set(tree) and kind is not None:
         return {"kind": kind, "file": word}
     found: Any = tree if "kind" in tree else tree.get(family)
@@ -250,51 +275,3 @@ def distinct(found: Iterable[tuple[str, str]]) -> None:
                 f"{seen[name]!r} and {word!r} are both called {name!r}; write name={word}"
             )
         seen[name] = word
-
-
-def seed_list(given: str | Iterable[int]) -> list[int]:
-    """Seeds from a list, or from a text with numbers and ranges.
-
-    >>> seed_list("0..2,7")
-    [0, 1, 2, 7]
-
-    Raises:
-        ConfigError: the text is neither, or names a seed twice.
-    """
-    if not isinstance(given, str):
-        return list(given)
-    seeds: list[int] = []
-    for part in given.strip().strip("[]").split(","):
-        first, dots, last = (piece.strip() for piece in part.partition(".."))
-        ends = (first, last) if dots else (first, first)
-        if not all(end.isascii() and end.isdecimal() for end in ends):
-            raise ConfigError(f"{given!r} is not a list of seeds; write 0..4 or 0,3,7", ("seeds",))
-        low, high = int(ends[0]), int(ends[1])
-        if not low <= high < low + _MOST_SEEDS:
-            raise ConfigError(f"{part.strip()} is not a range of seeds", ("seeds",))
-        seeds += range(low, high + 1)
-    if len(set(seeds)) < len(seeds):
-        raise ConfigError(f"{given!r} names a seed twice", ("seeds",))
-    return seeds
-
-
-def split_seeds(words: Sequence[Any]) -> tuple[list[int] | None, list[Any]]:
-    """The seeds that ``seeds=...`` names, None without it, and all other words.
-
-    >>> split_seeds(["demo", "seeds=0..2,7", "steps=1e4"])
-    ([0, 1, 2, 7], ['demo', 'steps=1e4'])
-
-    Raises:
-        ConfigError: they cannot be read, or come twice.
-    """
-    keys = [word.partition("=")[0].strip() if isinstance(word, str) else "" for word in words]
-    given = [word for word, key in zip(words, keys, strict=True) if key == "seeds"]
-    others = [word for word in words if word not in given]
-    if not given:
-        return None, others
-    if len(given) > 1:
-        raise ConfigError(f"given twice: {given[0]} and {given[1]}", ("seeds",))
-    if "seed" in keys:
-        rival = words[keys.index("seed")]
-        raise ConfigError(f"{given[0]} and {rival} contradict each other; give one of them")
-    return seed_list(given[0].partition("=")[2]), others

@@ -31,9 +31,9 @@ from steersman.errors import ConfigError, DataError
 from steersman.learning.config import TrainConfig
 from steersman.learning.progress import TrainRow
 from steersman.metrics.base import metrics
+from steersman.ranges import split_seeds
 from steersman.rollout import RunConfig
 from steersman.types import Decision
-from steersman.words import split_seeds
 from steersman.world import Simulation
 
 Steersman = Callable[..., Result]

@@ -268,12 +268,13 @@ def test_a_seed_that_is_not_done_is_named(steersman: Steersman, seeds: FilePath)
     assert "seed_1: has no tuned.yaml yet" in result.stderr
 
 
-def test_seeds_and_settings_of_one_drive_do_not_go_together(
-    steersman: Steersman, seeds: FilePath
-) -> None:
-    result = steersman("compare", "pid", str(seeds), "path=circle")
-    assert result.exit_code == 2
-    assert "holds several seeds" in result.stderr
+def test_seeds_drive_one_road_too(steersman: Steersman, seeds: FilePath) -> None:
+    result = steersman("compare", "pid", f"net={seeds}", "path=circle", "duration=1")
+    assert result.exit_code == 0
+    assert "Over seeds, on 1 scenario. IQM" in result.stdout
+    assert "1 scenario on 1 path, pair by" in result.stdout
+    wrong = steersman("compare", "pid", str(seeds), "path=circle", "suite=core")
+    assert "path=circle: a suite has paths of its own" in wrong.stderr
 
 
 def test_gains_of_another_car_say_so(steersman: Steersman, tmp_path: FilePath) -> None:

@@ -50,7 +50,10 @@ def test_a_file_becomes_a_file(steersman: Steersman, log: str, tmp_path: FilePat
         ("no.csv", "no.csv: cannot be read (No such file"),
         (". --vehicle carla_model3", "episode.npz: cannot be read"),
         ("log.csv --vehicle modl3", "unknown vehicle 'modl3'; did you mean 'carla_model3'?"),
-        ("log.csv --out car.txt", "--out: 'car.txt' is not allowed; a name that ends in .yaml is"),
+        (
+            "log.csv --out car.txt",
+            "--out: 'car.txt' is not allowed; a name that ends in .yaml or .yml is",
+        ),
         ("log.csv --report fit.pdf", "--report: 'fit.pdf' is not allowed"),
         ("log.csv --lock 0", "--lock: 0 is not allowed; must be greater than 0 [rad]"),
         ("log.csv --holdout 0.02", "too short to hold 0.02 of them out"),

@@ -88,7 +88,10 @@ def test_roads_without_lanes_are_left_out(steersman: Steersman, tmp_path: FilePa
     [
         ("path", "missing command; see 'steersman path --help'"),
         ("path exprt", "no such command 'exprt'; did you mean 'export'?"),
-        ("path export circle", "missing option '--to'; see 'steersman path export --help'"),
+        (
+            "path export circle",
+            "missing option '--to'; write --to export.xodr; see 'steersman path export --help'",
+        ),
         ("path export mona --to a.xodr", "unknown path 'mona'; did you mean 'monza'?"),
         (
             "path export radius=5 --to a.xodr",

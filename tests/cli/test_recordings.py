@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import shutil
 import sys
 from collections.abc import Callable
@@ -26,6 +27,12 @@ def test_a_drive_recorded_exported_and_followed(steersman: Steersman, tmp_path: 
     assert exported.exit_code == 0
     assert (tmp_path / "o/first.mcap").read_bytes() == (tmp_path / "new/first.mcap").read_bytes()
     kept = load_episode(tmp_path / "runs" / "first" / "episode.npz")
+    for suffix in ("csv", "mat"):
+        exported = steersman("export", "runs/first", "--to", suffix, "--out", "o")
+        assert exported.stdout == f"o/first.{suffix}\n"
+    with (tmp_path / "o" / "first.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [float(row["curvature"]) for row in rows] == kept["curvature"].tolist()
     again = read_episode(tmp_path / "o" / "first.mcap")
     assert again.meta == kept.meta
     for name in COLUMNS:
@@ -58,7 +65,8 @@ def test_a_path_that_is_gone_is_written_as_driven(steersman: Steersman, tmp_path
         ("export folder --to mcap --out o", "folder: no episode.npz in this folder; name a folder"),
         ("export no.npz --to mcap --out o", "no.npz: cannot be read (No such file or directory)"),
         ("export one.csv --to mcap --out o", "one.csv: not an episode of Steersman"),
-        ("drive --mcap folder", "--mcap: 'folder' is not allowed; a name that ends in .mcap"),
+        ("drive --mcap folder", "--mcap: expected the name of a file, given 'folder'"),
+        ("drive --mcap x.bag", "--mcap: 'x.bag' is not allowed; a name that ends in .mcap"),
         ("drive --mcap empty/x.mcap", "empty: is a file, expected a folder"),
         ("drive path=mcap", "path.file: required, but not given: recording"),
         ("drive path=mcap path.file=no.mcap", "no.mcap: cannot be read (No such file"),

@@ -16,7 +16,7 @@ import steersman as sm
 from steersman.config import build
 from steersman.delivery.graph import read_network
 from steersman.errors import ConfigError, DataError
-from steersman.learning.adopt import Adoption, adopt_policy
+from steersman.learning.adopt import Adoption, adopt_policy, adoption
 from steersman.learning.sb3_file import read_actor
 from steersman.network_file import PolicyNetwork
 from steersman.policy_file import locate
@@ -70,6 +70,30 @@ def test_the_check_drive_is_told_and_the_card_says_where_it_comes_from(adopted: 
     ]
     assert card["training"]["adopted"] == "theirs.zip"
     assert read_network(adopted.file.read_bytes(), "ours").layers[0].weights.shape == (1, 3)
+
+
+def test_a_model_of_our_environment_says_what_it_reads(tmp_path: FilePath) -> None:
+    from stable_baselines3 import PPO
+
+    problem = {"action": "direct", "encoding": LIST, "plant": {"dt": 0.1}}
+    env = gymnasium.make("steersman/PathFollowing-v0", problem=problem)
+    theirs = PPO("MlpPolicy", env, device="cpu", n_steps=2, batch_size=2, seed=0)
+    theirs.save(tmp_path / "theirs.zip")
+    file = sm.adopt(tmp_path / "theirs.zip", out=tmp_path).file
+    card, layout = json.loads(file.with_suffix(".json").read_text()), env.unwrapped.problem.layout
+    assert (card["dt"], card["action"], card["scale"]) == (0.1, "direct", layout.scale.tolist())
+    raw = np.array([[0.3, -0.1, 0.01]], np.float32)
+    expected, _ = theirs.predict((raw * layout.scale).astype(np.float32), deterministic=True)
+    assert PolicyNetwork(file.read_bytes(), "ours", 3)(raw)[0] == pytest.approx(
+        np.clip(expected[0, 0], -1.0, 1.0), abs=1e-6
+    )
+    # What is given counts more; a residual policy needs its base, which no adopted one has.
+    assert adoption(tmp_path / "theirs.zip", {"dt": 0.05}).dt == 0.05
+    assert adoption(tmp_path / "theirs.zip", {"encoding": LIST}).scale is None
+    said = {**BOX, "steersman": {"encoding": LIST, "action": "residual"}}
+    (tmp_path / "other.zip").write_bytes(model(observation_space=said))
+    with pytest.raises(ConfigError, match="action: 'residual' is not allowed"):
+        sm.adopt(tmp_path / "other.zip", out=tmp_path)
 
 
 class Evil:

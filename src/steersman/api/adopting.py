@@ -6,7 +6,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from steersman.api.driving import Folder, drive
-from steersman.config import build, lay_over, override
+from steersman.config import lay_over, override
 from steersman.metrics.base import summarise
 
 if TYPE_CHECKING:
@@ -48,18 +48,19 @@ def adopt(model: Folder, *words: str, out: Folder, **settings: Any) -> Adopted:
             ``.onnx`` file of layers.
         words: assignments ``key=value`` of :class:`~steersman.learning.adopt.Adoption`.
         out: folder for ``policy.onnx`` and ``policy.json``.
-        settings: the same by name; ``encoding`` is needed.
+        settings: the same by name. ``encoding`` is needed, but for a model that was trained in
+            ``steersman/PathFollowing-v0``, whose file says all of it.
 
     Raises:
         ConfigError: a setting is unknown, not allowed, or does not fit the network.
         DataError: the file is no network that can be adopted, or ``out`` cannot be written.
     """
-    from steersman.learning.adopt import Adoption, adopt_policy
+    from steersman.learning.adopt import adopt_policy, adoption
 
     tree: dict[str, Any] = {}
     for key, value in settings.items():
         tree = lay_over(tree, key, value)
-    wanted = build(Adoption, override(tree, words))
+    wanted = adoption(FilePath(model), override(tree, words))
     file = adopt_policy(FilePath(model), wanted, out)
     episode = drive(
         controller={"kind": "policy", "file": str(file)},

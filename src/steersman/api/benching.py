@@ -18,8 +18,8 @@ from steersman.command_table import build_for
 from steersman.commands import Notify, configuration, split, suite_settings
 from steersman.config import dump, lay_over, override
 from steersman.errors import ConfigError, how_to_install
+from steersman.ranges import seed_list
 from steersman.words import named as named_word
-from steersman.words import seed_list
 
 if TYPE_CHECKING:
     from steersman.bench.maps import Map
@@ -187,7 +187,7 @@ def compare(
     from steersman.studies.compare.contestants import contestants as found_by
     from steersman.studies.compare.contestants import sort_of
     from steersman.studies.compare.drives import compare_drives
-    from steersman.studies.compare.scenarios import compare_scenarios, plan
+    from steersman.studies.compare.scenarios import compare_scenarios, of_drive, plan
 
     tell = notify or (lambda _: None)
     named, chosen = sorted_out(contestants, settings)
@@ -199,7 +199,8 @@ def compare(
     if out is not None and FilePath(out).resolve() in taken:
         raise ConfigError(f"--out: {out} is one of those compared; give another folder")
     drive = _one_drive(found, chosen, numbers)
-    if drive is not None or sort_of(found) == "drives":
+    several = drive is not None and any(one.replicates for one in found)
+    if not several and (drive is not None or sort_of(found) == "drives"):
         if drive is None and (chosen or numbers is not None):
             what = next(iter(chosen.values()), "--seeds")
             raise ConfigError(
@@ -211,7 +212,7 @@ def compare(
             _write(over_drives, folder, out, tell, episodes=episodes)
         return over_drives
     name = chosen.pop("suite", "").partition("=")[2].strip() or None
-    over = plan(found, name, [*chosen.values()], numbers)
+    over = of_drive(drive) if several else plan(found, name, [*chosen.values()], numbers)
     engine, jobs = workers_for(over.suite.plant, engine, jobs)
     drivers = sum(len(one.drivers) for one in found)
     if over.suite.plant.computed:
@@ -241,9 +242,7 @@ def _one_drive(
     if not own:
         return None
     first = chosen[own[0]]
-    saved = next((one for one in found if one.entrant is None), None)
-    if saved is not None and saved.replicates:
-        raise ConfigError(f"{first}: {saved.source} holds several seeds; name one of them")
+    saved = next((one for one in found if not one.drivers), None)
     if saved is not None:
         raise ConfigError(f"{first}: {saved.source} is driven already; it goes with controllers")
     if "suite" in words.values() or seeds is not None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, overload
 from steersman.api.driving import Folder
 from steersman.commands import Notify, Word, configuration
 from steersman.errors import ConfigError
-from steersman.words import seed_list, split_seeds
+from steersman.ranges import seed_list, split_seeds
 
 if TYPE_CHECKING:
     from steersman.learning.imitation.imitate import ImitationResult
@@ -149,10 +149,9 @@ def search(
     from steersman.api.driving import workers_for
     from steersman.config import build
     from steersman.files import out_folder
-    from steersman.ranges import is_range
+    from steersman.ranges import is_range, split_seeds
     from steersman.studies.search import search as run
     from steersman.studies.search_space import SearchConfig
-    from steersman.words import split_seeds
 
     texts = [word for word in words if isinstance(word, str)]
     seeds, _ = split_seeds(texts)
@@ -160,9 +159,8 @@ def search(
     ranges = {n.strip(): v for n, _, v in found if n.strip() != "seeds" and is_range(v)}
     plain = [w for w in words if not (isinstance(w, str) and _key(w) in {*ranges, "seeds"})]
     training = configuration("train", plain, settings, notify)
-    chosen = SearchConfig(training=training, ranges=ranges, trials=trials)
-    if seeds is not None:
-        chosen = build(SearchConfig, {**dict(chosen), "seeds": seeds})
+    more = {} if seeds is None else {"seeds": seeds}
+    chosen = build(SearchConfig, {"training": training, "ranges": ranges, "trials": trials, **more})
     engine, jobs = workers_for(training.problem.plant, engine, jobs)
     return run(chosen, out_folder(str(out)), progress, engine=engine, jobs=jobs)
 

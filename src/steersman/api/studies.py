@@ -12,7 +12,7 @@ from steersman.api.driving import Folder, announce, workers_for
 from steersman.commands import Notify, Word, configuration
 from steersman.config import resolve
 from steersman.errors import ConfigError, how_to_install
-from steersman.words import seed_list
+from steersman.ranges import seed_list
 
 if TYPE_CHECKING:
     from steersman.studies.findings import FalsifyResult

@@ -12,6 +12,7 @@ from steersman.cli.output import note, write
 EXAMPLES = (
     "\b\n"
     "Examples:\n"
+    "  steersman adopt ours.zip --out adopted    (trained in steersman/PathFollowing-v0)\n"
     "  steersman adopt model.zip --encoding waypoints --out adopted\n"
     "  steersman adopt model.zip --encoding list \\\n"
     "      encoding.features=[lateral_error,heading_error,v_x] \\\n"
@@ -51,7 +52,8 @@ def adopt(
 
     MODEL is never unpickled: of a .zip (DDPG, TD3, SAC, PPO or A2C with MlpPolicy) the tensors are
     read, an .onnx file may hold layers alone. Writes policy.onnx and its card policy.json. The
-    check drive shows whether features, units and signs are those of its training.
+    check drive shows whether features, units and signs are those of its training. Models that were
+    trained in steersman/PathFollowing-v0 say what they read.
     """
     from steersman.api.adopting import adopt as make
 

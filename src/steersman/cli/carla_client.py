@@ -12,6 +12,7 @@ from steersman.cli import settings
 from steersman.cli.outcome import USER_ERROR
 from steersman.cli.output import folded, note, show, show_json, table, write
 from steersman.errors import ConfigError, suggestion
+from steersman.words import YAML
 
 if TYPE_CHECKING:
     from steersman.plants.base import PlantComponent
@@ -90,9 +91,7 @@ def calibrate(
     yaw inertia. The file is used with vehicle=file vehicle.file=FILE.yaml.
     """
     plant, vehicle = _parts(words)
-    file = files.out_file(out)
-    if file.suffix not in {".yaml", ".yml"}:
-        raise ConfigError(f"{out!r} is not allowed; a name that ends in .yaml is", ("--out",))
+    file = files.out_file(out, "--out", YAML)
 
     from steersman.studies.calibrate.calibrate import WIDTH, calibrate, write
 
@@ -141,7 +140,7 @@ def fetch_map(
     """
     plant, _ = _parts(words)
     config = _carla(plant)
-    file = files.out_file(to)
+    file = files.out_file(to, "--to", (".xodr",))
 
     from steersman.files import write_text
 

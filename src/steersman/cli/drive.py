@@ -105,7 +105,7 @@ def _page(name: str) -> FilePath:
     from steersman.report.web import template
 
     template("page.html.j2")
-    return files.out_file(name, "--report")
+    return files.out_file(name, "--report", files.HTML)
 
 
 def _replay(page: FilePath | None, config: RunConfig, episode: Episode) -> None:

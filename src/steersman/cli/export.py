@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path as FilePath
 from typing import Annotated, NamedTuple
 
@@ -36,6 +37,7 @@ EXAMPLES = (
     "  steersman export supervised/tuned/lqr --to ros2\n"
     "  steersman export runs/agent/policy.onnx --to onnx --out delivery\n"
     "  steersman export runs/monza --to mcap\n"
+    "  steersman export runs/monza --to csv\n"
     "  steersman export demo --to minari --out datasets\n"
     "\n"
     "\b\n"
@@ -97,6 +99,12 @@ def _mcap(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
     return export_mcap(policy_of(wanted), folder)
 
 
+def _table(suffix: str, wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
+    from steersman.cli.recording import export_table
+
+    return export_table(policy_of(wanted), folder, suffix)
+
+
 def _minari(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
     from steersman.cli.dataset import export_minari
 
@@ -109,6 +117,9 @@ TARGETS = (
     Target("ros2", STEERS, "a package (ament_cmake) with a node for Autoware's messages", _ros2),
     Target("onnx", POLICY, "the network as a checked ONNX file with its card", _onnx),
     Target("mcap", DRIVE, "a recording with ROS 2 messages", _mcap),
+    Target("csv", DRIVE, "the signals, a row for each control step", partial(_table, ".csv")),
+    Target("mat", DRIVE, "the same for MATLAB", partial(_table, ".mat")),
+    Target("parquet", DRIVE, "the same for pandas and others", partial(_table, ".parquet")),
     Target("minari", DATA, "a dataset of what was seen and done", _minari, dataset_home),
 )
 EXAMPLES += "\n".join(f"  --to {t.name}: from {t.takes}: {t.makes}" for t in TARGETS)

@@ -8,7 +8,6 @@ import typer
 
 from steersman.cli import settings
 from steersman.cli.output import note, show, show_json, table, tell_compiling
-from steersman.errors import ConfigError
 
 if TYPE_CHECKING:
     from steersman.studies.identify.identification import Identified
@@ -78,10 +77,12 @@ def identify(  # noqa: PLR0913, PLR0917 - an argument is an option of the comman
     from the vehicle that it starts from, and said.
     """
     import steersman as sm
-    from steersman.files import out_file
+    from steersman.files import HTML, out_file
     from steersman.studies.identify.result import plain
+    from steersman.words import YAML
 
-    files = [None if f is None else out_file(f, o) for f, o in _targets(out, page)]
+    file = None if out is None else out_file(out, "--out", YAML)
+    shown = None if page is None else out_file(page, "--report", HTML)
     tell_compiling()
     found = sm.identify(
         log,
@@ -91,32 +92,19 @@ def identify(  # noqa: PLR0913, PLR0917 - an argument is an option of the comman
         last=last,
         lock=lock,
         ahead=ahead,
-        out=files[0],
+        out=file,
         notify=note,
         engine=engine,
         jobs=jobs,
     )
-    if files[1] is not None:
+    if shown is not None:
         from steersman.report.identification import write_identification
 
-        write_identification(found, files[1])
+        write_identification(found, shown)
     if as_json:
         show_json(plain(found))
     else:
         _show(found, out, page)
-
-
-def _targets(out: str | None, page: str | None) -> list[tuple[str | None, str]]:
-    """Files to write and their options, endings checked."""
-    for name, option, endings in (
-        (out, "--out", (".yaml", ".yml")),
-        (page, "--report", (".html",)),
-    ):
-        if name is not None and not name.endswith(endings):
-            raise ConfigError(
-                f"{name!r} is not allowed; a name that ends in {endings[0]} is", (option,)
-            )
-    return [(out, "--out"), (page, "--report")]
 
 
 def _show(found: Identified, out: str | None, page: str | None) -> None:

@@ -158,8 +158,16 @@ def _usage(error: Any) -> str:
         return f"no such option: {option}; did you mean {' or '.join(possibilities)}?"
     if context is None:
         return message
-    if option and context.info_name in _WITH_SETTINGS and "no such option" in message:
-        message += f"; settings are written key=value, like {option.lstrip('-')}=..."
+    if option and "no such option" in message:
+        letter = [o for p in context.command.params for o in p.opts if o.startswith(f"-{option}")]
+        if letter and not option.startswith("--"):
+            return f"{message}; did you mean {' or '.join(letter)}?"
+        if context.info_name in _WITH_SETTINGS and option.startswith("--"):
+            message += f"; settings are written key=value, like {option.lstrip('-')}=..."
+    if "missing option" in message:
+        name, param = context.info_name, error.param
+        value = str(param.metavar).replace("FILE", name).replace("DIR", f"runs/{name}")
+        message += f"; write {param.opts[0]} {value}"
     return f"{message}; see '{context.command_path} --help'"
 
 

@@ -70,7 +70,7 @@ def export(
 ) -> None:
     """Write a path as an OpenDRIVE road whose lane has the path as its centre."""
     path = _path(words)
-    file = files.out_file(to, "--to")
+    file = files.out_file(to, "--to", (".xodr",))
 
     from steersman.files import write_text
     from steersman.paths.xodr.write import opendrive

@@ -1,4 +1,4 @@
-"""Runs as recordings of ROS 2, for ``drive --mcap`` and ``export --to mcap``."""
+"""Runs as recordings of ROS 2 and as tables, for ``drive --mcap`` and ``export``."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from steersman import files
 from steersman.cli.output import note
-from steersman.errors import ConfigError, DataError
+from steersman.errors import DataError
 
 if TYPE_CHECKING:
     from steersman.episode import Episode
@@ -31,9 +31,7 @@ def recording_file(name: str | None) -> FilePath | None:
     if name is None:
         return None
     require()
-    if not name.endswith(".mcap"):
-        raise ConfigError(f"{name!r} is not allowed; a name that ends in .mcap is", ("--mcap",))
-    return files.out_file(name, "--mcap")
+    return files.out_file(name, "--mcap", (".mcap",))
 
 
 def video_file(name: str | None) -> FilePath | None:
@@ -42,8 +40,8 @@ def video_file(name: str | None) -> FilePath | None:
     None: it is not to be filmed.
 
     Raises:
-        ConfigError: its name ends in neither ``.mp4`` nor ``.gif``.
-        DataError: it is a folder, or its folder cannot be written.
+        DataError: its name ends in neither ``.mp4`` nor ``.gif``, it is a folder, or its folder
+            cannot be written.
         SteersmanError: the extra ``video`` is not installed.
     """
     from steersman.rendering import require
@@ -51,9 +49,7 @@ def video_file(name: str | None) -> FilePath | None:
     if name is None:
         return None
     require()
-    if not name.endswith((".mp4", ".gif")):
-        raise ConfigError(f"{name!r} is not allowed; must end in .mp4 or .gif", ("--video",))
-    return files.out_file(name, "--video")
+    return files.out_file(name, "--video", (".mp4", ".gif"))
 
 
 def record(file: FilePath | None, config: RunConfig, episode: Episode) -> None:
@@ -75,16 +71,34 @@ def export_mcap(source: str, folder: FilePath) -> Sequence[FilePath]:
     Raises:
         DataError: there is no episode, or it does not say which vehicle was driven.
     """
-    from steersman.episode import load_episode
     from steersman.logs.driven import write_recording
 
-    file = episode_file(source)
-    episode = load_episode(file)
-    whole = file.resolve()
-    out = folder / f"{whole.parent.name if whole.name == EPISODE else whole.stem}.mcap"
+    episode, out = _driven(source, folder, ".mcap")
     write_recording(out, episode, note)
-    note(f"{len(episode)} steps, {episode.distance:.1f} m: {file}")
     return (out,)
+
+
+def export_table(source: str, folder: FilePath, suffix: str) -> Sequence[FilePath]:
+    """The signals of such an episode as a table, ``NAME`` and a suffix of ``Shown.save``.
+
+    Raises:
+        DataError: there is no episode.
+        SteersmanError: Parquet needs the extra ``bench``.
+    """
+    episode, out = _driven(source, folder, suffix)
+    episode.save(out)
+    return (out,)
+
+
+def _driven(source: str, folder: FilePath, suffix: str) -> tuple[Episode, FilePath]:
+    """The episode that a user names, and the file in a folder that it is to be exported to."""
+    from steersman.episode import load_episode
+
+    file = episode_file(source)
+    episode, whole = load_episode(file), file.resolve()
+    note(f"{len(episode)} steps, {episode.distance:.1f} m: {file}")
+    name = whole.parent.name if whole.name == EPISODE else whole.stem
+    return episode, folder / f"{name}{suffix}"
 
 
 def episode_file(source: str) -> FilePath:

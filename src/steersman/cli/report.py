@@ -31,7 +31,7 @@ def report(
     title: Annotated[str, typer.Option("--title", help="Its heading.")] = "Steersman report",
 ) -> None:
     """Make one HTML page of tables and plots that needs no network."""
-    page = files.out_file(out)
+    page = files.out_file(out, "--out", files.HTML)
 
     from steersman.report import load_runs, write_report
 

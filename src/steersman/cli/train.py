@@ -10,7 +10,7 @@ from steersman.cli import seeds, settings
 from steersman.cli.outcome import interrupted
 from steersman.cli.output import animated, note, steps_bar, write
 from steersman.errors import ConfigError
-from steersman.words import split_seeds
+from steersman.ranges import split_seeds
 
 if TYPE_CHECKING:
     from steersman.learning.config import TrainConfig

@@ -50,7 +50,7 @@ def tune(
     """
     import steersman as sm
     from steersman.config import to_yaml
-    from steersman.words import split_seeds
+    from steersman.ranges import split_seeds
 
     given = {"vehicle": car, "road": road, "trials": trials}
     seeds, others = split_seeds(words or [])

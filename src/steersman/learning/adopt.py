@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path as FilePath
 from typing import Annotated, Any, Literal
@@ -9,13 +10,13 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import model_validator
 
-from steersman.config import Of, Settings, dump, param, required
+from steersman.config import Of, Settings, build, dump, merge, param, required
 from steersman.encoding import EncodingComponent, Layout
 from steersman.errors import ConfigError, DataError
 from steersman.files import out_folder, read_bytes
 from steersman.kernels.encode import FEATURE_LIMIT
 from steersman.learning.export import layered, write_policy
-from steersman.learning.sb3_file import Layers, read_actor
+from steersman.learning.sb3_file import Layers, described, read_actor
 from steersman.network_file import PolicyNetwork, check_network
 from steersman.policy_file import SIGNS, UNITS, PolicyCard, sha256
 from steersman.provenance import provenance
@@ -29,7 +30,9 @@ class Adoption(Settings):
     """What a network of unknown origin does not say about itself."""
 
     encoding: Annotated[EncodingComponent, Of("encoding")] = required(
-        "-", "What the network reads, in its order (steersman list encoding, feature)."
+        "-",
+        "What the network reads, in its order (steersman list encoding, feature); a model that was "
+        "trained in steersman/PathFollowing-v0 says it.",
     )
     scale: tuple[float, ...] | None = param(
         None, "-", "Factor on each feature, from its unit to the network's; null: all 1."
@@ -61,6 +64,21 @@ class Adoption(Settings):
     def layout(self) -> Layout:
         """The features that the network reads."""
         return self.encoding.layout(self.spacing, self.dt, self.action)
+
+
+def adoption(source: FilePath, given: Mapping[str, Any]) -> Adoption:
+    """What a model's file says of itself, with what is given laid over it.
+
+    Raises:
+        DataError: the file cannot be read.
+        ConfigError: a setting is unknown, not allowed, or neither said nor given.
+    """
+    said = {}
+    if source.suffix == ".zip":
+        said = described(read_bytes(source, _CURE, _MOST), str(source))
+    if "encoding" in given:  # the factors are those of the features that it says
+        said.pop("scale", None)
+    return build(Adoption, merge(said, given))
 
 
 def adopt_policy(source: FilePath, wanted: Adoption, out: str | PathLike[str]) -> FilePath:

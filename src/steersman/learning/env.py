@@ -15,10 +15,10 @@ from steersman.config import build, dump, merge
 from steersman.errors import ConfigError, suggestion
 from steersman.kernels import observe
 from steersman.kernels import world as kernel
-from steersman.kernels.encode import FEATURE_LIMIT
 from steersman.kernels.fleet import Fleet
 from steersman.kernels.vehicle import PSI, STEER, VX, VY, WHEEL, X, Y
 from steersman.learning.fleet import FleetDriver
+from steersman.learning.observed import observation_space
 from steersman.learning.options import EpisodeOptions
 from steersman.learning.problem import Problem
 from steersman.learning.starts import FleetStart
@@ -70,8 +70,7 @@ class PathFollowingEnv(gymnasium.Env[Features, Features]):
         self.problem, self.render_mode = problem, render_mode
         self.metadata = {**self.metadata, "render_fps": round(1.0 / problem.plant.dt)}
         self._own = self.driver = FleetDriver(problem, 1)
-        features = self.driver.fleet.inputs.shape[1]
-        self.observation_space = spaces.Box(-FEATURE_LIMIT, FEATURE_LIMIT, (features,), np.float32)
+        self.observation_space = observation_space(problem)
         self.action_space = spaces.Box(-1.0, 1.0, problem.turned.shape, np.float32)
         self.observation_names = problem.layout.names
         self._seeded = False

@@ -67,6 +67,23 @@ def read_actor(data: bytes, name: str) -> ForeignActor:
     return ForeignActor(layers, family, shortened(version))
 
 
+def described(data: bytes, name: str) -> dict[str, Any]:
+    """What a model's file says of its observations, see :mod:`steersman.learning.observed`.
+
+    Empty if it was trained elsewhere.
+
+    Raises:
+        DataError: the file is damaged, or too large.
+    """
+    try:
+        about = from_json(_members(data, (_SETTINGS,))[_SETTINGS])
+    except ValueError as error:
+        raise DataError(f"{name}: not a model that can be adopted: {error}") from None
+    space = about.get("observation_space") if isinstance(about, dict) else None
+    found = space.get("steersman") if isinstance(space, dict) else None
+    return found if isinstance(found, dict) else {}
+
+
 def _members(data: bytes, names: tuple[str, ...]) -> dict[str, bytes]:
     """The content of members of an archive; no more is unpacked than its directory says."""
     try:

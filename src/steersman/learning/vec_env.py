@@ -11,8 +11,8 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from steersman.kernels import observe
 from steersman.kernels import world as kernel
-from steersman.kernels.encode import FEATURE_LIMIT
 from steersman.learning.fleet import FleetDriver
+from steersman.learning.observed import observation_space
 from steersman.learning.problem import Problem
 from steersman.learning.snapshot import Tree, fill
 from steersman.types import FloatArray
@@ -34,12 +34,8 @@ class PathFollowingVecEnv(VecEnv):
         """Make ``n`` vehicles."""
         self.driver = FleetDriver(problem, n)
         self.mirror, self.turned = problem.layout.mirror, problem.turned
-        features = self.driver.fleet.inputs.shape[1]
-        super().__init__(
-            n,
-            spaces.Box(-FEATURE_LIMIT, FEATURE_LIMIT, (features,), np.float32),
-            spaces.Box(-1.0, 1.0, self.turned.shape, np.float32),
-        )
+        action_space = spaces.Box(-1.0, 1.0, self.turned.shape, np.float32)
+        super().__init__(n, observation_space(problem), action_space)
         self._actions = np.zeros((n, len(self.turned)))
         self._infos: list[dict[str, Any]] = [{} for _ in range(n)]
         self._pending: int | None = 0

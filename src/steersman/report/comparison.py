@@ -92,12 +92,16 @@ def replicate_words(found: ReplicatedComparison) -> str:
     """What the table of methods over seeds shows."""
     shown = ", ".join(f"{one.shown}" for one in found.methods if len(one.runs) > 1)
     return (
-        f"Over seeds, on {found.scenarios} scenarios. IQM: interquartile mean of the error over"
-        " seeds and scenarios. RMS, lost: of each seed. P(better): probability that a seed has a"
+        f"Over seeds, on {_count(found.scenarios, 'scenario')}. IQM: interquartile mean of the"
+        " error over seeds and scenarios. RMS, lost: of each. P(better): probability that a seed has a"
         f" smaller error than one of {found.methods[0].name} on the same scenario. In brackets:"
         " 95 % intervals of a bootstrap over seeds. Everything else shows the median seed:"
         f" {shown}."
     )
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def sentences(found: AnyComparison, k: int) -> list[str]:
@@ -106,10 +110,9 @@ def sentences(found: AnyComparison, k: int) -> list[str]:
     a, b = found.contestants[0], found.contestants[k + 1]
     title = f"{b.letter} ({b.name}) against {a.letter} ({a.name})"
     if isinstance(compared, PairedComparison):
-        return [
-            f"{title}: {compared.scenarios} scenarios on {compared.paths} paths, pair by"
-            f" pair; {b.letter} has the smaller RMS error in {compared.better} of them."
-        ]
+        where = f"{_count(compared.scenarios, 'scenario')} on {_count(compared.paths, 'path')}"
+        better = f"{b.letter} has the smaller RMS error in {compared.better} of them"
+        return [f"{title}: {where}, pair by pair; {better}."]
     return [f"{title}: {_stretch(compared.along)}", *_differing(compared.differ)]
 
 

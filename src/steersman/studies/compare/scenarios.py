@@ -7,16 +7,18 @@ from pathlib import Path as FilePath
 from typing import NamedTuple
 
 from steersman.bench import drive
+from steersman.bench.disturbance import Disturbance
 from steersman.bench.entrants import Entrant
 from steersman.bench.pairs import FEW_PATHS, against
 from steersman.bench.replay import ShownCase, median_cases, worst_cases
 from steersman.bench.results import BenchRow
 from steersman.bench.runner import bench
-from steersman.bench.suite import Scenario, Suite
+from steersman.bench.suite import CLEAN, Course, Scenario, Suite
 from steersman.bench.suites import suite as read_suite
 from steersman.bench.summary import summarise_rows
 from steersman.errors import ConfigError
 from steersman.provenance import provenance
+from steersman.rollout import RunConfig
 from steersman.studies.compare.contestants import Contestant, SavedBenchmark, benchmark
 from steersman.studies.compare.replicates import FEW_RUNS, compare_replicates, median_run
 from steersman.studies.compare.results import ScenarioCompareResult, records
@@ -64,6 +66,19 @@ def plan(
             f"the scenarios are those of {folders[0]}; leave out suite, its settings and --seeds"
         )
     return _common([benchmark(folder) for folder in folders])
+
+
+def of_drive(config: RunConfig) -> ComparedScenarios:
+    """One drive as the only scenario, which methods with several seeds drive with each of them."""
+    course = Course(path=config.path, speeds={config.speed.kind: config.speed})
+    suite = Suite(
+        courses={config.path.kind: course},
+        vehicles={config.vehicle.kind: config.vehicle},
+        plant=config.plant,
+    )
+    names = (config.path.kind, config.speed.kind, CLEAN, config.vehicle.kind)
+    only = Scenario(*names, config.seed, Disturbance(), config)
+    return ComparedScenarios("one drive", suite, (config.seed,), (only,))
 
 
 def _common(folders: Sequence[SavedBenchmark]) -> ComparedScenarios:
