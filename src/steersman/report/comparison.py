@@ -93,7 +93,7 @@ def replicate_words(found: ReplicatedComparison) -> str:
     shown = ", ".join(f"{one.shown}" for one in found.methods if len(one.runs) > 1)
     return (
         f"Over seeds, on {_count(found.scenarios, 'scenario')}. IQM: interquartile mean of the"
-        " error over seeds and scenarios. RMS, lost: of each. P(better): probability that a seed has a"
+        " error over seeds and scenarios. RMS, lost: of each. P(better): that a seed has a"
         f" smaller error than one of {found.methods[0].name} on the same scenario. In brackets:"
         " 95 % intervals of a bootstrap over seeds. Everything else shows the median seed:"
         f" {shown}."
