@@ -24,6 +24,8 @@ _COMMENT = ("#", "%", "//")
 _SEPARATORS = (";", "\t", "|", ",", None)
 # Rows that are looked at to find the separator.
 _SAMPLE = 50
+# What tells Excel the separator, which is found without it.
+_EXCEL = re.compile(r"sep=.?$", re.IGNORECASE)
 # Words in a title.
 _LONGEST_TITLE = 2
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
@@ -119,9 +121,10 @@ def read_sheet(
 ) -> Sheet:
     """Read a table; cells are separated by semicolons, tabs, bars, commas or blanks.
 
-    Empty lines and comments (#, %, //) are left out. A comment above the table is its header if
-    ``is_header`` says so of its cells, or if the table has no other and the comment has as many
-    cells as its rows. Without any header the titles are the numbers of the columns.
+    Empty lines, comments (#, %, //) and Excel's first line ``sep=;`` are left out. A comment above
+    the table is its header if ``is_header`` says so of its cells, or if the table has no other and
+    the comment has as many cells as its rows. Without any header the titles are the numbers of the
+    columns.
 
     Args:
         file: the file; ~ is the user's home.
@@ -133,7 +136,8 @@ def read_sheet(
         DataError: the file cannot be read, is no text, too large, empty, or only has comments.
     """
     lines = _text(file, cure, most_bytes).splitlines()
-    filled = [(number, line.strip()) for number, line in enumerate(lines, 1) if line.strip()]
+    numbered = enumerate((line.strip() for line in lines), 1)
+    filled = [(n, line) for n, line in numbered if line and not (n == 1 and _EXCEL.match(line))]
     body = [(number, line) for number, line in filled if not line.startswith(_COMMENT)]
     begin = body[0][0] if body else math.inf
     above = [(n, line.lstrip("#%/ ")) for n, line in filled if n < begin]

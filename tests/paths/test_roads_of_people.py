@@ -152,6 +152,8 @@ def written(rng: np.random.Generator, place: Array) -> tuple[bytes, dict[str, An
         lines.insert(0, "# recorded on a Sunday, in the rain")
     if rng.integers(3) == 0:
         lines.insert(len(lines) // 2, "")
+    if rng.integers(5) == 0:
+        lines.insert(0, f"sep={separator.strip(' ')}")
     encoding = str(rng.choice(["utf-8", "utf-8-sig", "utf-16", "latin-1"]))
     text = str(rng.choice(["\n", "\r\n"])).join(lines)
     settings = {} if head.columns is None else {"columns": head.columns}
@@ -178,7 +180,7 @@ def drawn(seed: int) -> Drawn:
     place, noise, damage = damaged(rng, sampled(rng, road, spacing), road.closed)
     text, settings, form, origin = written(rng, place)
     smooth = noise > 0.0 and damage != "overrun"
-    if smooth or rng.integers(2):
+    if smooth or "gauss" in form or rng.integers(2):  # centimetres bend points 0.5 m apart
         settings["smoothing"] = "auto"
     label = f"{seed}: {spacing} m, {damage} {noise:.2g}, {form}"
     return Drawn(text, settings, road, noise, label, origin)

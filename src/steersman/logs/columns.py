@@ -14,7 +14,7 @@ from steersman.types import FloatArray
 _SHARE = {"": 1.0, "percent": 0.01}
 _ACCELERATION = {"m_s2": 1.0, "g": 9.81}
 SIGNALS: dict[str, ExpectedColumn] = {
-    "time": ExpectedColumn("time", {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}, ("t",)),
+    "time": ExpectedColumn("time", {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}, ("t", "zeit")),
     "steer_command": ExpectedColumn("commanded steering, -1 to 1, left positive", _SHARE),
     "steer_angle": ExpectedColumn("commanded angle of steering or wheels; needs --lock", ANGLE),
     "throttle": ExpectedColumn("commanded throttle, 0 to 1", _SHARE),

@@ -27,7 +27,7 @@ _Y = (
     *("north", "northing", "utm_y", "y_utm", "utm_north", "utm_northing", "nordwert", "hochwert"),
 )
 _LATITUDE, _LONGITUDE = ("lat", "breitengrad"), ("lon", "long", "lng", "laengengrad")
-_SPEED = ("vx", "v", "v_x", "velocity", "longitudinal_velocity", "vel")
+_SPEED = ("vx", "v", "v_x", "velocity", "longitudinal_velocity", "vel", "geschwindigkeit")
 COLUMNS = {
     "x": ExpectedColumn("position to the east, or ahead", LENGTH, _X),
     "y": ExpectedColumn("position to the north, or to the left", LENGTH, _Y),
