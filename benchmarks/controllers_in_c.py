@@ -1,14 +1,16 @@
 """Controllers in C: proof that they are the Python ones, their size, and their time.
 
-    python benchmarks/controllers_in_c.py [tuned/lqr ...] [--count 100000] [--out results/export]
+    python benchmarks/controllers_in_c.py [tuned/lqr ...] [--count 100000] [--jobs 2] [--out DIR]
 
-Each is compiled by gcc and clang, those that there are, with -O2 and -O3, in float and in double,
-and answers drawn observations, extremes and NaN among them, thirty to a drive; the largest distance
-of its steering from Python's and the number of other statuses are recorded, and the largest number
-of steps of a quadratic program. The first 5000 run under the sanitisers, too. A drive in which the
-C code steers, with a tenth of the observations lost, is compared with Python's drive. For a
-Cortex-M4F, if arm-none-eabi-gcc and qemu-system-arm are there: ROM, RAM, stack, and instructions a
-step, counted by qemu.
+``untrained/PRESET`` is a policy of the preset's kind with random weights and all that is around it.
+
+Each is compiled by gcc and clang, those that there are, with -O2 and -O3, in double, in float, and
+in double between floats (mixed), and answers drawn observations, extremes and NaN among them, 30 to
+a drive; the largest distance of its steering from Python's and the number of other statuses are
+recorded, and the largest number of steps of a quadratic program. The first 5000 run under the
+sanitisers, too. A drive in which the C code steers, with a tenth of the observations lost, is
+compared with Python's drive. For a Cortex-M4F, if arm-none-eabi-gcc and qemu-system-arm are there:
+ROM, RAM, stack, and instructions a step, counted by qemu.
 """
 
 from __future__ import annotations
@@ -21,19 +23,26 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from steersman.commands import configuration
+from steersman.config import build
 from steersman.delivery.compiled import CompiledController
 from steersman.delivery.controller import Setting
 from steersman.delivery.controller_package import write_controller
-from steersman.delivery.controller_text import TOLERANCE, answers, counted_steps
+from steersman.delivery.controller_text import TOLERANCE
 from steersman.delivery.observations import Row, drawn, observations, single, with_gaps, with_wishes
+from steersman.delivery.vector_text import answers, counted_steps
 from steersman.files import write_text
 from steersman.kernels.active_set import MOST_STEPS
+from steersman.learning.config import TrainConfig, load_preset
+from steersman.learning.export import export_policy
+from steersman.learning.networks import view_net
 from steersman.provenance import provenance
 from steersman.rollout import run
 from steersman.types import FloatArray, Status
@@ -44,16 +53,21 @@ CONTROLLERS = (
     "tuned/pure_pursuit_cm", "tuned/stanley", "tuned/stanley_cm", "tuned/lqr", "tuned/sliding_mode",
     "tuned/mpc", "tuned/mpc_pid", "tuned/mpc_pid_scheduled", "tuned/mpc_delay", "nmpc",
     "predicted/tuned/lqr", "estimated/tuned/lqr", "supervised/tuned/lqr",
-    "supervised/estimated/predicted/tuned/lqr",
+    "supervised/estimated/predicted/tuned/lqr", "precision",
+    "grip_speed controller.inner=tuned/lqr speed=constant_speed", "untrained/pid_gains",
+    "untrained/mpc_switch", "untrained/mpc_weights", "untrained/mpc_model",
+    "untrained/joint speed=constant_speed sensor.count=41",
 )  # fmt: skip
-SLOW = ("mpc_delay", "nmpc")  # of more than half a millisecond a step in Python
+UNTRAINED = "untrained/"
+HIDDEN = 64
 DRIVE = 30
 ROUNDS = 9
 BUILDS = {
-    False: ("gcc -O2", "gcc -O3", "clang -O2", "clang -O3"),
-    True: ("gcc -O2", "clang -O3"),
+    "double": ("gcc -O2", "gcc -O3", "clang -O2", "clang -O3"),
+    "single": ("gcc -O2", "clang -O3"),
+    "mixed": ("clang -O3",),
 }
-BOUND = {False: 1e-9, True: 1e-6}
+BOUND = {"double": 1e-9, "single": 1e-6, "mixed": 1e-6}
 SANITISED = 5000
 SANITISERS = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-pedantic", "-Wshadow")
@@ -65,11 +79,24 @@ QEMU = (
 )  # fmt: skip
 
 
+def untrained(preset: str, folder: Path) -> Path:
+    """A policy of a preset's kind with random weights."""
+    config = build(TrainConfig, load_preset(preset))
+    problem = config.problem
+    actions = len(problem.parameters) or 1 + problem.joint
+    sizes = (len(problem.layout.scale), HIDDEN, HIDDEN, actions)
+    count = sum((a + 1) * b for a, b in pairwise(sizes))
+    weights = np.random.default_rng(0).normal(0.0, 0.1, count).astype(np.float32)
+    folder = folder / preset
+    folder.mkdir()
+    return export_policy(view_net(weights, sizes), config, folder, {})
+
+
 def make(setting: Setting, folder: Path, words: Sequence[str], *more: str) -> Path:
     """Compile the C code in ``folder`` with ``batch.c.in``; ``words`` are compiler and flags."""
     text = Path(__file__).with_name("batch.c.in").read_text(encoding="ascii")
     text = text.replace("@PREFIX@", setting.prefix).replace("@UPPER@", setting.prefix.upper())
-    write_text(folder / "batch.c", text.replace("@REAL@", "float" if setting.single else "double"))
+    write_text(folder / "batch.c", text.replace("@REAL@", setting.handed))
     file = folder / f"{'_'.join(words).replace('/', '_')}.out"
     more = (*more, *["-DWISHES"] * setting.limits_speed)
     made = [*words, *STRICT, PORTABLE, *more, "-o", str(file), f"{setting.prefix}.c", "batch.c"]
@@ -83,7 +110,7 @@ def compiled(setting: Setting, folder: Path, words: Sequence[str]) -> CompiledCo
     return CompiledController(
         code=ctypes.CDLL(str(file)),
         prefix=setting.prefix,
-        single=setting.single,
+        single=setting.handed == "float",
         limits=setting.limits_speed,
     )
 
@@ -162,11 +189,11 @@ def compared(setting: Setting, said: FloatArray, expected: FloatArray) -> Parity
     fallback = int(Status.FALLBACK)
     apart = np.abs(said[:, 0] - expected[:, 0])
     # At full lock rounding decides whether a command was clipped.
-    lock = np.abs(expected[:, 0]) > 1.0 - TOLERANCE[setting.single]
+    lock = np.abs(expected[:, 0]) > 1.0 - TOLERANCE[setting.precision]
     lock &= (said[:, 1] != fallback) & (expected[:, 1] != fallback)
     other = (said[:, 1] != expected[:, 1]) & ~lock
     usable = int((expected[:, 1] != fallback).sum())
-    beyond = int((~(apart <= BOUND[setting.single])).sum())
+    beyond = int((~(apart <= BOUND[setting.precision])).sum())
     return Parity(len(said), usable, float(apart.max()), beyond, int(other.sum()))
 
 
@@ -248,62 +275,82 @@ def cortex_m4(setting: Setting, folder: Path) -> dict[str, int] | None:
     return {"rom": rom} | {k: int(v) for k, v in (line.split() for line in said.splitlines())}
 
 
-def measured(word: str, count: int, builds: Mapping[bool, Sequence[str]]) -> dict[str, Any]:
-    """Everything of one controller."""
+def measured(
+    named: str, count: int, builds: Mapping[str, Sequence[str]], made: Path
+) -> dict[str, Any]:
+    """Everything of one controller; a policy that is none of the package lies in ``made``."""
+    word = named
+    if named.startswith(UNTRAINED):
+        preset, *settings = named.removeprefix(UNTRAINED).split()
+        word = " ".join([str(untrained(preset, made)), *settings])
     double = setting_of(word)
     of = known(double, drawn_rows(double, count))
     found: dict[str, Any] = {}
     if of.steps:
         found["qp"] = {"programs": len(of.steps), "steps": max(of.steps), "bound": MOST_STEPS}
-    for single_ in (False, True):
-        setting, name = double._replace(single=single_), "single" if single_ else "double"
+    for name in builds:
+        setting = double._replace(single=name == "single", mixed=name == "mixed")
         with tempfile.TemporaryDirectory() as scratch:
             folder = Path(scratch)
             write_controller(setting, folder)
             lines = (folder / f"{setting.prefix}.c").read_text().count("\n")
             figures: dict[str, Any] = {"lines": lines}
-            for build in builds[single_]:
-                code = compiled(setting, folder, build.split())
-                figures[build] = parity(setting, code, of)._asdict()
-                if build == builds[single_][0]:
+            for command in builds[name]:
+                code = compiled(setting, folder, command.split())
+                figures[command] = parity(setting, code, of)._asdict()
+                if command == builds[name][0]:
                     figures["us"] = microseconds(code, setting)
-                    if not single_:
-                        figures[build]["drive"] = drive_difference(word, code)
-            if not single_ and "gcc -O2" in builds[single_]:
+                    if name == "double":
+                        figures[command]["drive"] = drive_difference(word, code)
+            if name == "double" and "gcc -O2" in builds[name]:
                 figures["sanitised"] = sanitised(setting, folder, of)._asdict()
-            if single_:
+            else:
                 figures["cortex_m4"] = cortex_m4(setting, folder)
         found[name] = figures
     return found
 
 
+HEADS = (
+    "controller", "lines", "ROM [B]", "RAM [B]", "stack [B]", "instructions a step: float, mixed",
+    "us here: C, Python", "observations", "double from Python", "beyond 1e-9", "drive",
+    "float from Python", "beyond 1e-6", "mixed from Python", "beyond 1e-6",
+    "statuses that differ: double, float, mixed", "QP steps", "commit",
+)  # fmt: skip
+
+
 def table(found: dict[str, dict[str, Any]]) -> str:
-    """The figures as a table: sizes and instructions of float on the Cortex-M4F."""
-    lines = [
-        "| controller | lines | ROM [B] | RAM [B] | stack [B] | instructions a step | us here: C, "
-        "Python | observations | double from Python | beyond 1e-9 | drive | float from Python "
-        "| beyond 1e-6 | statuses that differ: double, float | QP steps |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    for word, both in found.items():
-        double, single_ = both["double"], both["single"]
-        m4 = single_["cortex_m4"] or dict.fromkeys(("rom", "ram", "stack", "instructions"), "-")
-        builds = {k: [v for n, v in both[k].items() if "-O" in n] for k in ("double", "single")}
-        worst, beyond, other = (
-            {k: max(each[what] for each in v) for k, v in builds.items()}
-            for what in ("steering", "beyond", "other_statuses")
-        )
-        drives = max(each.get("drive", 0.0) for each in builds["double"])
-        us = f"{double['us']['c']:.1f}, {double['us']['python']:.0f}"
-        sizes = [double["lines"], *(m4[k] for k in ("rom", "ram", "stack", "instructions"))]
-        cells = [
-            *(word, *sizes, us, builds["double"][0]["observations"], f"{worst['double']:.1e}"),
-            *(beyond["double"], f"{drives:.1e}", f"{worst['single']:.1e}", beyond["single"]),
-            f"{other['double']}, {other['single']}",
-            f"{both['qp']['steps']} of {both['qp']['bound']}" if "qp" in both else "-",
-        ]
-        lines.append(f"| {' | '.join(map(str, cells))} |")
+    """The figures as a table: sizes of float on the Cortex-M4F."""
+    lines = [f"| {' | '.join(HEADS)} |", "|---" * len(HEADS) + "|"]
+    lines += [f"| {' | '.join(map(str, _cells(word, each)))} |" for word, each in found.items()]
     return "\n".join(lines) + "\n"
+
+
+def _cells(word: str, of: dict[str, Any]) -> list[Any]:
+    """A row of the table."""
+    none = dict.fromkeys(("rom", "ram", "stack", "instructions"), "-")
+    tried = [k for k in BOUND if k in of]
+    m4, mixed_m4 = (of.get(k, {}).get("cortex_m4") or none for k in ("single", "mixed"))
+    builds = {k: [v for n, v in of[k].items() if "-O" in n] for k in tried}
+    worst, beyond, other = (
+        {k: max(each[what] for each in v) for k, v in builds.items()}
+        for what in ("steering", "beyond", "other_statuses")
+    )
+    drive = max(each.get("drive", 0.0) for each in builds["double"])
+    us = of["double"]["us"]
+    away: list[Any] = []
+    for k in BOUND:
+        away += [f"{worst[k]:.1e}", beyond[k]] if k in tried else ["-", "-"]
+        away += [f"{drive:.1e}"] * (k == "double")
+    return [
+        *(word, of["double"]["lines"], m4["rom"], m4["ram"], m4["stack"]),
+        f"{m4['instructions']}, {mixed_m4['instructions']}",
+        f"{us['c']:.1f}, {us['python']:.0f}",
+        builds["double"][0]["observations"],
+        *away,
+        ", ".join(str(other[k]) for k in tried),
+        f"{of['qp']['steps']} of {of['qp']['bound']}" if "qp" in of else "-",
+        str(of.get("commit", ""))[:7],
+    ]
 
 
 def main() -> None:
@@ -311,26 +358,28 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("controllers", nargs="*", default=CONTROLLERS)
     parser.add_argument("--count", type=int, default=100_000)
-    parser.add_argument("--slow", type=int, default=10_000, help="the count of SLOW controllers")
+    parser.add_argument("--jobs", type=int, default=1, help="controllers at a time")
     parser.add_argument("--out", type=Path)
     arguments = parser.parse_args()
     builds = {
-        single_: [each for each in those if shutil.which(each.split()[0])]
-        for single_, those in BUILDS.items()
+        name: [each for each in those if shutil.which(each.split()[0])]
+        for name, those in BUILDS.items()
     }
     found = {}
     if arguments.out is not None and (arguments.out / "controllers.json").is_file():
         before = json.loads((arguments.out / "controllers.json").read_text(encoding="utf-8"))
-        found = {k: v for k, v in before["controllers"].items() if k in CONTROLLERS}
-    for word in arguments.controllers:
-        slow = any(each in word for each in SLOW)
-        found[word] = measured(word, arguments.slow if slow else arguments.count, builds)
-        print(word, json.dumps(found[word]))  # noqa: T201 - its output
-        if arguments.out is not None:  # what is measured is kept, whatever comes after it
-            record = {"builds": {"double": builds[False], "single": builds[True]}}
-            record |= {"controllers": found, **provenance()}
-            write_text(arguments.out / "controllers.json", json.dumps(record, indent=1) + "\n")
-            write_text(arguments.out / "table.md", table(found))
+        found = {k: {"commit": before["commit"], **v} for k, v in before["controllers"].items()}
+    count, wanted = arguments.count, arguments.controllers
+    with tempfile.TemporaryDirectory() as scratch, ProcessPoolExecutor(arguments.jobs) as pool:
+        jobs = {pool.submit(measured, each, count, builds, Path(scratch)): each for each in wanted}
+        for job in as_completed(jobs):
+            found[jobs[job]] = job.result() | {"commit": provenance()["commit"]}
+            print(jobs[job], json.dumps(job.result()), flush=True)  # noqa: T201 - its output
+            if arguments.out is not None:  # what is measured is kept, whatever comes after it
+                rows = {k: found[k] for k in CONTROLLERS if k in found}
+                record = {"builds": builds, "controllers": rows, **provenance()}
+                write_text(arguments.out / "controllers.json", json.dumps(record, indent=1) + "\n")
+                write_text(arguments.out / "table.md", table(rows))
 
 
 if __name__ == "__main__":

@@ -31,9 +31,9 @@ from steersman.cli.exported import ToExport, setting_of
 from steersman.controllers.policy import Policy
 from steersman.delivery.controller import Setting
 from steersman.delivery.controller_package import write_controller
-from steersman.delivery.controller_text import answers, rows_of
 from steersman.delivery.graph import TOLERANCE, Network, exact, random_features
 from steersman.delivery.observations import Row, drawn
+from steersman.delivery.vector_text import answers, rows_of
 from steersman.files import write_text
 from steersman.network_file import PolicyNetwork
 from steersman.provenance import provenance

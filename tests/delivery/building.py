@@ -68,7 +68,7 @@ def policy(folder: FilePath, name: str, hidden: int = 12) -> FilePath:
 def export(words: str | FilePath, folder: FilePath, *, single: bool = False) -> Setting:
     """Write the C package of a policy into a folder."""
     folder.mkdir(exist_ok=True)
-    setting = setting_of(ToExport(str(words), (), single))
+    setting = setting_of(ToExport(str(words), (), "single" if single else "double"))
     write_controller(setting, folder)
     return setting
 

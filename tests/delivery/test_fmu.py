@@ -23,11 +23,11 @@ from steersman.controllers.policy import Policy
 from steersman.controllers.stanley import Stanley
 from steersman.delivery import compiled
 from steersman.delivery.controller import Setting
-from steersman.delivery.controller_text import answers, rows_of
 from steersman.delivery.fmu import archive
 from steersman.delivery.fmu.description import base_units
 from steersman.delivery.fmu.model import FmuModel
 from steersman.delivery.plant import FIGURES
+from steersman.delivery.vector_text import answers, rows_of
 from steersman.kernels import vehicle as car
 from steersman.rollout import run
 from steersman.types import Observation

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from steersman.delivery import c_text
-from steersman.delivery.controller_text import answers, rows_of
 from steersman.delivery.graph import TOLERANCE
 from steersman.delivery.package import write_onnx
+from steersman.delivery.vector_text import answers, rows_of
 from steersman.errors import ConfigError, DataError, SteersmanError
 from steersman.learning.export import network
 from steersman.policy_file import PolicyCard, locate, read_policy, sha256

@@ -44,7 +44,7 @@ EXAMPLES = (
 )
 STEERS = "a controller, or a policy"
 UNIT = "a controller, a policy, or a vehicle with its road"
-_PRECISIONS = ("single", "double")
+_PRECISIONS = ("single", "double", "mixed")
 _FMI = (2, 3)
 POLICY = "a training's folder, a policy of the package, or an .onnx or .json file"
 DRIVE = "a folder of steersman drive --out, or an episode's .npz file"
@@ -151,7 +151,9 @@ def export(  # noqa: PLR0913, PLR0917 - typer's options
     ] = None,
     precision: Annotated[
         str,
-        typer.Option("--precision", metavar="single|double", help="Numbers of a controller in C."),
+        typer.Option(
+            "--precision", metavar="|".join(_PRECISIONS), help="Numbers of a controller in C."
+        ),
     ] = "double",
     parameters: Annotated[
         str | None,
@@ -185,7 +187,9 @@ def export(  # noqa: PLR0913, PLR0917 - typer's options
     """
     chosen = target(to)
     if precision not in _PRECISIONS:
-        raise ConfigError(f"--precision: {precision!r} is not allowed; expected single or double")
+        raise ConfigError(
+            f"--precision: {precision!r} is not allowed; expected single, double or mixed"
+        )
     if fmi is not None and (fmi not in _FMI or to != "fmu"):
         raise ConfigError(f"--fmi: {fmi} is not allowed; expected 2 or 3, with --to fmu")
     if not run.strip():
@@ -194,7 +198,7 @@ def export(  # noqa: PLR0913, PLR0917 - typer's options
         out = chosen.home() or f"{FilePath(run).resolve().stem}_{to}"
     table = None if parameters is None else FilePath(parameters)
     run = with_parts(run, around)
-    wanted = ToExport(run, words or [], precision == "single", table, fmi, name)
+    wanted = ToExport(run, words or [], precision, table, fmi, name)
     was_there = FilePath(out).exists()
     folder = files.out_folder(out)
     try:

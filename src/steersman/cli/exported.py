@@ -27,8 +27,8 @@ class ToExport(NamedTuple):
     """RUN, as the user wrote it."""
     words: Sequence[str] = ()
     """Settings of the drive that a controller is exported for."""
-    single: bool = False
-    """Numbers in C are float; else double."""
+    precision: str = "double"
+    """Of numbers in C: single, double, or mixed."""
     parameters: FilePath | None = None
     """A table with other values of a controller's parameters."""
     fmi: int | None = None
@@ -68,8 +68,9 @@ def setting_of(wanted: ToExport) -> Setting:
         config.plant.dt,
         config.sensor.count,
         config.sensor.spacing,
-        wanted.single,
+        wanted.precision == "single",
         made,
+        wanted.precision == "mixed",
     )
 
 
@@ -115,7 +116,7 @@ def policy_of(wanted: ToExport) -> str:
     Raises:
         ConfigError: there is more.
     """
-    if wanted.words or wanted.single or wanted.parameters or wanted.name:
+    if wanted.words or wanted.precision != "double" or wanted.parameters or wanted.name:
         raise ConfigError(
             f"{wanted.run}: settings, name and parameters are for controllers in C alone"
         )

@@ -67,6 +67,7 @@ class CompiledController(ControllerComponent):
     code: Any = Field(exclude=True)
     prefix: str
     single: bool
+    """What it is given and answers is float, else double."""
     waypoints: int | None = None
     """In each observation; None: not checked."""
     spacing: float = 0.0
@@ -158,7 +159,7 @@ def compiled_controller(setting: Setting) -> CompiledController:
     return CompiledController(
         code=code,
         prefix=prefix,
-        single=setting.single,
+        single=setting.handed == "float",
         waypoints=setting.waypoints,
         spacing=setting.spacing,
         limits=setting.limits_speed,

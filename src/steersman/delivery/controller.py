@@ -64,6 +64,8 @@ class Setting(NamedTuple):
     """float in place of double."""
     values: Mapping[str, float] = {}
     """Numbers of the design that are not what the controller makes, by their names."""
+    mixed: bool = False
+    """float in what it is given and answers alone, if not ``single``."""
 
     @property
     def limits_speed(self) -> bool:
@@ -77,6 +79,21 @@ class Setting(NamedTuple):
             ConfigError: its equations have no solution for this vehicle.
         """
         return _prepared(designed(self.controller, self.vehicle, self.dt), self.values)
+
+    @property
+    def precision(self) -> str:
+        """What --precision says."""
+        return "single" if self.single else "mixed" if self.mixed else "double"
+
+    @property
+    def real(self) -> str:
+        """What its numbers are in C: parameters, state, arithmetic."""
+        return "float" if self.single else "double"
+
+    @property
+    def handed(self) -> str:
+        """What observations and steering are in C."""
+        return "double" if self.precision == "double" else "float"
 
     @property
     def prefix(self) -> str:

@@ -12,6 +12,7 @@ from pathlib import Path as FilePath
 from steersman.config import dump
 from steersman.controllers.policy import Policy
 from steersman.delivery import controller_text as text
+from steersman.delivery import vector_text
 from steersman.delivery.c_text import identifier
 from steersman.delivery.controller import Setting, Translated, translated
 from steersman.delivery.parameter_table import COLUMNS, entries, table_text
@@ -33,12 +34,12 @@ def write_controller(setting: Setting, folder: FilePath) -> Sequence[FilePath]:
     check_values(made)
     name = identifier(setting.name)
     makefile = files("steersman.delivery.templates").joinpath("Makefile.in")
-    with text.counted_steps() as steps:
-        vector = text.vector(made)
+    with vector_text.counted_steps() as steps:
+        vector = vector_text.vector(made)
     contents: dict[str, str | bytes] = {
         f"{setting.prefix}.c": text.source(made),
         f"{setting.prefix}.h": text.header(made),
-        f"test_{name}.c": text.program(made),
+        f"test_{name}.c": vector_text.program(made),
         f"vector_{name}.h": vector,
         f"{name}.csv": table_text(made),
         "Makefile": makefile.read_text(encoding="utf-8"),
@@ -77,7 +78,7 @@ def controller_card(
         "dt": s.dt,
         "waypoints": s.waypoints,
         "spacing": s.spacing,
-        "precision": "single" if s.single else "double",
+        "precision": s.precision,
         "constant_parameters": sorted(made.program.pinned),
         **({"quadratic_programs": programs} if steps else {}),
         **provenance(),

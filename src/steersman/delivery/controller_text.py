@@ -3,36 +3,33 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from enum import IntEnum
 from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
-from steersman.controllers import quadratic
 from steersman.controllers.policy import Policy
 from steersman.delivery import c_text
 from steersman.delivery.c_text import fill
 from steersman.delivery.controller import Setting, Translated
-from steersman.delivery.observations import Row, observations, with_gaps, with_wishes
 from steersman.delivery.parameter_table import described, entries, entries_of
 from steersman.delivery.translate.emitter import c_type
 from steersman.delivery.translate.lines import indented, without_unused
 from steersman.delivery.translate.policies import NETWORK
 from steersman.delivery.translate.program import Parameter
-from steersman.types import Decision, Driver, Reason
+from steersman.types import Driver, Reason
 
 # How far the steering in C may be from Python's.
 # Limits that are above zero are at least this.
 _SMALLEST = 1e-30
-TOLERANCE = {False: 1e-9, True: 1e-5}
+TOLERANCE = {"double": 1e-9, "mixed": 1e-6, "single": 1e-5}
 
 
 def tolerance(setting: Setting) -> float:
     """How far the steering in C may be from Python's; a network's float is summed more exactly."""
-    return 1e-6 if alone(setting) and setting.single else TOLERANCE[setting.single]
+    return 1e-6 if alone(setting) and setting.single else TOLERANCE[setting.precision]
 
 
 def alone(setting: Setting) -> bool:
@@ -49,8 +46,9 @@ def words(made: Translated) -> dict[str, Any]:
         "prefix": s.prefix,
         "PREFIX": s.prefix.upper(),
         "version": version("steersman"),
-        "real": "float" if s.single else "double",
-        "precision": "float" if s.single else "double",
+        "real": s.real,
+        "handed": s.handed,
+        "precision": f"double between {s.handed}s" if s.mixed else s.real,
         "waypoints": s.waypoints,
         "tolerance": f"{tolerance(s):g}",
         **_speeds(s),
@@ -59,19 +57,28 @@ def words(made: Translated) -> dict[str, Any]:
 
 def _speeds(setting: Setting) -> dict[str, str]:
     """Words of controllers that limit the speed."""
-    real, prefix = "float" if setting.single else "double", setting.prefix
-    head = f"{real} {prefix}_speed_limit(const {prefix}_state *state)"
+    handed, prefix = setting.handed, setting.prefix
+    head = f"{handed} {prefix}_speed_limit(const {prefix}_state *state)"
     texts = {
-        "wished": f"    {real} wished[{setting.waypoints}]; /* speeds at the waypoints [m/s] */\n",
+        "wished": f"    {handed} wished[{setting.waypoints}];"
+        " /* speeds at the waypoints [m/s] */\n",
         "speed_limit_declared": "/* After step(): the largest speed for the next period [m/s];"
         f" NaN: as wished. */\n{head};\n\n",
-        "speed_limit": f"{head}\n{{\n    return state->speed_limit;\n}}\n\n",
-        "limit_expected": f"    {real} speed_limit; /* expected */\n",
+        "speed_limit": f"{head}\n{{\n    return ({handed})state->speed_limit;\n}}\n\n",
+        "limit_expected": f"    {handed} speed_limit; /* expected */\n",
         "limit_checked": fill("limit_test.c.in", {"prefix": prefix}),
     }
     return texts if setting.limits_speed else dict.fromkeys(texts, "")
 
 
+# An observation that did not arrive has no numbers to be widened.
+_UNLESS = """\
+    if (given == NULL) {
+        status = step_in_double(state, NULL, &answer);
+        *steer = (float)answer;
+        return status;
+    }
+"""
 # What a header says of observations that cannot be used.
 _HELD = """\
  * get the measured steering in [-1, 1] (0 if that is not finite either) and ..._FALLBACK; the state
@@ -85,7 +92,7 @@ _BRIDGED = """\
 def header(made: Translated) -> str:
     """The header."""
     s, literal = made.setting, made.program.literal
-    real = "float" if s.single else "double"
+    real = s.real
     parameters = [
         f"{real} {each.name}{_size(each)}; /* {_meaning(s, each)} */" for each in made.parameters
     ] or [f"{real} none; /* there are no parameters */"]
@@ -157,6 +164,11 @@ def _block(lines: Sequence[str]) -> str:
 def source(made: Translated) -> str:
     """The source."""
     program, common, gaps = made.program, words(made), made.setting.controller.gaps
+    prefix, mixed = made.setting.prefix, made.setting.precision == "mixed"
+    observation = "wide_observation" if mixed else f"{prefix}_observation"
+    given = "given" if gaps else "seen"
+    arguments = f"{prefix}_state *state, const {observation} *{given}"
+    widened = {**common, "unless_given": _UNLESS * gaps, **_wide_wishes(made.setting)}
     network = ""
     if isinstance(made.setting.controller, Policy):
         name = next(f.name for k, f in program.functions.items() if k[0] == NETWORK)
@@ -174,10 +186,24 @@ def source(made: Translated) -> str:
             "reset": _block(_reset(made) or ["(void)state;"]),
             "step": _lines(made.step),
             "executed": _lines(("(void)p;", "(void)steer;", *made.executed)),
-            "given": "given" if gaps else "seen",
-            "gap": fill("gap.c.in", common) if gaps else "",
+            "gap": fill("gap.c.in", {**common, "observation": observation}) if gaps else "",
+            "observation": observation,
+            "step_head": f"static int step_in_double({arguments}, double *steer)"
+            if mixed
+            else f"int {prefix}_step({arguments}, {made.setting.handed} *steer)",
+            "widened": fill("widened.h.in", widened) if mixed else "",
+            "narrowed": fill("narrowed.c.in", widened) if mixed else "",
         },
     )
+
+
+def _wide_wishes(setting: Setting) -> dict[str, str]:
+    """Words of the wished speeds in double."""
+    wishes = {
+        "wide_wished": f"    double wished[{setting.waypoints}];\n",
+        "copied_wished": "        wide.wished[i] = (double)given->wished[i];\n",
+    }
+    return wishes if setting.limits_speed else dict.fromkeys(wishes, "")
 
 
 def _limits(made: Translated) -> dict[str, object]:
@@ -223,68 +249,3 @@ def _reset(made: Translated) -> list[str]:
         else:
             out += [f"state->{each.name}[{i}] = {x};" for i, x in enumerate(numbers)]
     return out
-
-
-@contextmanager
-def counted_steps() -> Iterator[list[int]]:
-    """The steps of all quadratic programs that are solved meanwhile in Python; -1: unsolved."""
-    steps: list[int] = []
-    quadratic.COUNTED.append(steps)
-    try:
-        yield steps
-    finally:
-        quadratic.COUNTED.pop()
-
-
-def answers(setting: Setting, rows: Sequence[Row]) -> list[Decision]:
-    """What Python's controller says to ``rows``."""
-    start = state = setting.start()
-    out = []
-    for row in rows:
-        state = start if row.restart else state
-        decision, state = setting.controller.step(state, row.given)  # type: ignore[arg-type]
-        out.append(decision)
-        if row.executed is not None:
-            state = setting.controller.executed(state, row.executed)
-    return out
-
-
-def rows_of(setting: Setting) -> list[Row]:
-    """The test vector's steps."""
-    rows = observations(setting, np.random.default_rng(0))
-    rows = with_wishes(rows) if setting.limits_speed else rows
-    return with_gaps(rows) if setting.controller.gaps else rows
-
-
-def vector(made: Translated) -> str:
-    """The test vector."""
-    rows = rows_of(made.setting)
-    pairs = zip(rows, answers(made.setting, rows), strict=True)
-    text = "".join(_row(made, row, decision) for row, decision in pairs)
-    return fill("controller_vector.h.in", {**words(made), "rows": text})
-
-
-def _row(made: Translated, row: Row, decision: Decision) -> str:
-    def number(value: float) -> str:
-        return ("-" if value < 0.0 else "") + "INFINITY" if math.isinf(value) else _plain(value)
-
-    def _plain(value: float) -> str:
-        return "NAN" if math.isnan(value) else made.program.literal(value)
-
-    pairs = [c_text.braces([number(x), number(y)]) for x, y in row.seen.preview.tolist()]
-    seen = [number(x) for x in row.seen[:8]] + [c_text.braces(pairs)]
-    limit = []
-    if made.setting.limits_speed:
-        seen.append(c_text.braces([number(x) for x in row.seen.wished.tolist()]))
-        limit = [number(decision.speed_limit)]
-    values = [
-        str(int(row.restart)), str(int(row.missing)), c_text.braces(seen), number(decision.steer),
-        str(int(decision.status)), *limit, str(int(row.executed is not None)),
-        number(row.executed or 0.0),
-    ]  # fmt: skip
-    return f"    {c_text.braces(values)},\n"
-
-
-def program(made: Translated) -> str:
-    """The program that runs the test vector."""
-    return fill("controller_test.c.in", words(made))

@@ -134,7 +134,7 @@ def controller_model(setting: Setting) -> FmuModel:
     """
     made = translated(setting)
     check_values(made)
-    s, real = setting, "float" if setting.single else "double"
+    s, real, handed = setting, setting.real, setting.handed
     wishes = s.waypoints if s.limits_speed else 0
     meaning = "Speed wished at the waypoint."
     wished = [Variable(f"wished[{i}]", "m/s", INPUT, 0.0, meaning) for i in range(wishes)]
@@ -160,8 +160,8 @@ def controller_model(setting: Setting) -> FmuModel:
         {
             "begin": [f"{s.prefix}_init(&m->state, &m->parameters);"],
             "advance": [
-                *_observed(s.prefix, real, s.waypoints, wishes),
-                *_steered(s.prefix, real, variables),
+                *_observed(s.prefix, handed, s.waypoints, wishes),
+                *_steered(s.prefix, handed, variables),
             ],
         },
     )
