@@ -25,7 +25,19 @@ MOST_BYTES, MOST_NODES = 20_000_000, 100
 """Largest file [bytes], and the most operators in it."""
 ROW_BY_ROW = frozenset(
     (
-        *("Abs", "Add", "Clip", "Div", "Elu", "Gelu", "HardSigmoid", "Identity", "Max", "Min"),
+        *(
+            "Abs",
+            "Add",
+            "Clip",
+            "Div",
+            "Elu",
+            "Gelu",
+            "Hardmax",
+            "HardSigmoid",
+            "Identity",
+            "Max",
+            "Min",
+        ),
         *("LayerNormalization", "LeakyRelu", "Mul", "Neg", "Relu", "Selu", "Sigmoid"),
         *("Softplus", "Softsign", "Sub", "Tanh"),
     )

@@ -24,6 +24,7 @@ from steersman.learning.algorithms.td3 import Td3
 from steersman.learning.arithmetic import arithmetic
 from steersman.learning.config import TrainConfig, train_config
 from steersman.learning.ddpg_update import CompiledDDPG
+from steersman.learning.discrete import DiscreteSteering
 from steersman.learning.export import network
 from steersman.learning.progress import TrainRow, check_progress
 from steersman.learning.train import train
@@ -37,6 +38,8 @@ from .test_agent import Recording, half
 
 KINDS = sorted(components("agent"))
 OFF_POLICY = ["ddpg", "sac", "td3"]
+# DQN, too, learns from a buffer, but executes only actions of its list.
+BUFFERED = ["dqn", *OFF_POLICY]
 NEVER = {"p_action": {"kind": "constant", "at": 0.0}}
 # A training that is short, and looked at three times.
 SHORT: dict[str, Any] = {
@@ -60,7 +63,7 @@ def settings(kind: str, **changes: Any) -> dict[str, Any]:
 
 def config(kind: str, problem: Any = None, agent: Any = None, **changes: Any) -> TrainConfig:
     """A small training of a kind, with a demonstrator that acts where it may."""
-    demonstration = {"demonstration": half(0.2) if kind in OFF_POLICY else NEVER}
+    demonstration = {"demonstration": half(0.2) if kind in BUFFERED else NEVER}
     tree = {"problem": {**SMALL, **demonstration, **(problem or {})}}
     return build(TrainConfig, {**TINY, **tree, "agent": settings(kind, **(agent or {})), **changes})
 
@@ -144,7 +147,7 @@ def test_learning_rate_follows_the_steps_at_every_update(kind: str) -> None:
 # ------------------------------------------------------------------------------- mirror images
 
 
-@pytest.mark.parametrize("kind", OFF_POLICY)
+@pytest.mark.parametrize("kind", BUFFERED)
 def test_half_of_each_batch_is_mirrored(kind: str) -> None:
     agent, env = learn(kind, 40, agent={"mirror": True})
     factors = agent.mirror
@@ -164,6 +167,9 @@ def mirrored(agent: Any) -> Any:
     if isinstance(agent, CompiledDDPG):
         return buffer.draw(20, 100).sides < 0.0
     batches = [buffer.sample(100) for _ in range(20)]
+    if isinstance(agent, DiscreteSteering):
+        levels = torch.from_numpy(agent.levels)
+        batches = [each._replace(actions=levels[each.actions]) for each in batches]
     for batch in batches:
         factors = 1.0 if agent.mirror is None else np.where(batch.actions < 0, agent.mirror, 1.0)
         seen = batch.observations.numpy() * factors
@@ -201,6 +207,9 @@ def test_configurations_read_back(kind: str, tmp_path: FilePath) -> None:
         ({"kind": "dpg"}, "agent: unknown agent 'dpg'; did you mean 'ddpg'"),
         ({"kind": "ppo", "batch": 100}, "agent.batch: 100 does not divide .* = 2048"),
         ({"kind": "sac", "ent_coef": 0.1, "target_entropy": -2.0}, "belongs to ent_coef: auto"),
+        ({"kind": "dqn", "actions": [0.5, 0.1]}, "agent.actions: .* each above the last"),
+        ({"kind": "dqn", "actions": [-1, 0, 2]}, "agent.actions: at least two numbers in"),
+        ({"kind": "dqn", "mirror": True, "actions": [-1, 0.5]}, "actions: the mirror image of"),
         ({"kind": "sac", "ent_coef": 0.0}, "agent.ent_coef: 0.0 is not allowed; must be greater"),
     ],
 )  # fmt: skip
@@ -251,8 +260,8 @@ def test_writes_its_record(kind: str, trained: dict[str, FilePath]) -> None:
     assert [float(row["steps"]) for row in table[:3]] == [160.0, 320.0, 480.0]
     for row in table:
         empty = {name for name, value in row.items() if math.isnan(float(value))}
-        assert empty == (set() if kind in OFF_POLICY else {"demo_share"})
-    if kind in OFF_POLICY:
+        assert empty == (set() if kind in BUFFERED else {"demo_share"})
+    if kind in BUFFERED:
         assert float(table[1]["demo_share"]) == pytest.approx(0.2, abs=0.08)
     assert list((trained[kind] / "tensorboard").glob("events.*"))
 
@@ -275,10 +284,12 @@ def test_exported_network_is_sb3s_deterministic_action(
     made = config(kind, agent=own)
     agent = made.agent.make(made, PathFollowingVecEnv(made.problem, 4))
     agent.actor_net().flat[:] *= 2.5  # so that the answer is no plain zero, and meets its limits
-    agent.actor_net().b3[:] = 0.3
+    agent.actor_net().b3[:] += 0.3
     scale = made.problem.layout.scale
     run = PolicyNetwork(
-        network(agent.actor_net(), scale, made.agent.operators), "policy.onnx", len(scale)
+        network(agent.actor_net(), scale, made.agent.operators, made.agent.levels),
+        "policy.onnx",
+        len(scale),
     )
     raw = size * np.random.default_rng(0).normal(size=(40, len(scale)))
     inputs = np.clip(raw * scale, -FEATURE_LIMIT, FEATURE_LIMIT).astype(np.float32)
@@ -286,7 +297,8 @@ def test_exported_network_is_sb3s_deterministic_action(
     answers = [run(row[None, :].astype(np.float32)) for row in raw]
     assert np.array(answers) == pytest.approx(expected, abs=3e-5)
     assert agent.act(inputs) == pytest.approx(expected, abs=3e-5)
-    assert np.std(expected) > 1e-5
+    # Of a list, all small inputs have the same action.
+    assert np.std(expected) > 1e-5 or (made.agent.levels and size < 1.0)
     assert abs(expected).max() <= 1.0
 
 
@@ -318,6 +330,7 @@ LEARNING: dict[str, dict[str, Any]] = {
     "sac": {"learning_rate": {"kind": "constant", "at": 1e-3}},
     "ppo": {"learning_rate": {"kind": "constant", "at": 1e-3}, "n_steps": 64, "batch": 64},
     "apg": {},
+    "dqn": {"learning_rate": {"kind": "constant", "at": 1e-3}},
 }
 
 
@@ -354,9 +367,9 @@ CARRIES: dict[str, Any] = {
 def carrying(kind: str) -> TrainConfig:
     mpc = {"kind": "mpc_pid", "rate_limit": True, "horizon": 8}
     act = {"p_action": {"kind": "linear", "start": 0.5, "end": 0.0}}
-    acts = act if kind in OFF_POLICY else NEVER
+    acts = act if kind in BUFFERED else NEVER
     agent: dict[str, Any] = {} if kind == "ppo" else {"mirror": True}
-    if kind in OFF_POLICY:
+    if kind in BUFFERED:
         agent["buffer"] = 300
     return config(
         kind,

@@ -24,7 +24,8 @@ from steersman.learning.ddpg_update import CompiledDDPG
 from steersman.learning.demonstration import Demonstration, ImitationLoss, Takeover, WarmStart
 from steersman.learning.imitation.driving import demonstrate
 from steersman.learning.imitation_loss import imitate
-from steersman.learning.off_policy import OffPolicySteering, steering
+from steersman.learning.make_off_policy import steering
+from steersman.learning.off_policy import OffPolicySteering
 from steersman.learning.schedules import Constant
 from steersman.learning.train import train
 from steersman.learning.vec_env import PathFollowingVecEnv
@@ -370,10 +371,10 @@ def rows(folder: FilePath) -> list[dict[str, str]]:
 
 
 def test_what_an_algorithm_cannot_take_is_said() -> None:
-    off = "ddpg, sac, td3 take this option"
     for kind in ("ppo", "apg"):
         for name, value in (("takeover", {}), ("loss", {}), ("warm_start", {"steps": 100})):
             shown = {**TEACHER, name: value}
+            off = f"ddpg, {'dqn, ' * (name == 'takeover')}sac, td3 take this option"
             with pytest.raises(ConfigError, match=rf"demonstration\.{name}: {kind} learns.*{off}"):
                 tiny(problem={"demonstration": shown}, agent={"kind": kind})
     for given, message in (

@@ -12,7 +12,8 @@ from stable_baselines3 import SAC, TD3
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
-from steersman.learning.off_policy import OffPolicySteering, steering
+from steersman.learning.make_off_policy import steering
+from steersman.learning.off_policy import OffPolicySteering
 from steersman.learning.replay_buffer import DemonstrationBuffer
 
 from .test_ddpg_update import FEATURES, Nothing, fill

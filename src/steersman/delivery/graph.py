@@ -125,6 +125,8 @@ class _Reader:
 
     def _operation(self, node: Any, flow: str) -> Operation:
         name = node.op_type
+        if name == "Hardmax":
+            raise ValueError("it chooses among actions (Hardmax, as of agent dqn), which C cannot")
         if name not in OPERATORS:
             raise ValueError(f"operator {name!r}")
         attributes = {a.name: a.f for a in node.attribute}

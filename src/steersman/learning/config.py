@@ -88,11 +88,11 @@ class TrainConfig(Settings):
     @model_validator(mode="after")
     def _fitting(self) -> TrainConfig:
         self.agent.check(self.problem.demonstration, self.steps)
-        if self.problem.joint and not self.agent.joint:
+        if len(self.problem.turned) > 1 and not self.agent.joint:
             raise ConfigError(
-                f"agent {self.agent.kind} cannot learn it: it differentiates steering alone; name "
+                f"agent {self.agent.kind} learns one action, not {len(self.problem.turned)}; name "
                 "ddpg, td3, sac or ppo",
-                ("problem", "joint"),
+                ("problem", "joint" if self.problem.joint else "parameters"),
             )
         if self.keep and self.problem.joint:
             raise ConfigError("datasets hold no wished speeds; set keep=false", ("keep",))

@@ -19,15 +19,21 @@ from steersman.provenance import provenance
 _CLIP = "Clip"
 
 
-def network(net: Net, scale: Any, operators: tuple[str, str] = ("Relu", "Tanh")) -> bytes:
+def network(
+    net: Net,
+    scale: Any,
+    operators: tuple[str, str] = ("Relu", "Tanh"),
+    levels: Sequence[float] = (),
+) -> bytes:
     """ONNX bytes of clip(features x scale) -> hidden layers -> action in [-1, 1].
 
-    ``operators`` stand after the hidden layers and after the output (Tanh, or Clip to +-1).
+    ``operators`` stand after the hidden layers and after the output (Tanh, Clip to +-1, or
+    Hardmax, after which the action is that of ``levels`` with the largest value).
     """
     hidden, output = operators
-    return layered(
-        [(net.w1, net.b1, hidden), (net.w2, net.b2, hidden), (net.w3, net.b3, output)], scale
-    )
+    layers = [(net.w1, net.b1, hidden), (net.w2, net.b2, hidden), (net.w3, net.b3, output)]
+    chosen = [(np.array([levels]), np.zeros(1), None)] if levels else []
+    return layered([*layers, *chosen], scale)
 
 
 def layered(layers: Sequence[tuple[Any, Any, str | None]], scale: Any) -> bytes:
@@ -91,6 +97,7 @@ def export_policy(
     note: dict[str, Any],
     operators: tuple[str, str] = ("Relu", "Tanh"),
     base_share: float = 1.0,
+    levels: Sequence[float] = (),
 ) -> FilePath:
     """Write ``policy.onnx`` and ``policy.json`` into ``folder``.
 
@@ -99,7 +106,7 @@ def export_policy(
     problem = config.problem
     layout = problem.layout
     scale = layout.scale
-    data = network(net, scale, operators)
+    data = network(net, scale, operators, levels)
     origin = provenance()
     file = folder / "policy.onnx"
     card = PolicyCard(

@@ -101,13 +101,20 @@ _OPERATORS: dict[str, Callable[[Any], Any]] = {
     "Relu": lambda x: np.maximum(x, np.float32(0.0)),
     "Tanh": np.tanh,
     "Clip": lambda x: np.clip(x, -1.0, 1.0),
+    "Hardmax": lambda x: np.eye(x.shape[-1])[x.argmax(axis=-1)],
 }
+
+
+def nearest(actions: Any, levels: Any) -> Any:
+    """Places (n, 1) in a list of numbers of those nearest to actions (n, 1)."""
+    return abs(np.asarray(actions) - np.asarray(levels)).argmin(axis=1, keepdims=True)
 
 
 def act(net: Net, features: Any, operators: tuple[str, str] = ("Relu", "Tanh")) -> Any:
     """A policy's actions (n, m) in [-1, 1] for features (n, k).
 
-    ``operators`` stand after the hidden layers and after the output: Relu, Tanh or Clip (to +-1).
+    ``operators`` stand after the hidden layers and after the output: Relu, Tanh, Clip (to +-1) or
+    Hardmax (1 for the first of the largest, else 0).
     """
     hidden, output = (_OPERATORS[name] for name in operators)
     h1 = hidden(features.astype(np.float32) @ net.w1.T + net.b1)

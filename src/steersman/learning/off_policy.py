@@ -8,7 +8,6 @@ its own learning rate. docs/decisions/0004-sb3-seam.md
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -24,13 +23,11 @@ from steersman.learning.demonstration import Demonstration
 from steersman.learning.imitation_loss import imitate
 from steersman.learning.noise import OrnsteinUhlenbeck
 from steersman.learning.replay_buffer import BUFFER_ARRAYS, STEERING, DemonstrationBuffer
-from steersman.learning.sb3 import AT_LIMIT, SteeringAgent, start_at_base
+from steersman.learning.sb3 import AT_LIMIT, SteeringAgent
 from steersman.learning.snapshot import Tree, fill
 from steersman.learning.warm_start import Opening
 
 if TYPE_CHECKING:
-    from steersman.learning.algorithms.base import OffPolicyComponent
-    from steersman.learning.config import TrainConfig
     from steersman.learning.vec_env import PathFollowingVecEnv
 
 _BUFFER_NUMBERS = ("pos", "full", "kept", "share")
@@ -55,6 +52,7 @@ class OffPolicySteering(SteeringAgent, OffPolicyAlgorithm):
     total = 1
     mirror: Any = None
     turned: Any = STEERING
+    buffer_class = DemonstrationBuffer
     demonstrable = True
     opening: Opening | None = None
     opened = 0
@@ -98,7 +96,9 @@ class OffPolicySteering(SteeringAgent, OffPolicyAlgorithm):
         own = self._own_action(learning_starts, action_noise, n_envs)
         self.sampled_steps += n_envs
         env, given = cast("PathFollowingVecEnv", self.env), self.demonstration
-        shown = env.demonstrated_actions() if given.enabled else np.full(own.shape, np.nan)
+        shown = np.full(own.shape, np.nan)
+        if given.enabled:
+            shown = self.allowed(env.demonstrated_actions())
         takes = (self._takes(env, abs(shown - own).max(1)) | shows) & np.isfinite(shown).all(axis=1)
         env.choice = own, takes
         everywhere = given.loss is None or given.loss.states == "all"
@@ -115,6 +115,10 @@ class OffPolicySteering(SteeringAgent, OffPolicyAlgorithm):
             executed = np.clip(executed + noise, -1.0, 1.0).astype(np.float32)
         self.demonstrated_steps += int(takes.sum())
         return executed, own if given.store == "agent" and not shows else executed
+
+    def allowed(self, actions: Any) -> Any:
+        """What of actions (n, m) in [-1, 1] this agent can execute and store."""
+        return actions
 
     def _takes(self, env: PathFollowingVecEnv, gap: Any) -> Any:
         """Where the demonstrator acts, (n,): by chance, or since the car is unsafe."""
@@ -174,8 +178,12 @@ class OffPolicySteering(SteeringAgent, OffPolicyAlgorithm):
         for k in range(gradient_steps):
             self._turn = k, gradient_steps
             super().train(1, batch_size)
-        said, before = self.logger.name_to_value, self.last_losses
-        self.last_losses = (
+        self.last_losses = self._losses(self.logger.name_to_value)
+
+    def _losses(self, said: dict[str, Any]) -> tuple[float, float, float]:
+        """Actor's loss, critic's loss and mean value, of what SB3 logged at the last update."""
+        before = self.last_losses
+        return (
             # Between two updates of TD3's actor the last loss stands.
             float(said.get("train/actor_loss", before[0])),
             float(said.get("train/critic_loss", before[1])),
@@ -238,63 +246,3 @@ class OffPolicySteering(SteeringAgent, OffPolicyAlgorithm):
             cast(OrnsteinUhlenbeck, self.action_noise).state = saved["noise"]
         for name, bits in self._generators().items():
             bits.state = saved["generators"][name]
-
-
-@cache
-def steering(algorithm: type[OffPolicyAlgorithm]) -> type[OffPolicySteering]:
-    """An off-policy algorithm of Stable-Baselines3 with the seam before it."""
-    if issubclass(algorithm, OffPolicySteering):
-        return algorithm
-    return type(f"Steering{algorithm.__name__}", (OffPolicySteering, algorithm), {})
-
-
-def make_off_policy(
-    settings: OffPolicyComponent, config: TrainConfig, env: PathFollowingVecEnv
-) -> OffPolicySteering:
-    """The agent of a training configuration.
-
-    Args:
-        settings: the algorithm and its options; ``config.agent``.
-        config: the training.
-        env: the vehicles that it drives.
-    """
-    demo, total, own = config.problem.demonstration, config.steps, settings.options()
-    opening = None
-    if demo.warm_start is not None:
-        opening = Opening(demo.warm_start, config.problem, env.num_envs)
-    seeds = np.random.SeedSequence(config.seed).generate_state(3)
-    agent: OffPolicySteering
-
-    if settings.exploration is not None:
-        sigma, theta, dt = settings.exploration
-        own["action_noise"] = OrnsteinUhlenbeck(
-            (env.num_envs, len(env.turned)),
-            theta,
-            lambda: sigma.value(agent.num_timesteps, total),
-            dt,
-            int(seeds[0]),
-        )
-    agent = steering(settings.algorithm())(
-        "MlpPolicy",
-        env,
-        learning_rate=settings.learning_rate.value(0, total),
-        buffer_size=settings.buffer,
-        replay_buffer_class=DemonstrationBuffer,
-        batch_size=settings.batch,
-        gamma=settings.gamma,
-        tau=settings.tau,
-        train_freq=1,
-        gradient_steps=settings.updates,
-        learning_starts=settings.learning_starts if opening is None else opening.steps,
-        policy_kwargs={"net_arch": list(settings.hidden)},
-        seed=int(seeds[1] % 2**31),
-        device="cpu",
-        **own,
-    )
-    start_at_base(agent.policy, config.problem, settings.operators)
-    agent.turned = agent.buffer.turned = env.turned.astype(np.float32)
-    if settings.mirror:
-        agent.mirror = agent.buffer.mirror = env.mirror.astype(np.float32)
-    agent.rate = lambda step: settings.learning_rate.value(step, total)
-    agent.prepare_demonstration(demo, opening, total, int(seeds[2]))
-    return agent

@@ -87,7 +87,7 @@ def make_on_policy(
         device="cpu",
         **{name: getattr(settings, name) for name in _SAME},
     )
-    start_at_base(agent.policy, config.problem, settings.operators)
+    start_at_base(agent.policy, config.problem, settings)
     agent.rate, agent.operators = lambda step: rate.value(step, total), settings.operators
     agent.policy.optimizer.register_step_pre_hook(agent.set_rate)
     return agent

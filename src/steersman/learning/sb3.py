@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from operator import attrgetter
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -20,6 +20,9 @@ from steersman.learning import networks
 from steersman.learning.networks import Net
 from steersman.learning.problem import Problem
 from steersman.learning.snapshot import Tree, fill
+
+if TYPE_CHECKING:
+    from steersman.learning.algorithms.base import AgentComponent
 
 # A policy's action beyond this counts as saturated.
 AT_LIMIT = 0.99
@@ -85,7 +88,7 @@ class SteeringAgent(BaseAlgorithm):
     def actor_net(self) -> Net:
         """The weights from the features to the mean action, laid flat at the first call."""
         if self._actor is None:
-            self._actor = lay_flat(mean_layers(getattr(self.policy, "actor", self.policy)))
+            self._actor = lay_flat(mean_layers(_actors(self.policy)[0]))
         return self._actor
 
     def weights(self) -> dict[str, Any]:
@@ -158,14 +161,22 @@ def lay_flat(modules: Iterable[Any]) -> Net:
     return networks.view_net(flat.numpy(), (sizes[0][1], *(rows for rows, _ in sizes)))
 
 
+def _actors(policy: Any) -> list[Any]:
+    """The network that acts, and its target if it has one."""
+    names = ("actor", "actor_target", "q_net", "q_net_target")
+    return [getattr(policy, name) for name in names if hasattr(policy, name)] or [policy]
+
+
 def mean_layers(policy: Any) -> list[Any]:
     """The parts of an SB3 actor (or of PPO's policy) from the features to the mean action."""
+    if hasattr(policy, "q_net"):
+        return [policy.q_net]
     if hasattr(policy, "action_net"):
         return [policy.mlp_extractor.policy_net, policy.action_net]
     return [policy.latent_pi, policy.mu] if hasattr(policy, "latent_pi") else [policy.mu]
 
 
-def start_at_base(policy: Any, problem: Problem, operators: tuple[str, str]) -> None:
+def start_at_base(policy: Any, problem: Problem, settings: AgentComponent) -> None:
     """Make the mean action of an SB3 policy (and of its target) the base's for every observation.
 
     An agent with a base begins as this base: a random network would spoil it from the first step
@@ -176,17 +187,19 @@ def start_at_base(policy: Any, problem: Problem, operators: tuple[str, str]) -> 
     Args:
         policy: of Stable-Baselines3.
         problem: its correction begins at zero, its parameters at the base's own.
-        operators: of :class:`SteeringAgent`.
+        settings: the algorithm.
     """
     if problem.base is None:
         return
     own = [each.action(problem.base) for each in problem.adjustments()]
     own = own or [0.0] * len(problem.turned)
     bias = torch.tensor(own, dtype=torch.float32).clamp(-_STEEPEST, _STEEPEST)
-    if operators[1] == "Tanh":
+    if settings.operators[1] == "Tanh":
         bias = torch.atanh(bias)
-    actors = [getattr(policy, name) for name in ("actor", "actor_target") if hasattr(policy, name)]
-    for actor in actors or [policy]:
+    if settings.levels:
+        places = networks.nearest([own], settings.levels)[0]
+        bias = torch.nn.functional.one_hot(torch.from_numpy(places), len(settings.levels))[0]
+    for actor in _actors(policy):
         last = mean_layers(actor)[-1]
         output = [layer for layer in last.modules() if isinstance(layer, nn.Linear)][-1]
         output.weight.data.zero_()

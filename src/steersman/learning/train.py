@@ -294,5 +294,6 @@ class _Training:
             "plant": driver.source,
             "validation": score.rounded(),
         }
-        net, operators = self.agent.actor_net(), self.config.agent.operators
-        export_policy(net, self.config, self.out, note, operators, self._base_share())
+        net, of = self.agent.actor_net(), self.config.agent
+        share = self._base_share()
+        export_policy(net, self.config, self.out, note, of.operators, share, of.levels)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 # p_action counts as above zero if it is at one of so many steps of the training.
 _LOOKS = 1000
+_WAYS = ("takeover", "warm_start", "loss")
 
 
 class AgentComponent(Component):
@@ -38,7 +39,11 @@ class AgentComponent(Component):
         "batch": "64|128|256|512",
     }
     joint: ClassVar[bool] = True
-    """Whether it can learn a joint action."""
+    """Whether it can learn several actions, such as steering and speed."""
+    takes: ClassVar[frozenset[str]] = frozenset()
+    """Of ``takeover``, ``warm_start`` and ``loss`` what it can learn from."""
+    limit: ClassVar[str] = ""
+    """Why it cannot learn from the others, behind its name."""
     hidden: tuple[int, int] = param((128, 128), "-", "Units of the two hidden layers.")
     gamma: float = param(0.95, "-", "Discount per control step.", gt=0, lt=1)
     batch: int = param(256, "-", "Transitions in a batch.", ge=1)
@@ -75,11 +80,24 @@ class AgentComponent(Component):
         Raises:
             ConfigError: it cannot learn from it.
         """
+        for name in _WAYS:
+            if getattr(demonstration, name) is not None and name not in self.takes:
+                known: Mapping[str, Any] = components("agent")
+                can = [kind for kind, other in known.items() if name in other.takes]
+                raise ConfigError(
+                    f"{self.kind} {self.limit}; {', '.join(can)} take this option",
+                    ("problem", "demonstration", name),
+                )
 
     @property
     def operators(self) -> tuple[str, str]:
         """ONNX operators after the policy's hidden layers and after its output."""
         return "Relu", "Tanh"
+
+    @property
+    def levels(self) -> tuple[float, ...]:
+        """The actions among which the policy chooses; none if it may give any in [-1, 1]."""
+        return ()
 
     @property
     def first_actor_update(self) -> int:
@@ -90,6 +108,8 @@ class AgentComponent(Component):
 class OnPolicyComponent(AgentComponent):
     """An algorithm that learns only from what its own policy has just driven."""
 
+    limit: ClassVar[str] = "learns only from actions that its own policy chose"
+
     max_grad_norm: float = param(0.5, "-", "Longest gradient; longer ones are shortened.", gt=0)
 
     def check(self, demonstration: Demonstration, steps: int) -> None:
@@ -98,25 +118,16 @@ class OnPolicyComponent(AgentComponent):
         Raises:
             ConfigError: the demonstrator would act, or be learned from.
         """
-        where, p = ("problem", "demonstration"), demonstration.p_action
+        super().check(demonstration, steps)
+        p = demonstration.p_action
         acts = any(p.value(steps * k / _LOOKS, steps) > 0.0 for k in range(_LOOKS + 1))
         if demonstration.enabled and acts:
             raise ConfigError(
-                f"{self.kind} learns only from actions that its own policy chose, so the "
+                f"{self.kind} {self.limit}, so the "
                 "demonstrator cannot act (its reward works); switch the extra action off: "
                 "problem.demonstration.p_action={kind: constant, at: 0}",
-                (*where, "p_action"),
+                ("problem", "demonstration", "p_action"),
             )
-        for name in ("takeover", "warm_start", "loss"):
-            if getattr(demonstration, name) is not None:
-                can = [
-                    k for k, a in components("agent").items() if issubclass(a, OffPolicyComponent)
-                ]
-                raise ConfigError(
-                    f"{self.kind} learns only from actions that its own policy chose; "
-                    f"{', '.join(can)} take this option",
-                    (*where, name),
-                )
 
 
 class OffPolicyComponent(AgentComponent):
@@ -127,6 +138,7 @@ class OffPolicyComponent(AgentComponent):
         "tau": "1e-3..2e-2:log",
         "updates": "2..8",
     }
+    takes: ClassVar[frozenset[str]] = frozenset(_WAYS)
     tau: float = param(0.005, "-", "Share by which targets follow at each update.", gt=0, le=1)
     buffer: int = param(300_000, "-", "Transitions in the replay buffer.", ge=1)
     updates: int = param(4, "-", "Updates after each step of all vehicles.", ge=0)
@@ -149,6 +161,7 @@ class OffPolicyComponent(AgentComponent):
         Raises:
             ConfigError: they do not fit into the training or into the replay buffer.
         """
+        super().check(demonstration, steps)
         start, where = demonstration.warm_start, ("problem", "demonstration", "warm_start", "steps")
         most = min(steps, self.buffer - self.vehicles)
         if start is not None and start.steps > most:
@@ -160,7 +173,7 @@ class OffPolicyComponent(AgentComponent):
 
     def make(self, config: TrainConfig, env: PathFollowingVecEnv) -> SteeringAgent:
         """The agent of a training configuration, which holds this component."""
-        from steersman.learning.off_policy import make_off_policy
+        from steersman.learning.make_off_policy import make_off_policy
 
         return make_off_policy(self, config, env)
 
