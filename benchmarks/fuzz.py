@@ -34,6 +34,7 @@ from steersman.provenance import provenance
 
 SLOWEST, LARGEST = 10.0, 500.0
 """A reading that takes longer [s], or makes the process grow by more [MB], is a fault."""
+_IN_MEMORY = Path("/dev/shm")  # writing to a disk would be most of the time
 _WORDS = (
     *(b"", b"0", b"-1", b"1e308", b"nan", b"9" * 400, b"null", b"[", b"{", b"&a", b"*a", b"\xff"),
 )
@@ -54,7 +55,7 @@ def main() -> None:
     warnings.simplefilter("error", RuntimeWarning)  # they would be lines of their own
     made = {"cpu_seconds": words.seconds, "seed": words.seed, **provenance()}
     rows = []
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory(dir=_IN_MEMORY if _IN_MEMORY.is_dir() else None) as folder:
         place = Path(folder)
         for name, target in targets(place).items():
             if words.only in {None, name}:

@@ -25,8 +25,8 @@ def test_a_config_error_survives_the_way_back_from_a_worker_process() -> None:
     "name", ["ConfigError", "DataError", "ControllerError", "TrainingDiverged"]
 )
 def test_one_except_clause_catches_every_error_meant_for_the_user(name: str) -> None:
-    with pytest.raises(SteersmanError, match=r"^what$"):
-        raise getattr(errors, name)("what")
+    with pytest.raises(SteersmanError, match=r"^what it quotes$"):
+        raise getattr(errors, name)("what\n it quotes\n")
 
 
 @pytest.mark.parametrize(

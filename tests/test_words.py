@@ -63,6 +63,12 @@ def test_every_kind_is_a_word_and_a_misspelt_one_names_the_nearest(family: str) 
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize("family", ["path", "controller", "vehicle"])
+def test_a_word_that_no_file_can_have_is_unknown(family: str) -> None:
+    with pytest.raises(sm.ConfigError, match=f"unknown {family}"):
+        words.fields_of(family, "x" * 5000)
+
+
 @pytest.mark.parametrize("name", [*tuned.names(), *policies.names()])
 def test_controllers_of_the_package_are_words_also_under_supervision(name: str) -> None:
     found = resolve("controller", name)

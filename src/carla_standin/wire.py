@@ -6,6 +6,7 @@ Calls are msgpack: a request is ``[0, id, name, [[ignore_reply], *arguments]]``,
 
 from __future__ import annotations
 
+import itertools
 import logging
 import math
 import struct
@@ -28,6 +29,8 @@ MAX_REQUEST = 8 * 2**20
 # Longest array within a request, as for a batch; and in one of more than so many bytes, which is
 # long for its text.
 MAX_ARRAY = 8192
+# Levels to which a request nests at most.
+_DEEPEST = 64
 _LONG, _FEW = 2**20, 64
 # Farthest from the origin that anything is placed [m].
 _FARTHEST = 1e6
@@ -183,7 +186,16 @@ def _unpacked(data: bytes) -> Any:
 
         few = {"max_array_len": _FEW, "max_map_len": _FEW}
         limits = {**few, "list_hook": counted, "object_hook": counted}
-    return msgpack.unpackb(data, unicode_errors="replace", **limits)
+    message = msgpack.unpackb(data, unicode_errors="replace", **limits)
+    level, depth = [message], 0
+    while level:
+        inner = [
+            v.values() if isinstance(v, dict) else v for v in level if isinstance(v, list | dict)
+        ]
+        level, depth = list(itertools.chain(*inner)), depth + 1
+        if depth > _DEEPEST:
+            raise ValueError(f"a message nests deeper than {_DEEPEST} levels")
+    return message
 
 
 def request(message: Any) -> Request:

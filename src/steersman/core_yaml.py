@@ -13,9 +13,12 @@ from __future__ import annotations
 import itertools
 import re
 from pathlib import Path as FilePath
-from typing import Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import yaml
+from yaml.composer import Composer
+from yaml.constructor import SafeConstructor
+from yaml.resolver import Resolver
 
 from steersman.bounds import DEEPEST, MOST_DIGITS
 from steersman.errors import ConfigError, DataError, shortened
@@ -56,7 +59,21 @@ class _Extent(NamedTuple):
     depth: int
 
 
-class _Loader(yaml.SafeLoader):
+if TYPE_CHECKING or not yaml.__with_libyaml__:
+    _Base = yaml.SafeLoader
+else:
+
+    class _Base(Composer, yaml.cyaml.CParser, SafeConstructor, Resolver):
+        """PyYAML's composer on libyaml's parser, which is far faster than PyYAML's own."""
+
+        def __init__(self, text: str) -> None:
+            yaml.cyaml.CParser.__init__(self, text)
+            Composer.__init__(self)
+            SafeConstructor.__init__(self)
+            Resolver.__init__(self)
+
+
+class _Loader(_Base):
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012 - PyYAML's own way
     # Dates, sets and binary data are no part of the core schema.
     yaml_constructors = {  # noqa: RUF012

@@ -7,7 +7,11 @@ from collections.abc import Iterable
 
 
 class SteersmanError(Exception):
-    """Base of every error whose message is meant for the user."""
+    """Base of every error whose message is meant for the user: one line, whatever it quotes."""
+
+    def __str__(self) -> str:
+        """What is wrong, on one line."""
+        return one_line(super().__str__())
 
 
 class ConfigError(SteersmanError, ValueError):

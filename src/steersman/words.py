@@ -104,7 +104,14 @@ def fields_of(family: str, word: str) -> dict[str, Any]:
     """
     if word in components(family):
         return {"kind": word}
-    file = FilePath(word)
+    try:
+        return _found(family, word, FilePath(word))
+    except OSError:  # too long for a file's name, or in a folder that may not be looked into
+        raise unknown(family, word) from None
+
+
+def _found(family: str, word: str, file: FilePath) -> dict[str, Any]:
+    """What is no registered name: of the package, or a file."""
     found = _controller(word, file) if family == _CONTROLLER else None
     if found is not None:
         return found

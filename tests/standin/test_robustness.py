@@ -104,6 +104,7 @@ GARBAGE = {
     "reserved byte": b"\xc1",
     "list of four billion": b"\xdd\xff\xff\xff\xff",
     "more text than is allowed": b"\x94\x00\x01\xdb\xff\xff\xff\xff" + bytes(MAX_REQUEST + 2**20),
+    "a call nested": b"\x94\x00\x01\xa7version\x92\x91\xc2" + b"\x91" * 99 + b"\x00",
     "nested for ever": b"\x94\x00\x01" + b"\x91" * 100_000,
     "nested lists": b"\x94\x00\x01" + b"\xdc\x1f\xff" * 5000,
     "more lists than a batch": b"\x94\x00\x01\xdd\x00\x00\x20\x01" + b"\x90" * 8195,
