@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from steersman.metrics.base import summarise as summarise
     from steersman.outcome import Attempt as Attempt
     from steersman.paths.base import PathComponent
-    from steersman.paths.xodr.ways import lane_starts as lane_starts
+    from steersman.paths.xodr.starts import lane_starts as lane_starts
     from steersman.plants.base import PlantComponent
     from steersman.plants.carla_frame import CarlaFrame as CarlaFrame
     from steersman.plants.motion import VehicleMotion as VehicleMotion
@@ -114,7 +114,7 @@ _FRONT_DOOR = {
     "learning.rewards": ("RewardTerm", "Judged"),  # what is rewarded
     "plants.motion": ("VehicleMotion",),  # a car in a world of one's own (carla_standin)
     "plants.carla_frame": ("CarlaFrame",),  # CARLA's axes, for a client or server of one's own
-    "paths.xodr.ways": ("lane_starts",),  # where cars may be put on a map (carla_standin)
+    "paths.xodr.starts": ("lane_starts",),  # where cars may be put on a map (carla_standin)
     # What a study of one's own needs (ddpg_mpc_pid): trainings side by side, which are resumed; the
     # figures of a drive; what a controller was given on it; what made the results; the paper.
     "engine.jobs": ("Workers",),

@@ -9,6 +9,7 @@ from steersman.types import (
     FloatArray,
     PathPoint,
     Pose,
+    Surface,
     VehicleState,
 )
 
@@ -36,6 +37,10 @@ class Path(Protocol):
 
     def at(self, s: float) -> PathPoint:
         """The point at arc length s [m]; closed paths wrap, open ones go on straight."""
+        ...
+
+    def surface(self) -> Surface | None:
+        """Height and banking of the road under it; None: it is flat."""
         ...
 
     def speeds(self) -> tuple[FloatArray, FloatArray] | None:

@@ -172,3 +172,18 @@ class PathPoint(NamedTuple):
     y: float
     psi: float
     curvature: float
+
+
+class Surface(NamedTuple):
+    """Height and banking of the road under a path, linear between places; each (n,)."""
+
+    s: FloatArray
+    """Arc length [m], increasing."""
+    height: FloatArray
+    """Above the source's zero [m]."""
+    bank: FloatArray
+    """Roll of the road about the driving direction, ISO 8855: left side up positive [rad]."""
+
+    def at(self, s: float) -> tuple[float, float]:
+        """Height [m] and banking [rad] at an arc length [m]; held beyond the ends."""
+        return float(np.interp(s, self.s, self.height)), float(np.interp(s, self.s, self.bank))

@@ -24,6 +24,7 @@ from steersman.kernels.speed import SpeedTable
 from steersman.kernels.step import Lesson
 from steersman.paths.base import PathComponent
 from steersman.paths.segments import stack
+from steersman.plants.banking import Banking
 from steersman.plants.base import PlantComponent
 from steersman.plants.mover import Mover, Shared, make_mover
 from steersman.profiles import Profile, write_profile
@@ -110,7 +111,8 @@ class Simulation:
             PlantError: it cannot be reached.
         """
         self.n, self.dt, self.sensor, self.lesson = n, plant.dt, sensor, lesson
-        declared = [sensor.make(n, seed), *plant.disturbances(n, seed), *disturbances]
+        banking = Banking.of(roads) if plant.computed else None  # a server has roads of its own
+        declared = [sensor.make(n, seed), banking, *plant.disturbances(n, seed), *disturbances]
         self._disturbers = [one for one in declared if one is not None]
         self._acting = [one for one in self._disturbers if type(one).act is not Disturber.act]
         if not plant.computed and any(one.on_vehicle for one in self._disturbers):
@@ -213,6 +215,7 @@ class Simulation:
         if self._watched:
             fleet.bounds[:] = -1.0, 1.0
             rows[:, [car.GRIP_LEFT, car.GRIP_RIGHT]] = 1.0
+            rows[:, [car.SIDE_FORCE, car.YAW_MOMENT]] = 0.0
             steps = fleet.clock[:, kernel.CLOCK_STEPS]
             for one in self._acting:
                 for i, time in enumerate((steps * self.dt).tolist()):

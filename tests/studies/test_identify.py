@@ -414,6 +414,7 @@ WRONG = [
     (HEAD + "0,0,10,0\n0.05,x,10,0\n", "line 3: steer_command is 'x', not a finite number"),
     (HEAD + "0,0,10\n", "line 2: yaw_rate is missing"),
     (HEAD + "0,0,10,0\n0,0,10,0\n", "line 3: time must increase"),
+    (HEAD + "0,0,10,0\n1e308,0,10,0\n", "line 3: time is more than 1e"),
     (HEAD + ",0,10,0\n", "line 2: time is missing"),
     (HEAD + "0,0,10,0\n", "1 rows over 0.0 s are too few"),
     (HEAD + "".join(f"{50 * k},0,10,0\n" for k in range(200)), "time_ms is in milliseconds"),

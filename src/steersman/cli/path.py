@@ -25,6 +25,7 @@ EXAMPLES = (
     "  steersman path export monza --to monza.xodr\n"
     "  steersman path export circle radius=100 direction=right --to circle.xodr\n"
     "  steersman path export csv file=my_road.csv --to my_road.xodr --lane-width 3.5\n"
+    "  steersman path export opendrive file=Town07.xodr route=[59,61] --to route.csv\n"
     "\n"
     "What can be set: steersman show path circle"
 )
@@ -60,7 +61,7 @@ def export(
             help="A kind of path (or a YAML file with a kind) and its settings.",
         ),
     ],
-    to: Annotated[str, typer.Option("--to", metavar="FILE.xodr", help="The file to write.")],
+    to: Annotated[str, typer.Option("--to", metavar="FILE.xodr|.csv", help="The file to write.")],
     lane_width: Annotated[
         float, typer.Option("--lane-width", min=0.5, max=100.0, help="Width of the lane [m].")
     ] = 4.0,
@@ -68,14 +69,22 @@ def export(
         float, typer.Option(min=0.0, max=100.0, help="Width of the shoulders [m]; 0: none.")
     ] = 2.0,
 ) -> None:
-    """Write a path as an OpenDRIVE road whose lane has the path as its centre."""
+    """Write a path as an OpenDRIVE road whose lane has it as its centre, or as a table (.csv).
+
+    Height and banking go with it, where the path has them.
+    """
     path = _path(words)
     file = files.out_file(to, "--to", (".xodr",))
 
     from steersman.files import write_text
+    from steersman.paths.table import csv_table
     from steersman.paths.xodr.write import opendrive
 
-    text = opendrive(path, path.kind, lane_width=lane_width, shoulder=shoulder)
+    if file.suffix == ".csv":
+        text = csv_table(path)
+    else:
+        sizes = {"lane_width": lane_width, "shoulder": shoulder}
+        text = opendrive(path, path.kind, **sizes, surface=path.surface())
     write_text(file, text)
     lap = "closed" if path.closed else "open"
     note(f"written: {file} ({path.kind}, {path.length:.1f} m, {lap})")

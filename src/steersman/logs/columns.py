@@ -11,6 +11,8 @@ from steersman.errors import suggestion
 from steersman.tables import Sheet, read_sheet
 from steersman.types import FloatArray
 
+LONGEST = 1e9
+"""The longest time that a recording spans [s]."""
 _SHARE = {"": 1.0, "percent": 0.01}
 _ACCELERATION = {"m_s2": 1.0, "g": 9.81}
 SIGNALS: dict[str, ExpectedColumn] = {
@@ -69,7 +71,7 @@ def read_columns(
 
 
 def check_time(sheet: Sheet, time: FloatArray) -> None:
-    """Refuse times that are missing or do not increase, and a file without any.
+    """Refuse times that are missing, span too long or do not increase, and a file without any.
 
     Raises:
         DataError: names the line.
@@ -82,6 +84,10 @@ def check_time(sheet: Sheet, time: FloatArray) -> None:
     back = np.flatnonzero(np.diff(time) <= 0.0)
     if back.size:
         raise sheet.fault(sheet.lines[back[0] + 1], "time must increase from line to line")
+    late = np.flatnonzero(time > time[0] + LONGEST)
+    if late.size:
+        after = f"is more than {LONGEST:g} s after the first; is it in milliseconds (time_ms)?"
+        raise sheet.fault(sheet.lines[late[0]], f"time {after}")
 
 
 def missing(name: str, titles: list[str]) -> str:

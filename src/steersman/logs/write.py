@@ -107,11 +107,12 @@ def _check(file: FilePath, episode: Episode) -> None:
 
 
 def sampled(path: Path) -> FloatArray:
-    """Points of a path x, y [m] and psi [rad], (n, 3); a closed one ends where it begins."""
-    count = max(math.ceil(path.length / PATH_SPACING), 8)
-    points = [path.at(path.length * i / count)[:3] for i in range(count)]
-    end = points[0] if path.closed else path.at(path.length)[:3]
-    return np.array([*points, end])
+    """Points of a path x, y [m], psi [rad] and z [m], (n, 4); a closed one ends where it begins."""
+    count, surface = max(math.ceil(path.length / PATH_SPACING), 8), path.surface()
+    places = [path.length * i / count for i in range(count)]
+    places.append(0.0 if path.closed else path.length)
+    heights = [0.0 if surface is None else surface.at(s)[0] for s in places]
+    return np.array([(*path.at(s)[:3], z) for s, z in zip(places, heights, strict=True)])
 
 
 def _beside(episode: Episode) -> FloatArray:
@@ -198,11 +199,11 @@ class _Maker:
     def _header(self, ns: int) -> Any:
         return self._new("std_msgs/msg/Header", self._time(ns), schemas.MAP)
 
-    def _pose(self, x: float, y: float, psi: float) -> Any:
+    def _pose(self, x: float, y: float, psi: float, z: float = 0.0) -> Any:
         turn = self._new(
             "geometry_msgs/msg/Quaternion", 0.0, 0.0, math.sin(0.5 * psi), math.cos(0.5 * psi)
         )
-        place = self._new("geometry_msgs/msg/Point", x, y, 0.0)
+        place = self._new("geometry_msgs/msg/Point", x, y, z)
         return self._new("geometry_msgs/msg/Pose", place, turn)
 
     def _vector(self, x: float, y: float, z: float) -> Any:

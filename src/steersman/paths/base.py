@@ -13,7 +13,7 @@ from pydantic import ConfigDict
 from steersman.config import Built, Component, Settings, param
 from steersman.kernels import path as kernel
 from steersman.kernels.path import PathTable
-from steersman.types import FloatArray, PathPoint, Pose
+from steersman.types import FloatArray, PathPoint, Pose, Surface
 
 
 class Corner(NamedTuple):
@@ -79,6 +79,10 @@ class PathComponent(Component):
         """Where in its source an arc length is, besides s; empty without a source."""
         return ""
 
+    def surface(self) -> Surface | None:
+        """Height and banking, if its source gives any; None: the road is flat."""
+        return None
+
     def cure(self) -> str:
         """What makes bends wider that no car can follow."""
         return "a road for this car has wider bends"
@@ -94,7 +98,7 @@ class PathComponent(Component):
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """A copy, as pydantic's, that does not inherit geometry built for other fields."""
         copy = super().model_copy(update=update, deep=deep)
-        for made in ("geometry", "course"):
+        for made in ("geometry", "course", "followed"):
             copy.__dict__.pop(made, None)
         return copy
 

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import os
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from pydantic import BeforeValidator, model_validator
 
-from steersman.config import param, register, required
+from steersman.config import Built, param, register, required
 from steersman.errors import ConfigError, DataError
 from steersman.kernels.path import LENGTH, PathTable
 from steersman.paths.base import PathComponent
 from steersman.paths.segments import from_samples, part
+from steersman.types import Surface
 
 if TYPE_CHECKING:
     from steersman.paths.xodr.model import RoadNetwork
@@ -33,11 +34,20 @@ def _text(value: Any) -> Any:
 _RoadId = Annotated[str, BeforeValidator(_text)]
 
 
+class _Followed(NamedTuple):
+    """A way as a path."""
+
+    table: PathTable
+    surface: Surface | None
+    changes: tuple[str, ...]
+    """Changes of lane, a clause each."""
+
+
 @register("path", "opendrive")
 class OpenDrivePath(PathComponent):
     """The centre line of lanes of an OpenDRIVE map (*.xodr), in their driving direction.
 
-    Exactly one of road, route and random selects them. Heights and banking are left out.
+    Exactly one of road, route and random selects them.
     """
 
     suffixes: ClassVar[tuple[str, ...]] = (".xodr",)
@@ -58,6 +68,13 @@ class OpenDrivePath(PathComponent):
     )
     min_radius: float = param(
         0.0, "m", "route and random take no lane that bends more sharply", ge=0.0, le=1e4
+    )
+    lane_change: float = param(
+        50.0,
+        "m",
+        "length of a change of lane, made where route cannot do without; 0: none are made",
+        ge=0.0,
+        le=1000.0,
     )
 
     smooth: float = param(
@@ -95,14 +112,24 @@ class OpenDrivePath(PathComponent):
         Raises:
             DataError: the file cannot be used, or holds no such way.
         """
+        return self.followed.value.table
+
+    def surface(self) -> Surface | None:
+        """Height and banking of the roads under the lanes' centres."""
+        return self.followed.value.surface
+
+    @cached_property
+    def followed(self) -> Built[_Followed]:
+        """The way, as it is first used."""
         from steersman.paths.smooth import smoothed
         from steersman.paths.xodr.joined import joined
+        from steersman.paths.xodr.relief import surface_along
         from steersman.paths.xodr.ways import Ways
 
         network = _network(self.file, _stamp(self.file))
         if self.sha256 not in {None, network.sha256}:
             raise DataError(f"{self.file}: its SHA-256 is {network.sha256}, not {self.sha256}")
-        ways = Ways(network, self.min_radius)
+        ways = Ways(network, self.min_radius, self.lane_change)
         try:
             way, closed = self._way(ways)
             table = from_samples(*joined(ways.lines(way), closed), closed=closed)
@@ -110,22 +137,28 @@ class OpenDrivePath(PathComponent):
                 table = smoothed(table, self.smooth)
         except DataError as error:
             raise DataError(f"{self.file}: {error}") from None
-        return table if self.random is None else self._cut(table, ways.length(way[0]))
+        surface = surface_along(ways, way, table)
+        if self.random is not None:
+            start, end = self._cut(table, ways.length(way[0]))
+            table = part(table, start, end)
+            surface = surface and surface._replace(s=surface.s - start)
+        changes = tuple(str(place) for place in way if place.entered)
+        return Built(_Followed(table, surface, changes))
 
     def notes(self) -> tuple[str, ...]:
         """The elements of the map that are left out; of many, the first."""
         lost = _network(self.file, _stamp(self.file)).left_out
         rest = len(lost) - _MOST_TOLD
         more = (f"{rest} more of the map; 'steersman path check' lists all",) if rest > 0 else ()
-        return (*map(str, lost[:_MOST_TOLD]), *more)
+        return (*map(str, lost[:_MOST_TOLD]), *more, *self.followed.value.changes)
 
-    def _cut(self, table: PathTable, first: float) -> PathTable:
-        """As much of a random way as is wanted, from a drawn point of its first lane on."""
+    def _cut(self, table: PathTable, first: float) -> tuple[float, float]:
+        """The part of a random way that is wanted, from a drawn point of its first lane on [m]."""
         whole = float(table.meta[0, LENGTH])
         # The way itself was drawn from the seed alone.
         share = np.random.default_rng([int(self.random or 0), 1]).uniform()
         start = share * max(min(whole - self.distance, first), 0.0)
-        return part(table, start, min(start + self.distance, whole))
+        return start, min(start + self.distance, whole)
 
     def _way(self, ways: Ways) -> tuple[list[Any], bool]:
         if self.road is not None:

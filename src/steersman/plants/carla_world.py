@@ -38,6 +38,9 @@ class _Longer:
     def speeds(self) -> None:
         """It has none of its own."""
 
+    def surface(self) -> None:
+        """Generated worlds are flat."""
+
     def project(self, x: float, y: float, near: float | None = None) -> tuple[float, float]:
         """Arc length and lateral offset of the closest point [m]."""
         s, d = kernel.project(self.table, 0, x, y)

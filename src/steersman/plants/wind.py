@@ -86,8 +86,9 @@ class Gusts(Disturber):
     def act(self, world: World, fleet: Fleet, i: int, time: float) -> None:
         """Load the vehicle with the wind that blows at the step's beginning."""
         row = world.vehicles.rows[i]
-        load = self._wind.load(self.at(i, time), float(fleet.state[i, car.VX]))
-        row[car.SIDE_FORCE], row[car.YAW_MOMENT] = load
+        force, moment = self._wind.load(self.at(i, time), float(fleet.state[i, car.VX]))
+        row[car.SIDE_FORCE] += force
+        row[car.YAW_MOMENT] += moment
 
     def snapshot(self) -> dict[str, Any]:
         """The gusts under way and the generators."""

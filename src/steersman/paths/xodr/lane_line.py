@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple, TypeVar
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from steersman.paths.xodr.reference import points
 from steersman.types import FloatArray
 
 _R = TypeVar("_R", Cubic, ReferencePiece)
+# Distance from the reference line, left positive, and its slope, each (n,), at s on the road (n,).
+_Offset: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+_HALF = 0.5
 # Samples are at most so far apart [m], and the curve turns by at most so much between them [rad].
 _STEP, _TURN = 1.0, 0.1
 _PROBES = 4
@@ -56,12 +59,59 @@ def lane_line(road: RoadRecord, section: LaneSection, number: int) -> list[Curve
         DataError: the lane cannot be followed; the message begins with a line of the file.
     """
     marks = _marks(road, section, number)
+    return _stretches(
+        road, marks, lambda start, middle: _centre(road, section, number, start, middle)
+    )
+
+
+def changing_line(
+    road: RoadRecord, section: LaneSection, numbers: tuple[int, int], begin: float, end: float
+) -> list[Curve]:
+    """From the centre of one lane to that of another, between two places on the road [m].
+
+    The curvature that this adds grows and falls linearly, to either side in turn, as that of four
+    clothoids of the same length: at most 8 distance / (end - begin)^2.
+
+    Raises:
+        DataError: a lane cannot be followed.
+    """
+    quarters = np.linspace(begin, end, 5).tolist()
+    marks = sorted({*quarters, *(s for number in numbers for s in _marks(road, section, number))})
+
+    def offset(start: float, middle: float) -> _Offset:
+        first, second = (_centre(road, section, number, start, middle) for number in numbers)
+
+        def blended(s: FloatArray) -> tuple[FloatArray, FloatArray]:
+            (t, slope), (u, other) = first(s), second(s)
+            share, growth = _changed((s - begin) / (end - begin))
+            growth = growth / (end - begin)
+            return t + share * (u - t), slope + share * (other - slope) + growth * (u - t)
+
+        return blended
+
+    return _stretches(road, marks, offset)
+
+
+def _changed(z: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Share of a change that is made after the share ``z`` of its length, and its slope."""
+    near = np.clip(np.where(z > _HALF, 1.0 - z, z), 0.0, _HALF)  # the second half mirrors the first
+    left = _HALF - near
+    early = near < 0.5 * _HALF
+    share = np.where(early, 16.0 / 3.0 * near**3, 0.5 - 2.0 * left + 16.0 / 3.0 * left**3)
+    slope = np.where(early, 16.0 * near**2, 2.0 - 16.0 * left**2)
+    return np.where(z > _HALF, 1.0 - share, share), slope
+
+
+def _stretches(
+    road: RoadRecord, marks: Sequence[float], offset: Callable[[float, float], _Offset]
+) -> list[Curve]:
+    """A curve between each mark and the next, at the offset that holds there."""
     out = []
     for start, end in itertools.pairwise(marks):
         if end > start:
-            geometry = _record(road.geometries, 0.5 * (start + end)) or road.geometries[0]
-            offset = _offset(road, section, number, start, 0.5 * (start + end))
-            out.append(_sample(geometry, start, end, offset))
+            middle = 0.5 * (start + end)
+            geometry = at_place(road.geometries, middle) or road.geometries[0]
+            out.append(_sample(geometry, start, end, offset(start, middle)))
     return out
 
 
@@ -82,38 +132,41 @@ def _inner(number: int) -> Iterator[int]:
     return (sign * k for k in range(1, abs(number) + 1))
 
 
-def _record(rows: Sequence[_R], s: float) -> _R | None:
+def at_place(rows: Sequence[_R], s: float) -> _R | None:
     """The last record that begins at or before ``s``; the rows are sorted."""
     return next((row for row in reversed(rows) if row.s <= s), None)
 
 
-def _offset(
+def _centre(
     road: RoadRecord, section: LaneSection, number: int, start: float, middle: float
-) -> tuple[float, float, float, float]:
-    """Coefficients of the centre's offset, left positive, over the distance from ``start``.
+) -> _Offset:
+    """The centre's offset from the reference line in the stretch that begins at ``start``.
 
     ``middle`` lies within the stretch, and selects the records that hold there.
     """
     shift = np.zeros(4)
-    record = _record(road.offset, middle)
+    record = at_place(road.offset, middle)
     if record is not None:
         shift += record.moved(start - record.s)
     sign = 1.0 if number > 0 else -1.0
     inside = outside = np.zeros(4)
     for inner in _inner(number):
         lane, inside = section.lanes[inner], outside
-        record = _record(lane.width or lane.border, middle - section.start)
+        record = at_place(lane.width or lane.border, middle - section.start)
         row = np.zeros(4)
         if record is not None:
             row += record.moved(start - section.start - record.s)
         outside = row if lane.border else inside + sign * row
     a, b, c, d = (float(value) for value in shift + 0.5 * (inside + outside))
-    return a, b, c, d
+
+    def cubic(s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        u = s - start
+        return a + u * (b + u * (c + u * d)), b + u * (2.0 * c + 3.0 * d * u)
+
+    return cubic
 
 
-def _sample(
-    geometry: ReferencePiece, start: float, end: float, offset: tuple[float, float, float, float]
-) -> Curve:
+def _sample(geometry: ReferencePiece, start: float, end: float, offset: _Offset) -> Curve:
     """Samples close enough for short clothoids between them."""
     count = max(int(np.ceil((end - start) / _STEP)), _PROBES)
     curve = _evaluate(geometry, np.linspace(start, end, count + 1), offset)
@@ -129,17 +182,12 @@ def _sample(
     return _evaluate(geometry, np.linspace(start, end, count + 1), offset)
 
 
-def _evaluate(
-    geometry: ReferencePiece, s: FloatArray, offset: tuple[float, float, float, float]
-) -> Curve:
+def _evaluate(geometry: ReferencePiece, s: FloatArray, offset: _Offset) -> Curve:
     """Points at the offset t from the reference line, with t' the offset's slope.
 
     position = r + t n, d/ds position = (1 - kappa t) tangent + t' n.
     """
-    a, b, c, d = offset
-    u = s - s[0]
-    t = a + u * (b + u * (c + u * d))
-    slope = b + u * (2.0 * c + 3.0 * d * u)
+    t, slope = offset(s)
     line = points(geometry, s - geometry.s)
     ahead = 1.0 - line.kappa * t
     # The radius left of the lane's own arc is ahead / kappa.

@@ -25,6 +25,22 @@ class Place(NamedTuple):
     section: int
     """Number of the section among those of its side."""
     lane: int
+    """Its number; where the lane is changed within the section, the one that is left last."""
+    entered: int = 0
+    """The lane that is changed from; 0: none."""
+
+    def __str__(self) -> str:
+        """A clause about the lane that is taken."""
+        if not self.entered:
+            return f"lane {self.lane} of road {self.road!r}"
+        return (
+            f"the route changes from lane {self.entered} to lane {self.lane} on road {self.road!r}"
+        )
+
+    @property
+    def crossed(self) -> int:
+        """How many lanes aside it leads."""
+        return abs(self.lane - self.entered) if self.entered else 0
 
 
 class LaneGraph:
@@ -84,7 +100,7 @@ class LaneGraph:
         link = lane.after if forward else lane.before
         index = place.section + (1 if forward else -1)
         if 0 <= index <= self._last(place):
-            return self._known(place._replace(section=index), link)
+            return self._known(place._replace(section=index, entered=0), link)
         contact = road.after if forward else road.before
         if contact is None:
             return []
@@ -96,6 +112,19 @@ class LaneGraph:
             if way.incoming == place.road
             for found in self._entered(way.road, way.at_start, way.lanes.get(place.lane))
         ]
+
+    def beside(self, place: Place, room: float) -> list[Place]:
+        """The same, with a change to each lane that is reached over drivable ones.
+
+        ``room``: length of the section that each lane aside needs at least [m].
+        """
+        out = []
+        for step in (1, -1):
+            lane = place.lane + step
+            while self._known(place, lane) and self.length(place) >= room * abs(lane - place.lane):
+                out.append(place._replace(lane=lane, entered=place.lane))
+                lane += step
+        return out
 
     def _entered(self, name: str, at_start: bool, number: int | None) -> list[Place]:
         """The place on another road, if its lane is driven away from the end that is met."""

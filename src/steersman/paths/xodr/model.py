@@ -1,7 +1,6 @@
 """A road network as OpenDRIVE describes it: what is needed to follow its lanes.
 
-Angles in radians, lengths in metres, curvature left positive, all as in the file. Heights and
-banking are left out: a path is a plane curve.
+Angles in radians, lengths in metres, curvature left positive, all as in the file.
 """
 
 from __future__ import annotations
@@ -87,6 +86,17 @@ class Contact(NamedTuple):
     """Whether it is the other road's start that is met; without meaning for junctions."""
 
 
+class Relief(NamedTuple):
+    """Height and banking of a road over its length; each () where there is none."""
+
+    height: tuple[Cubic, ...] = ()
+    """Of the reference line [m]."""
+    bank: tuple[Cubic, ...] = ()
+    """Superelevation: the road turned about the reference line, left side up positive [rad]."""
+    fall: tuple[tuple[Cubic, ...], tuple[Cubic, ...]] = ((), ())
+    """Crossfall of the left and of the right side, falling outwards positive [rad]."""
+
+
 class RoadRecord(NamedTuple):
     """A road."""
 
@@ -103,6 +113,7 @@ class RoadRecord(NamedTuple):
     sections: dict[Side, tuple[LaneSection, ...]]
     before: Contact | None
     after: Contact | None
+    relief: Relief
     line: int
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable
 from pathlib import Path as FilePath
 from typing import Any, TypeVar
@@ -18,6 +19,7 @@ from steersman.paths.xodr.model import (
     LaneSection,
     MapFault,
     ReferencePiece,
+    Relief,
     RoadNetwork,
     RoadRecord,
     Side,
@@ -34,6 +36,8 @@ _MOST_LANES = 1e7
 _MOST_NOTES = 1000
 _CONTACTS = {"start": True, "end": False}
 _RULES = {"RHT": RIGHT, "LHT": LEFT}
+# Heights [m], superelevation and crossfall [rad] of roads are less.
+_HIGHEST, _STEEPEST = 1e4, 1.5
 _YES = {"true": True, "1": True, "false": False, "0": False}
 
 
@@ -125,8 +129,39 @@ def _road(node: Node, notes: _Notes) -> RoadRecord:
         sections=_sections(lanes, length, notes),
         before=before,
         after=after,
+        relief=_relief(node, length, notes),
         line=node.line,
     )
+
+
+def _relief(road: Node, length: float, notes: _Notes) -> Relief:
+    """Heights and banking; those of a kind in which one cannot be read are left out together."""
+
+    def read(what: str, most: float, *names: str, side: str = "") -> tuple[Cubic, ...]:
+        sides = {side, "both"}
+        nodes = [n for n in road.down(*names) if not side or n.get("side", "both") in sides]
+        return notes.without(f"{what} is", _bounded, nodes, length, most, default=())
+
+    left, right = (
+        read("crossfall", _STEEPEST, "lateralProfile", "crossfall", side=side)
+        for side in ("left", "right")
+    )
+    return Relief(
+        read("the road's height", _HIGHEST, "elevationProfile", "elevation"),
+        read("superelevation", _STEEPEST, "lateralProfile", "superelevation"),
+        (left, right),
+    )
+
+
+def _bounded(nodes: list[Node], length: float, most: float) -> tuple[Cubic, ...]:
+    """Polynomials of s that can be no more than ``most``, up or down, on the road."""
+    rows = _cubics(nodes, "s")
+    for row, after in itertools.zip_longest(rows, rows[1:]):
+        end = length if after is None else after.s
+        span = max(end - row.s, 0.0)
+        if abs(row.a) + span * (abs(row.b) + span * (abs(row.c) + span * abs(row.d))) > most:
+            raise nodes[0].fault(f"the {nodes[0].tag} from s = {row.s:g} m on is beyond {most:g}")
+    return rows
 
 
 def _length(node: Node) -> float:

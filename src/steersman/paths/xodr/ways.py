@@ -5,21 +5,17 @@ from __future__ import annotations
 import difflib
 import itertools
 import math
-import tempfile
 from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import pairwise
-from pathlib import Path as FilePath
 
 import numpy as np
 
 from steersman.errors import DataError
 from steersman.paths.xodr.joined import gap
-from steersman.paths.xodr.lane_line import Curve, lane_line
+from steersman.paths.xodr.lane_line import Curve, changing_line, lane_line
 from steersman.paths.xodr.lanes import LaneGraph, Place, shortest, wander
 from steersman.paths.xodr.model import MapFault, RoadNetwork
-from steersman.paths.xodr.read import read_network
-from steersman.types import Pose
 
 # Places that a search for a random way may enter in all before it gives up.
 _MOST_ENTERED = 5000
@@ -27,15 +23,24 @@ _MOST_ENTERED = 5000
 _CLOSE = 1e-3
 # So many roads are named in a message.
 _NAMED = 8
+# The shortest change of lane [m], and how much farther a way may be for one less [m].
+_LEAST_CHANGE, _DETOUR = 15.0, 200.0
 
 
 class Ways:
     """Finds ways over the lanes of a network that a car can follow."""
 
-    def __init__(self, network: RoadNetwork, min_radius: float = 0.0) -> None:
-        """``min_radius`` [m]: lanes that bend more sharply somewhere are not taken."""
+    def __init__(self, network: RoadNetwork, min_radius: float = 0.0, change: float = 0.0) -> None:
+        """Lanes are as they are examined.
+
+        Args:
+            network: the roads.
+            min_radius: lanes that bend more sharply somewhere are not taken [m].
+            change: length of a change of lane, where the lane section has room for it [m]; 0: ways
+                between roads stay in their lanes.
+        """
         self.network, self.graph = network, LaneGraph(network)
-        self.min_radius = min_radius
+        self.min_radius, self.change = min_radius, change
         self._lines: dict[Place, list[Curve]] = {}
         self._faults: dict[Place, MapFault | None] = {}
 
@@ -43,7 +48,15 @@ class Ways:
         """The centre of a place in driving direction."""
         if place not in self._lines:
             road = self.network.roads[place.road]
-            curves = lane_line(road, self.graph.section(place), place.lane)
+            section = self.graph.section(place)
+            if place.entered:
+                wanted = min(place.crossed * self.change, section.end - section.start)
+                begin = 0.5 * (section.start + section.end - wanted)
+                numbers = (place.entered, place.lane)
+                numbers = numbers if self.graph.forward(place) else numbers[::-1]
+                curves = changing_line(road, section, numbers, begin, begin + wanted)
+            else:
+                curves = lane_line(road, section, place.lane)
             if not self.graph.forward(place):
                 curves = [curve.backward() for curve in curves[::-1]]
             self._lines[place] = curves
@@ -96,6 +109,19 @@ class Ways:
             if self.fault(other) is None and self._meet(place, other) and self.fits(other)
         ]
 
+    def _next_or_beside(self, place: Place) -> list[Place]:
+        """The same, and all of them with a change of lane."""
+        return [choice for other in self.next(place) for choice in self._beside(other)]
+
+    def _beside(self, place: Place) -> list[Place]:
+        """A place, and the changes of lane that are possible in it."""
+        changes = self.graph.beside(place, min(self.change, _LEAST_CHANGE))
+        return [place, *(each for each in changes if self.fault(each) is None and self.fits(each))]
+
+    def _effort(self, place: Place) -> float:
+        """Length, and a detour for each lane aside [m]."""
+        return self.length(place) + _DETOUR * place.crossed
+
     def along(self, name: str, lane: int | None = None) -> tuple[list[Place], bool]:
         """A lane of a road as far as it goes, and whether it leads back to its beginning.
 
@@ -108,8 +134,8 @@ class Ways:
     def between(self, names: Sequence[str], lane: int | None = None) -> tuple[list[Place], bool]:
         """The shortest way from the beginning of one road to the end of another.
 
-        Names between the first and the last are roads to pass; where the last is the first, it
-        is a way around.
+        Where the lanes do not lead there, they are changed, as seldom as possible. Names between
+        the first and the last are roads to pass; where the last is the first, it is a way around.
 
         Raises:
             DataError: there is no such road, lane or way.
@@ -117,17 +143,32 @@ class Ways:
         for name in names:
             self._known(name)
         around = names[0] == names[-1]
+        starts = self._sound(self._starts(names[0], lane))
+        found = self._shortest(names, starts, around, self.next)
+        if not found and self.change > 0.0:
+            if not around:  # a lap ends in the lane in which it began
+                starts = [choice for start in starts for choice in self._beside(start)]
+            found = self._shortest(names, starts, around, self._next_or_beside)
+        if not found:
+            raise self._no_way(names)
+        best = min(found, key=lambda way: sum(map(self._effort, way)))
+        return (best[:-1], True) if around else (best[:-1] + self._onward(best[-1]), False)
+
+    def _shortest(
+        self,
+        names: Sequence[str],
+        starts: Sequence[Place],
+        around: bool,
+        after: Callable[[Place], list[Place]],
+    ) -> list[list[Place]]:
+        """The shortest way from each start, if there is one."""
         ways = []
-        for start in self._sound(self._starts(names[0], lane)):
+        for start in starts:
             stages: list[Callable[[Place], bool]] = [partial(self._enters, n) for n in names[1:]]
             if around:  # it ends where it began, not beside it
                 stages[-1] = partial(_same, start)
-            ways.append(shortest(start, stages, self.next, self.length))
-        found = [way for way in ways if way is not None]
-        if not found:
-            raise self._no_way(names)
-        best = min(found, key=lambda way: sum(map(self.length, way)))
-        return (best[:-1], True) if around else (best[:-1] + self._onward(best[-1]), False)
+            ways.append(shortest(start, stages, after, self._effort))
+        return [way for way in ways if way is not None]
 
     def random(self, seed: int, distance: float) -> list[Place]:
         """A way of at least that length [m] that begins on a drawn lane and never comes back.
@@ -213,18 +254,20 @@ class Ways:
 
     def _no_way(self, names: Sequence[str]) -> DataError:
         """What can be reached from where the way should begin."""
+        after = self._next_or_beside if self.change > 0.0 else self.next
         seen = dict.fromkeys(self._starts(names[0], None))
         todo = list(seen)
         while todo:
-            new = [place for place in self.next(todo.pop()) if place not in seen]
+            new = [place for place in after(todo.pop()) if place not in seen]
             seen.update(dict.fromkeys(new))
             todo += new
         roads = [name for name in dict.fromkeys(place.road for place in seen) if name != names[0]]
         reach = ", ".join(roads[:_NAMED]) + (" and more" if len(roads) > _NAMED else "")
         sharp = f" without bends below {self.min_radius:g} m" if self.min_radius > 0.0 else ""
+        kept = "" if self.change > 0.0 else " without a change of lane"
         return DataError(
-            f"no lanes lead from road {' to '.join(map(repr, names))}{sharp} without a change of"
-            f" lane; from {names[0]!r} these can be reached: {reach or 'no other road'}"
+            f"no lanes lead from road {' to '.join(map(repr, names))}{sharp}{kept};"
+            f" from {names[0]!r} these can be reached: {reach or 'no other road'}"
         )
 
 
@@ -238,34 +281,3 @@ def _sharpest(curve: Curve) -> float:
     turn = np.abs(np.diff(np.unwrap(curve.psi)))
     long = size > _CLOSE
     return float(np.max(turn[long] / size[long], initial=0.0))
-
-
-def lane_starts(opendrive: str, ahead: float) -> list[Pose]:
-    """Poses on the centres of driving lanes, ``ahead`` [m] of each lane's beginning.
-
-    Lanes within junctions have none; in a lane shorter than twice that, it is in the middle.
-
-    Raises:
-        DataError: the text is no OpenDRIVE that can be read.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        file = FilePath(folder) / "map.xodr"
-        file.write_text(opendrive, encoding="utf-8")
-        ways = Ways(read_network(file))
-    begins = [
-        place
-        for place in ways.graph.all()
-        if ways.graph.first(place)
-        and not ways.network.roads[place.road].junction
-        and ways.fault(place) is None
-    ]
-    return [_into(ways.line(place), ahead) for place in begins]
-
-
-def _into(lane: Sequence[Curve], ahead: float) -> Pose:
-    x = np.concatenate([curve.x for curve in lane])
-    y = np.concatenate([curve.y for curve in lane])
-    psi = np.unwrap(np.concatenate([curve.psi for curve in lane]))
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
-    at = min(ahead, 0.5 * float(along[-1]))
-    return Pose(*(float(np.interp(at, along, values)) for values in (x, y, psi)))

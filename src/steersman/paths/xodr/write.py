@@ -17,7 +17,7 @@ from steersman.kernels import path as kernel
 from steersman.kernels.path import PathTable
 from steersman.paths.segments import Segment, end_pose
 from steersman.protocols import Path
-from steersman.types import FloatArray, Pose
+from steersman.types import FloatArray, Pose, Surface
 
 LANE_WIDTH = 4.0
 """Width of the lane [m]."""
@@ -40,13 +40,20 @@ _SAME = 1e-10
 _GENTLE = 1e-3
 # Both curvatures of a spiral must differ; so much between them is always enough [1/m].
 _APART_ENDS = 1e-7
+# Distance between records of height and superelevation, at most [m].
+_RELIEF = 5.0
 # The longer such a spiral, the farther off is the place where its curvature would be zero, from
 # which readers count; up to this length [m] double precision has figures enough.
 _LONGEST = 500.0
 
 
 def opendrive(
-    path: Path, name: str = "path", *, lane_width: float = LANE_WIDTH, shoulder: float = SHOULDER
+    path: Path,
+    name: str = "path",
+    *,
+    lane_width: float = LANE_WIDTH,
+    shoulder: float = SHOULDER,
+    surface: Surface | None = None,
 ) -> str:
     """The path as the text of an OpenDRIVE file.
 
@@ -59,6 +66,7 @@ def opendrive(
         name: of the map and its roads.
         lane_width: [m].
         shoulder: width on either side [m]; 0 for none.
+        surface: height and banking of the road; None: it is flat.
     """
     row = shapes(path.table)
     least = _LEAST_ROADS if path.closed else 1
@@ -72,9 +80,7 @@ def opendrive(
         )
         _links(road, i, count, path.closed)
         _plan_view(road, cut(row, start, end))
-        profile = ET.SubElement(road, "elevationProfile")
-        _cubic(profile, "elevation", "s", 0.0)
-        ET.SubElement(road, "lateralProfile")
+        _profiles(road, surface, start, end)
         _lanes(road, lane_width, shoulder)
     ET.indent(root)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
@@ -120,6 +126,21 @@ def _plan_view(road: ET.Element, row: list[Shape]) -> None:
             ET.SubElement(geometry, "line")
 
 
+def _profiles(road: ET.Element, surface: Surface | None, start: float, end: float) -> None:
+    """Height and superelevation between two places on the path, by cubic splines."""
+    from scipy.interpolate import CubicSpline  # it takes a while to import
+
+    height, lateral = (ET.SubElement(road, f"{name}Profile") for name in ("elevation", "lateral"))
+    if surface is None:
+        _cubic(height, "elevation", "s", 0.0)
+        return
+    s = np.linspace(0.0, end - start, math.ceil((end - start) / _RELIEF) + 1)
+    values = np.array([surface.at(start + each) for each in s])
+    for parent, tag, column in ((height, "elevation", 0), (lateral, "superelevation", 1)):
+        for at, row in zip(s, CubicSpline(s, values[:, column]).c.T[:, ::-1], strict=False):
+            _cubic(parent, tag, "s", *row.tolist(), at=float(at))
+
+
 def _lanes(road: ET.Element, width: float, shoulder: float) -> None:
     lanes = ET.SubElement(road, "lanes")
     _cubic(lanes, "laneOffset", "s", width / 2.0)
@@ -146,9 +167,12 @@ def _lane(side: ET.Element, number: int, kind: str, width: float) -> None:
         mark.set(key, value)
 
 
-def _cubic(parent: ET.Element, tag: str, where: str, value: float) -> None:
-    """A polynomial that is constant, from the beginning on."""
-    ET.SubElement(parent, tag, {where: "0.0", "a": repr(value), "b": "0.0", "c": "0.0", "d": "0.0"})
+def _cubic(
+    parent: ET.Element, tag: str, where: str, a: float, *more: float, at: float = 0.0
+) -> None:
+    """A polynomial of the distance from where it begins; without ``more``, a constant."""
+    values = dict(zip("abcd", (a, *more, 0.0, 0.0, 0.0), strict=False))
+    ET.SubElement(parent, tag, {where: repr(at), **{k: repr(v) for k, v in values.items()}})
 
 
 class Shape(NamedTuple):
