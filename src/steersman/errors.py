@@ -7,10 +7,10 @@ from collections.abc import Iterable
 
 
 class SteersmanError(Exception):
-    """Base of every error whose message is meant for the user: one line, whatever it quotes."""
+    """Base of every error whose message is meant for the user."""
 
     def __str__(self) -> str:
-        """What is wrong, on one line."""
+        """What is wrong, on one line, whatever it quotes."""
         return one_line(super().__str__())
 
 

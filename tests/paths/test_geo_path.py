@@ -95,6 +95,7 @@ BOMB = '<?xml version="1.0"?><!DOCTYPE gpx [<!ENTITY a SYSTEM "file:///etc/passw
         ),
         ("a.geojson", '{"type": "LineString", "coordinates": [[1, NaN], [1, 2]]}', "position 1"),
         ("a.geojson", '{"type": "LineString", "coordinates": 5}', "holds no line"),
+        ("a.geojson", '{"type": [], "coordinates": [[1, 2], [3, 4]]}', "holds no line"),
     ],
 )
 def test_what_is_no_line_is_refused(tmp_path: FilePath, name: str, text: str, words: str) -> None:

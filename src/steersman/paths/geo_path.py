@@ -155,7 +155,7 @@ def _lines(tree: Any) -> Iterator[Sequence[Any]]:
     coordinates, kind = _list(tree, "coordinates"), tree.get("type")
     if kind == "LineString":
         yield coordinates
-    elif kind in {"MultiLineString", "Polygon"}:
+    elif kind == "MultiLineString" or kind == "Polygon":  # noqa: PLR1714 - it may be a list
         yield from (line for line in coordinates if isinstance(line, list))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterable
 from pathlib import Path as FilePath
 from typing import Any, TypeVar
@@ -137,9 +136,8 @@ def _road(node: Node, notes: _Notes) -> RoadRecord:
 def _relief(road: Node, length: float, notes: _Notes) -> Relief:
     """Heights and banking; those of a kind in which one cannot be read are left out together."""
 
-    def read(what: str, most: float, *names: str, side: str = "") -> tuple[Cubic, ...]:
-        sides = {side, "both"}
-        nodes = [n for n in road.down(*names) if not side or n.get("side", "both") in sides]
+    def read(what: str, most: float, *names: str, side: str = "both") -> tuple[Cubic, ...]:
+        nodes = [n for n in road.down(*names) if n.get("side", "both") in {side, "both"}]
         return notes.without(f"{what} is", _bounded, nodes, length, most, default=())
 
     left, right = (
@@ -156,9 +154,8 @@ def _relief(road: Node, length: float, notes: _Notes) -> Relief:
 def _bounded(nodes: list[Node], length: float, most: float) -> tuple[Cubic, ...]:
     """Polynomials of s that can be no more than ``most``, up or down, on the road."""
     rows = _cubics(nodes, "s")
-    for row, after in itertools.zip_longest(rows, rows[1:]):
-        end = length if after is None else after.s
-        span = max(end - row.s, 0.0)
+    for k, row in enumerate(rows):
+        span = max((rows[k + 1].s if k + 1 < len(rows) else length) - row.s, 0.0)
         if abs(row.a) + span * (abs(row.b) + span * (abs(row.c) + span * abs(row.d))) > most:
             raise nodes[0].fault(f"the {nodes[0].tag} from s = {row.s:g} m on is beyond {most:g}")
     return rows
