@@ -7,7 +7,9 @@ the engine's defaults), kept when a client changes it, and without effect.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple, TypeAlias
 
 import steersman as sm
 from carla_standin.actors import Actor
@@ -18,6 +20,8 @@ _KMH_PER_M_S = 3.6
 _CM = 100.0
 _FRONTAL_AREA = 2.2
 _WHEELS = 4
+# Clients set none at all, as CARLA's own tests do; the tyre model needs some.
+_LEAST_FRICTION = 1e-3
 # Model 3: engine torque [Nm] over speed [rpm], and final ratio; lateral stiffness at that load.
 _TORQUE = [[0.0, 743.0], [9000.0, 743.0], [15000.0, 502.0]]
 _MAX_RPM, _FINAL_RATIO = 15000.0, 9.0
@@ -136,31 +140,54 @@ def describe(model: VehicleBlueprint) -> PhysicsControl:
 
 
 def apply(actor: Actor, values: Any) -> list[str]:
-    """Take a physics control from the wire; names what was changed without effect.
+    """Take a physics control from the wire, value by value; says what has no effect, and why.
 
     Mass, drag, centre of mass along the car, steering curve, lock, friction, brakes and lateral
     stiffness act. Stiffness goes with the load that stands on the axle and yaw inertia with mass,
-    as they do in the engine; the drive force stays what it was.
+    as they do in the engine; the drive force stays what it was. Where a value describes no car,
+    the one before stays.
 
     Raises:
-        Refused: it is none, or describes no car.
+        Refused: it is none.
     """
     spawned = _model(actor)
     new, old = PhysicsControl(*shaped(values, _LIKE)), describe(spawned)
-    try:
-        vehicle, offset = _vehicle(spawned, new)
-    except sm.ConfigError as error:
-        raise Refused(f"physics control: {error}") from None
     acting = {"mass", "drag_coefficient", "center_of_mass", "steering_curve", "wheels"}
     idle = [
         name
         for name, was, now in zip(PhysicsControl._fields, old, new, strict=True)
         if name not in acting and not _alike(was, now)
     ]
+    before = old if actor.applied_physics is None else PhysicsControl(*actor.applied_physics)
+    taken = new._replace(**{name: getattr(before, name) for name in acting})
+    for name in sorted(acting):
+        for part in _parts(taken, new, name):
+            try:
+                _vehicle(spawned, part(taken))
+            except sm.ConfigError as error:
+                idle.append(f"{name} ({error})")
+            else:
+                taken = part(taken)
+    vehicle, offset = _vehicle(spawned, taken)
     assert actor.car is not None
     actor.car.fit(vehicle, offset)
-    actor.applied_physics = list(new)
-    return idle
+    actor.applied_physics = list(taken)
+    return list(dict.fromkeys(idle))
+
+
+_Change: TypeAlias = Callable[[PhysicsControl], PhysicsControl]
+
+
+def _parts(before: PhysicsControl, new: PhysicsControl, name: str) -> list[_Change]:
+    """The changes of a field that stand for themselves: of wheels, each figure of all four."""
+    if name != "wheels" or len(new.wheels) != _WHEELS:
+        return [lambda taken: taken._replace(**{name: getattr(new, name)})]
+
+    def column(k: int, taken: PhysicsControl) -> PhysicsControl:
+        rows = zip(taken.wheels, new.wheels, strict=True)
+        return taken._replace(wheels=[[*old[:k], row[k], *old[k + 1 :]] for old, row in rows])
+
+    return [partial(column, k) for k in range(len(before.wheels[0]))]
 
 
 def _vehicle(spawned: VehicleBlueprint, new: PhysicsControl) -> tuple[sm.Vehicle, float]:
@@ -194,7 +221,7 @@ def _vehicle(spawned: VehicleBlueprint, new: PhysicsControl) -> tuple[sm.Vehicle
         l_r=l_r,
         c_f=base.c_f * heavier * l_r / base.l_r * stiffer[0],
         c_r=base.c_r * heavier * l_f / base.l_f * stiffer[1],
-        friction=sum(w.tire_friction for w in wheels) / _WHEELS,
+        friction=max(sum(w.tire_friction for w in wheels) / _WHEELS, _LEAST_FRICTION),
         drag_area=new.drag_coefficient * _FRONTAL_AREA,
         brake_force=force,
         brake_front=front / (front + rear) if force > 0.0 else base.brake_front,

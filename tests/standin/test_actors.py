@@ -205,6 +205,24 @@ def test_an_impossible_physics_control_changes_nothing(world: Any, field: str, v
     assert car.get_physics_control() == before
 
 
+def test_one_impossible_value_costs_no_other(world: Any) -> None:
+    car = spawn(world)
+    before, physics = car.get_physics_control(), car.get_physics_control()
+    physics.mass, physics.drag_coefficient, physics.steering_curve = 2000.0, -1.0, []
+    wheels = physics.wheels
+    for wheel in wheels:
+        wheel.tire_friction, wheel.max_steer_angle, wheel.lat_stiff_value = 0.0, -5.0, 10.0
+    physics.wheels = wheels
+    car.apply_physics_control(physics)
+    after = car.get_physics_control()
+    assert after.mass == 2000.0
+    assert after.drag_coefficient == pytest.approx(before.drag_coefficient)
+    assert len(after.steering_curve) == len(before.steering_curve)
+    assert [w.tire_friction for w in after.wheels] == [0.0] * 4
+    assert [w.lat_stiff_value for w in after.wheels] == [10.0] * 4
+    assert after.wheels[0].max_steer_angle == pytest.approx(before.wheels[0].max_steer_angle)
+
+
 def test_a_batch_answers_for_each_command(client: Any, world: Any) -> None:
     blueprint = library(world).find(MODEL3)
     go = carla.command
