@@ -61,7 +61,9 @@ def export(
             help="A kind of path (or a YAML file with a kind) and its settings.",
         ),
     ],
-    to: Annotated[str, typer.Option("--to", metavar="FILE.xodr|.csv", help="The file to write.")],
+    to: Annotated[
+        str, typer.Option("--to", metavar="FILE.xodr", help="The file to write; .csv: a table.")
+    ],
     lane_width: Annotated[
         float, typer.Option("--lane-width", min=0.5, max=100.0, help="Width of the lane [m].")
     ] = 4.0,
