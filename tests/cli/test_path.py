@@ -30,6 +30,14 @@ def test_export_writes_the_road(steersman: Steersman, tmp_path: FilePath) -> Non
     assert ET.fromstring(text).tag == "OpenDRIVE"
 
 
+def test_export_as_a_table(steersman: Steersman, tmp_path: FilePath) -> None:
+    assert steersman("path", "export", "circle", "radius=30", "--to", "ring.csv").exit_code == 0
+    titles, *rows = (tmp_path / "ring.csv").read_text(encoding="utf-8").splitlines()
+    assert titles == "s_m,x_m,y_m,heading_rad,curvature_1_m,height_m,bank_rad"
+    assert len(rows) == 189
+    assert steersman("path", "export", "ring.csv", "--to", "ring.xodr").exit_code == 0
+
+
 def test_export_of_a_yaml_file(steersman: Steersman, tmp_path: FilePath) -> None:
     (tmp_path / "road.yaml").write_text("kind: circle\nradius: 20\n", encoding="utf-8")
     assert steersman("path", "export", "road.yaml", "radius=30", "--to", "a.xodr").exit_code == 0

@@ -137,7 +137,7 @@ WRONG = [
     ("report folder", "missing option '--out'; write --out report.html; see"),
     ("export lqr", "missing option '--to'; write --to c|fmu|"),
     ("drive --report page.pdf", "'page.pdf' is not allowed; a name that ends in .html or .htm is"),
-    ("path export circle --to x.csv", "--to: 'x.csv' is not allowed; a name that ends in .xodr"),
+    ("path export circle --to x.gpx", "--to: 'x.gpx' is not allowed; a name that ends in .xodr"),
     ("report", "missing argument 'DIR...'"),
     ("report no --out page.html", "no: no such folder"),
     ("report folder --out page.html", "folder: nothing to report; expected"),

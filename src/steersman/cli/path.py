@@ -76,7 +76,7 @@ def export(
     Height and banking go with it, where the path has them.
     """
     path = _path(words)
-    file = files.out_file(to, "--to", (".xodr",))
+    file = files.out_file(to, "--to", (".xodr", ".csv"))
 
     from steersman.files import write_text
     from steersman.paths.table import csv_table
