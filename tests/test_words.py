@@ -64,6 +64,15 @@ def test_every_kind_is_a_word_and_a_misspelt_one_names_the_nearest(family: str) 
 
 
 @pytest.mark.parametrize("family", ["path", "controller", "vehicle"])
+def test_a_file_that_names_itself_is_one_line(tmp_path: FilePath, family: str) -> None:
+    (tmp_path / "a.yaml").write_text("kind: b.yaml\n")
+    (tmp_path / "b.yaml").write_text("kind: a.yaml\n")
+    assert words.means(family, "a.yaml")
+    with pytest.raises(sm.ConfigError, match="leads back to itself"):
+        words.fields_of(family, "a.yaml")
+
+
+@pytest.mark.parametrize("family", ["path", "controller", "vehicle"])
 def test_a_word_that_no_file_can_have_is_unknown(family: str) -> None:
     with pytest.raises(sm.ConfigError, match=f"unknown {family}"):
         words.fields_of(family, "x" * 5000)

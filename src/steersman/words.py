@@ -72,7 +72,10 @@ def means(family: str, word: str) -> bool:
         return True
     suffix, place = FilePath(word).suffix, FilePath(word)
     if suffix in YAML:
-        return place.is_file() and _in_yaml(family, word)
+        try:
+            return place.is_file() and _in_yaml(family, word)
+        except RecursionError:  # it leads back to itself: a faulty one
+            return True
     return by_suffix(family, suffix) is not None or (family == _CONTROLLER and _results(place))
 
 
@@ -108,6 +111,10 @@ def fields_of(family: str, word: str) -> dict[str, Any]:
         return _found(family, word, FilePath(word))
     except OSError:  # too long for a file's name, or in a folder that may not be looked into
         raise unknown(family, word) from None
+    except RecursionError:
+        raise ConfigError(
+            f"{shortened(word)!r} leads back to itself, or on without an end"
+        ) from None
 
 
 def _found(family: str, word: str, file: FilePath) -> dict[str, Any]:
