@@ -158,6 +158,16 @@ def test_colours_follow_the_logarithm() -> None:
     assert [rect.get("fill") for rect in beyond.iter(f"{SVG}rect")] == colors
 
 
+@pytest.mark.parametrize("count", [1, 2, 8, 30])
+def test_letters_of_a_heat_map_are_never_blown_up(count: int) -> None:
+    cells, marks = [[1.0] * count] * 2, [["1"] * count] * 2
+    root = ElementTree.fromstring(heat(columns=["x"] * count, cells=cells, marks=marks))
+    basis = re.search(r"--basis: ([0-9.]+)px", root.get("style") or "")
+    assert basis is not None
+    width = float(root.get("width") or 0.0)
+    assert 0.9 * width < float(basis[1]) <= width
+
+
 def test_intervals_lie_around_their_values() -> None:
     points = [
         ShownEstimate("a&b", 10.0, 5.0, 20.0),

@@ -128,7 +128,7 @@ def test_drives_are_compared_along_their_path(steersman: Steersman, tmp_path: Fi
     assert outcome["metrics"]["mpc"]["duration_s"] == outcome["metrics"]["slow"]["duration_s"]
     page = (tmp_path / "c" / "report.html").read_text()
     assert "B (fast) against A (slow)" in page
-    assert "one path, one drive of each" in page
+    assert "<p>One path, one drive of each" in page
 
 
 def test_controllers_drive_one_drive_that_is_described(

@@ -73,14 +73,13 @@ def replicate_rows(found: ReplicatedComparison, gap: str = " ") -> list[dict[str
     improvements = {one.name: one.probability for one in found.improvements}
     out = []
     for one in found.methods:
-        errors = [text(1e3 * run.rms_m, 3) for run in one.runs]
         better = improvements.get(one.name)
         out.append(
             {
                 "method": one.name,
                 "seeds": str(len(one.runs)),
                 "IQM [mm]": interval_text(one.iqm_m, 1e3, gap),
-                "RMS [mm]": ", ".join(errors),
+                "RMS [mm]": ", ".join(text(1e3 * run.rms_m, 3) for run in one.runs),
                 "lost": ", ".join(str(run.lost) for run in one.runs),
                 "P(better)": "" if better is None else interval_text(better, gap=gap),
             }
@@ -104,11 +103,19 @@ def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
+def _sentence(words: str) -> str:
+    return f"{words[:1].upper()}{words[1:].rstrip('.')}."
+
+
+def _title(found: AnyComparison, k: int) -> str:
+    a, b = found.contestants[0], found.contestants[k + 1]
+    return f"{b.letter} ({b.name}) against {a.letter} ({a.name})"
+
+
 def sentences(found: AnyComparison, k: int) -> list[str]:
     """What the k-th comparison rests on."""
     compared = found.comparisons[k]
-    a, b = found.contestants[0], found.contestants[k + 1]
-    title = f"{b.letter} ({b.name}) against {a.letter} ({a.name})"
+    title, b = _title(found, k), found.contestants[k + 1]
     if isinstance(compared, PairedComparison):
         where = f"{_count(compared.scenarios, 'scenario')} on {_count(compared.paths, 'path')}"
         better = f"{b.letter} has the smaller RMS error in {compared.better} of them"
@@ -125,17 +132,17 @@ def _stretch(along: AlongComparison | None) -> str:
     )
 
 
+def _plain(value: Any) -> str:
+    return "..." if isinstance(value, (list, dict)) else text(value)
+
+
 def _differing(differ: Sequence[FieldDifference]) -> list[str]:
     """One sentence on the conditions that were not the same."""
     if not differ:
         return ["Path, vehicle, speed and all other conditions are the same."]
-    shown = [f"{d.field} ({_plain(d.base)}, {_plain(d.own)})" for d in differ[:_SHOWN]]
+    shown = ", ".join(f"{d.field} ({_plain(d.base)}, {_plain(d.own)})" for d in differ[:_SHOWN])
     more = f" and {len(differ) - _SHOWN} more" if len(differ) > _SHOWN else ""
-    return [f"Not under the same conditions: {', '.join(shown)}{more}."]
-
-
-def _plain(value: Any) -> str:
-    return "..." if isinstance(value, (list, dict)) else text(value)
+    return [f"Not under the same conditions: {shown}{more}."]
 
 
 def write_comparison(
@@ -203,19 +210,14 @@ def _runs(found: DriveCompareResult, episodes: Mapping[str, Episode]) -> list[Re
         for name, episode in episodes.items()
     ]
     who = [dict(zip(("", "drive", "from"), line, strict=True)) for line in legend(found)]
-    tables = [
-        ReportRun(
-            f"comparison {k}", table=Table(" ".join(sentences(found, k)), lines, headers(found, k))
-        )
-        for k in range(len(found.comparisons))
-        if (lines := rows(found, k))
-    ]
-    notes = Table("To keep in mind", [{"": line} for line in found.warnings])
-    legends = [
-        ReportRun("drives", table=Table("Drives", who)),
-        ReportRun("notes", table=notes),
-    ]
-    return [*drives, *legends, *tables]
+    notes = Table("To keep in mind", [], about=" ".join(map(_sentence, found.warnings)))
+    tables = [Table("Drives", who), *([notes] if found.warnings else [])]
+    for k in range(len(found.comparisons)):
+        if lines := rows(found, k):
+            title, words = _title(found, k), " ".join(sentences(found, k))
+            about = _sentence(words.removeprefix(f"{title}: "))
+            tables.append(Table(title, lines, headers(found, k), about=about))
+    return [*drives, *(ReportRun(f"table {k}", table=each) for k, each in enumerate(tables))]
 
 
 def _driven(episode: Episode) -> dict[str, Any]:
@@ -242,8 +244,8 @@ def _against(found: ScenarioCompareResult) -> list[Section]:
             )
         )
     who = [f"{letter}: {name} ({source})." for letter, name, source in legend(found)]
-    warnings = [f"{line[:1].upper()}{line[1:]}." for line in found.warnings]
-    out[0] = out[0]._replace(text=[*who, *out[0].text], warnings=warnings)
+    notes = [*map(_sentence, found.warnings)]
+    out[0] = out[0]._replace(text=[*who, *out[0].text], warnings=notes)
     return out
 
 

@@ -38,12 +38,14 @@ class Table:
         rows: mappings from a column's key to a value.
         columns: the header of each column by its key; None: every key of the rows is a header.
         decimals: the decimals of a column's floats by its key; others have four digits.
+        about: sentences under the title.
     """
 
     title: str
     rows: Sequence[Mapping[str, Any]]
     columns: Mapping[str, str] | None = None
     decimals: Mapping[str, int] | None = None
+    about: str = ""
 
     @property
     def headers(self) -> Mapping[str, str]:

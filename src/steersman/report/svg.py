@@ -85,11 +85,15 @@ def _even(a: float, b: float) -> list[float]:
 
 
 def opened(title: str, width: float, height: float, left: float = 8) -> str:
-    """The start of a drawing and its title, ``left`` from the edge; all lengths in pixels."""
+    """The start of a drawing and its title, ``left`` from the edge; all lengths in pixels.
+
+    What is narrower or wider than a chart is so on a page, too: its letters stay as large.
+    """
+    own = "" if width == WIDTH else f'style="--basis: {width:g}px" '
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" role="img" '
         f'width="{width}" height="{height}" font-family="sans-serif" font-size="12" '
-        f'fill="{SOFT}"><title>{escape(title)}</title>'
+        f'{own}fill="{SOFT}"><title>{escape(title)}</title>'
         f'<text x="{left}" y="16" font-weight="bold">{escape(title)}</text>'
     )
 

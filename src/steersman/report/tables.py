@@ -199,6 +199,7 @@ class Grid(NamedTuple):
     title: str
     headers: list[Cell]
     rows: list[list[Cell]]
+    about: str = ""
 
 
 def grid(table: Table) -> Grid:
@@ -210,4 +211,4 @@ def grid(table: Table) -> Grid:
         for k, header in enumerate(table.headers.values())
     ]
     rows = [[c._replace(number=h.number) for c, h in zip(r, headers, strict=True)] for r in rows]
-    return Grid(table.title, headers, rows)
+    return Grid(table.title, headers, rows, table.about)
