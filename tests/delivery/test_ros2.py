@@ -68,6 +68,12 @@ def built(folder: FilePath) -> FilePath:
     return folder / "build" / "node"
 
 
+NAMES = ("gain", "softening", "yaw_damping", "steer_damping")
+SET_AT = {8: (1.0, 1.0, 0.1), 9: (5.0, -1.0, 0.1, 0.0), 36: (5.0, 20.0, 0.1, 0.05)}
+"""Parameters that are set at a step; the first have too few numbers, the second a wrong one."""
+LATE = 20
+
+
 @needs_tools
 def test_the_node_steers_as_python_does(tmp_path: FilePath) -> None:
     word = "tuned/stanley"  # with "supervised/tuned/pid" it passes too, and takes twice as long
@@ -78,7 +84,7 @@ def test_the_node_steers_as_python_does(tmp_path: FilePath) -> None:
     points = [road.at(float(s)) for s in np.arange(0.0, 120.0, 1.0)]
     lines = [str(len(points)), *(f"{p.x!r} {p.y!r}" for p in points)]
     start = state = setting.start()
-    expected = []
+    expected: dict[int, tuple[float, float]] = {}
     for k in range(60):
         at, d = road.at(5.0 + 0.5 * k), 0.2 * math.sin(0.15 * k)
         psi, v_x, v_y, rate = at.psi + 0.03 * math.cos(0.15 * k), 10.0, 0.1, 10.0 * at.curvature
@@ -89,31 +95,37 @@ def test_the_node_steers_as_python_does(tmp_path: FilePath) -> None:
         turned = (math.sin(0.5 * psi), math.cos(0.5 * psi))
         motion = (v_x, v_y - vehicle.l_r * rate, rate, vehicle.wheel_angle(steer, v_x))
         numbers = (1.0 + k * 0.05 + 0.01 * (not arrives), int(arrives), *base, *turned, *motion)
-        lines.append(" ".join(map(repr, numbers)))
-        if not arrives:  # what the node does then is looked at below
-            expected.append(None)
+        late = 0.25 if k == LATE else 0.01  # on its way, of which the former is too long
+        given = SET_AT.get(k, ())
+        lines.append(" ".join(map(repr, (*numbers, late, len(given), *given))))
+        if not arrives or k == LATE:
             continue
-        if k == 36 and not controller.gaps:
+        if k in {LATE + 1, 36}:  # a new drive
             state = start
+        if k == 36:  # from when on the last parameters hold
+            controller = controller.model_copy(update=dict(zip(NAMES, SET_AT[k], strict=True)))
         full = VehicleState(k * 0.05, x, y, psi, v_x, v_y, rate, 0.0, 0.0, steer, 0.0, 0.0, 0.0)
         place = track(full, road, 5.0 + 0.5 * k)
         seen = sensor.observe(None, full, place, road, rng)
         decision, state = controller.step(state, seen)
-        expected.append(vehicle.wheel_angle(decision.steer, v_x))
+        expected[k] = vehicle.wheel_angle(decision.steer, v_x), numbers[0] - late
     done = subprocess.run(
         [built(package(tmp_path / "package", word))], input="\n".join(lines) + "\n",
         capture_output=True, text=True, check=True,
     )  # fmt: skip
-    found = [float(each) for each in done.stdout.split()]
-    missed = [k for k, each in enumerate(expected) if each is None]
-    # Three steps long nothing fresh is there: the supervisor reckons, the others say nothing.
-    assert len(found) == (60 if controller.gaps else 57)
-    first = missed[0]
-    pairs = list(zip(found[:first], expected[:first], strict=True))
-    if not controller.gaps:
-        pairs += list(zip(found[-24:], expected[-24:], strict=True))
-    assert max(abs(a - float(b or 0.0)) for a, b in pairs) < 2e-3
-    assert np.ptp([b for _, b in pairs]) > 0.05
+    found = [tuple(map(float, each.split())) for each in done.stdout.splitlines()]
+    # Nothing is published where the inputs are older than 0.2 s.
+    published = [k for k in range(60) if k != LATE and k not in range(33, 36)]
+    pairs = [(one, expected[k]) for k, one in zip(published, found, strict=True) if k in expected]
+    assert len(pairs) == len(expected) == 53
+    assert max(abs(a[0] - b[0]) for a, b in pairs) < 2e-3
+    assert max(abs(a[1] - b[1]) for a, b in pairs) < 1e-6  # the stamp of what was decided from
+    assert np.ptp([b[0] for _, b in pairs]) > 0.05
+    assert done.stderr.splitlines() == [
+        "refused: parameters: 3 numbers, expected 4",
+        "refused: parameters: number 1 is beyond its limits or not finite",
+        "taken",
+    ]
 
 
 def test_the_files_name_the_same_packages_and_messages(tmp_path: FilePath) -> None:
