@@ -239,3 +239,11 @@ def test_a_formula_is_compiled_without_a_cache(fault: str, monkeypatch: pytest.M
     row = np.arange(3.0)
     formula = compiled(doubled, groups)
     assert call(formula.address, row, row, row, 0, 0, 0) == 2.0 * place
+
+
+@pytest.mark.parametrize(
+    "kind", [k for k, cls in components("feature").items() if "count" in cls.model_fields]
+)
+def test_a_count_that_would_fill_the_memory_is_refused(kind: str) -> None:
+    with pytest.raises(ConfigError, match=r"count.*must be at most"):
+        build(components("feature")[kind], {"count": 777_777_777})

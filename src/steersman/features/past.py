@@ -49,7 +49,7 @@ class LastCommand(Feature):
 class _Past(Feature):
     """Values of the last control steps, newest first."""
 
-    count: int = param(1, "-", "Control steps back in time.", ge=1)
+    count: int = param(1, "-", "Control steps back in time.", ge=1, le=1000)
 
     @property
     def size(self) -> int:

@@ -12,7 +12,7 @@ class Waypoints(Feature):
     """Waypoints ahead, x and y of each in the vehicle's frame."""
 
     unit = "m"
-    count: int = param(15, "-", "Waypoints, from the one beside the vehicle on.", ge=1)
+    count: int = param(15, "-", "Waypoints, from the one beside the vehicle on.", ge=1, le=1000)
 
     @property
     def size(self) -> int:
@@ -52,7 +52,7 @@ class RoadCurvatures(Feature):
     """
 
     unit, scale = "1/m", 20.0
-    count: int = param(7, "-", "Curvatures.", ge=1)
+    count: int = param(7, "-", "Curvatures.", ge=1, le=1000)
 
     @property
     def size(self) -> int:
