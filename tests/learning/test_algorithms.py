@@ -452,6 +452,16 @@ def test_a_training_that_diverges_says_so(kind: str, tmp_path: FilePath) -> None
     assert torch.distributions.Distribution._validate_args  # as it was before
 
 
+def test_parameters_may_stay_at_a_bound_but_steering_may_not() -> None:
+    row = TrainRow(updates=9.0, actor_loss=0.1, critic_loss=0.1, q_mean=0.0, saturated_share=1.0)
+    given: Any = SimpleNamespace(agent=Ddpg(), problem=SimpleNamespace(action="parameters"))
+    given.validation = SimpleNamespace(interval=10)
+    check_progress(given, [row] * 3, 1.0)
+    given.problem.action = "residual"
+    with pytest.raises(TrainingDiverged, match="sat at a limit"):
+        check_progress(given, [row] * 3, 1.0)
+
+
 def test_td3s_actor_has_no_loss_before_its_turn() -> None:
     row = TrainRow(updates=2.0, critic_loss=0.1, q_mean=0.0, saturated_share=0.0)
     given: Any = SimpleNamespace(agent=Td3(policy_delay=3), validation=None)

@@ -226,7 +226,7 @@ def check_progress(config: TrainConfig, rows: Sequence[TrainRow], largest_reward
 
     Raises:
         TrainingDiverged: a reward or a loss is not finite, the values are beyond anything the
-            reward can add up to, or the action stays at a limit.
+            reward can add up to, or the action, unless it is parameters, stays at a limit.
     """
     row = rows[-1]
     if not math.isfinite(largest_reward):
@@ -247,7 +247,8 @@ def check_progress(config: TrainConfig, rows: Sequence[TrainRow], largest_reward
             f"({bound:.3g}); try a smaller agent.learning_rate or agent.gamma"
         )
     stuck = [r.saturated_share > _STUCK_SHARE for r in rows[-_STUCK_ROWS:]]
-    if len(stuck) == _STUCK_ROWS and all(stuck):
+    # A parameter may be best at a bound; a steering that stays at a limit drives nowhere.
+    if len(stuck) == _STUCK_ROWS and all(stuck) and config.problem.action != "parameters":
         raise TrainingDiverged(
             f"the action sat at a limit for {100 * _STUCK_SHARE:g} % of the last "
             f"{_STUCK_ROWS * config.validation.interval} steps; try a smaller "
