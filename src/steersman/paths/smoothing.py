@@ -66,9 +66,12 @@ def smoothed(place: FloatArray, closed: bool, rms: float | None) -> Smooth:
     unit = 3.0 * math.log10(float(np.median(gaps)))
     fit = _fits(place, gaps, closed)
 
+    def freedom(trace: float) -> float:
+        return len(place) - _INFLATED * (len(place) - trace)
+
     def validation(power: float) -> float:
         residual, trace = fit(power)
-        free = len(place) - _INFLATED * (len(place) - trace)
+        free = freedom(trace)
         return float(np.sum(residual**2)) / free**2 if free > 0.0 else math.inf
 
     def excess(power: float) -> float:
@@ -78,7 +81,10 @@ def smoothed(place: FloatArray, closed: bool, rms: float | None) -> Smooth:
     if rms is None:
         grid = np.arange(low, high, _STEP)
         best = float(grid[int(np.argmin([validation(power) for power in grid]))])
-        around = (best - _STEP, best + _STEP)
+        weakest = best - _STEP
+        if math.isinf(validation(weakest)):  # parabolas through infinite values are none
+            weakest = float(brentq(lambda power: freedom(fit(power)[1]), weakest, best))
+        around = (weakest, best + _STEP)
         best = float(minimize_scalar(validation, bounds=around, options={"xatol": 0.02}).x)
     elif excess(high) < 0.0:
         raise DataError(f"no curve keeps {rms:g} m from the points; change smoothing")
