@@ -3,22 +3,26 @@
     python benchmarks/tables.py
 
 A table stands under its record's mark, ``<!-- results/bench/results.json -->``. Its first
-column says what it shows: all controllers, or chosen ones by disturbance. Everything else of a
-page is prose, which stays as it is.
+column says what it shows: all controllers, chosen ones by disturbance, or chosen ones by world.
+Everything else of a page is prose, which stays as it is.
 """
 
 from __future__ import annotations
 
+import math
+import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
-from steersman.bench.results import BenchResult, IntervalEstimate, Summary
+from steersman.bench.results import BenchResult, IntervalEstimate, PooledErrors, Summary
 from steersman.files import write_text
 
 ROOT = Path(__file__).resolve().parents[1]
 RECORD = "results/bench/results.json"
-MARK = f"<!-- {RECORD} -->\n"
+FOREIGN = "results/foreign/results.json"
+# A record's mark and the table under it.
+MARKED = re.compile(rf"(<!-- (?:{RECORD}|{FOREIGN}) -->\n)((?:\|.*\n?)+)(?<!\n)")
 PAGES = ("README.md", "docs/bench.md")
 FOUR_DIGITS = 1000.0
 
@@ -87,6 +91,40 @@ def by_disturbance(summary: Summary, header: list[str]) -> Iterator[list[str]]:
         ]
 
 
+# Foreign worlds by the names of their courses; what is none of them is a recorded line.
+WORLDS: dict[str, Callable[[str, BenchResult], bool]] = {
+    "race circuits at 60 and 80 % of the grip, Model 3": lambda c, _: c.endswith("_carla_model3"),
+    "the same with a BMW 320i": lambda c, _: c.endswith("_bmw_320i"),
+    "roads of OpenDRIVE maps": lambda c, r: any(c.startswith(f"{name}_") for name in r.maps),
+    "TUM-CONTROL's references, its car, its noise": lambda c, _: c.startswith("reftraj"),
+    "multi-body BMW": lambda c, _: c.startswith("multibody"),
+    "lines that CARLA's agents were to follow": lambda *_: True,
+}
+
+
+def by_world(own: Summary, header: list[str]) -> Iterator[list[str]]:
+    """The controllers of a table's header in the project's own and in foreign worlds."""
+    names = [cell.strip("`") for cell in header[1:]]
+    foreign = BenchResult.read(ROOT / FOREIGN)
+    yield header
+    for title in ("clean", "disturbed"):
+        parts = [getattr(own.controllers[name], title) for name in names]
+        yield [f"suite `standard`, {title}", *(typical([part]) for part in parts)]
+    left = dict(foreign.summary.by["path"])
+    for title, belongs in WORLDS.items():
+        chosen = [left.pop(name) for name in list(left) if belongs(name, foreign)]
+        if chosen:
+            yield [title, *(typical([course[name] for course in chosen]) for name in names)]
+
+
+def typical(parts: Iterable[PooledErrors]) -> str:
+    """Geometric mean of the drives' RMS errors [mm], and how many were lost."""
+    found = [part for part in parts if part.runs]
+    runs = sum(part.runs for part in found)
+    logs = sum(part.runs * math.log(part.typical_m.value) for part in found)
+    return f"{three(1e3 * math.exp(logs / runs))}, {sum(p.failures for p in found)} of {runs}"
+
+
 def markdown(rows: Iterator[list[str]]) -> str:
     """A table; the first column is text."""
     header, *body = rows
@@ -101,15 +139,14 @@ def line(cells: list[str]) -> str:
 
 def written(text: str, summary: Summary) -> str:
     """A page with its tables written anew."""
-    prose, *parts = text.split(MARK)
-    out = [prose]
-    for part in parts:
-        table, gap, rest = part.partition("\n\n")
-        header = [cell.strip() for cell in table.splitlines()[0].strip("|").split("|")]
-        whole = header[0] == "controller"
-        rows = every_controller(summary) if whole else by_disturbance(summary, header)
-        out.append(MARK + markdown(rows) + gap + rest)
-    return "".join(out)
+    return MARKED.sub(lambda found: found[1] + table(found[2], summary), text)
+
+
+def table(old: str, summary: Summary) -> str:
+    """What a table that stands there shows now."""
+    header = [cell.strip() for cell in old.splitlines()[0].strip("|").split("|")]
+    shown = {"disturbance": by_disturbance, "world": by_world}.get(header[0])
+    return markdown(shown(summary, header) if shown else every_controller(summary))
 
 
 def main() -> None:

@@ -9,11 +9,13 @@ import pytest
 
 from steersman.bench.results import BenchResult, IntervalEstimate
 
+from ..scripts import script
 from .pages import PAGES
 
 ROOT = Path(__file__).resolve().parents[2]
 RECORD = "results/bench/results.json"
 NUMBER = r"-?[\d.]+"
+TABLES = script("benchmarks/tables.py")
 NOTHING = IntervalEstimate(value=None)
 
 
@@ -56,6 +58,14 @@ def test_a_table_shows_what_the_record_holds(page: str) -> None:
         for title, values in wanted.items():
             # Three digits, or the tenths and units that the column has.
             assert shown(row[title]) == pytest.approx(values, rel=6e-3, abs=0.51 * unit(row[title]))
+
+
+@pytest.mark.parametrize("page", TABLES.PAGES)
+def test_the_command_writes_every_table_as_it_stands(page: str) -> None:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    summary = BenchResult.read(ROOT / RECORD).summary
+    assert TABLES.MARKED.search(text)
+    assert TABLES.written(text, summary) == text, "python benchmarks/tables.py"
 
 
 def unit(cell: str) -> float:
