@@ -51,8 +51,7 @@ def test_every_classical_kind_has_been_tuned() -> None:
         and not any(field.is_required() for field in cls.model_fields.values())
         and not list(policies(dump(cls())))
     }
-    # The nonlinear MPC is newer than the last tuning.
-    assert free - {"nmpc"} == {entrant(name).shown["kind"] for name in tuned.names()}
+    assert free == {entrant(name).shown["kind"] for name in tuned.names()}
 
 
 def test_a_kind_a_file_and_a_policy(tmp_path: FilePath, policy: FilePath) -> None:

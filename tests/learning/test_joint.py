@@ -92,7 +92,7 @@ def test_what_does_not_go_together_is_refused(changes: dict[str, Any], message: 
 
 
 def test_what_cannot_learn_or_keep_a_joint_action_says_so() -> None:
-    with pytest.raises(ConfigError, match="differentiates steering alone"):
+    with pytest.raises(ConfigError, match="agent apg learns one action, not 2"):
         build(TrainConfig, {"problem": {"joint": True, **UNSHOWN}, "agent": "apg"})
     with pytest.raises(ConfigError, match="hold no wished speeds"):
         tiny(problem={"joint": True}, keep=True)

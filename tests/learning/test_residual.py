@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from steersman.config import dump
+from steersman.config import components, dump
 from steersman.controllers.base import ControllerComponent
 from steersman.controllers.mpc_delay import MpcDelay
 from steersman.controllers.policy import Policy
@@ -284,7 +284,7 @@ def test_every_kind_of_agent_can_begin_at_zero(name: str) -> None:
     policy = cls.policy_aliases["MlpPolicy"](*box, lambda _: 1e-3)
     seen = torch.randn(20, 7)
     assert policy._predict(seen, deterministic=True).abs().max() > 0.0
-    start_at_base(policy, problem(**RESIDUAL), ("Relu", "Tanh"))
+    start_at_base(policy, problem(**RESIDUAL), components("agent")[name.lower()]())
     assert policy._predict(seen, deterministic=True).abs().max() == 0.0
 
 

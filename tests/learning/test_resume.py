@@ -163,6 +163,23 @@ def test_nothing_to_resume_is_said(tmp_path: FilePath) -> None:
     assert told == []
 
 
+def test_a_policy_without_a_checkpoint_is_kept_when_the_training_begins_again(
+    tmp_path: FilePath,
+) -> None:
+    checkpoint.begin(config(), tmp_path, print, overwrite=False, resume=False)
+    for name in ("policy.onnx", "policy.json", "progress.csv"):
+        (tmp_path / name).write_text(name)
+    told: list[str] = []
+    begun = checkpoint.begin(config(), tmp_path, told.append, overwrite=False, resume=True)
+    assert begun == (False, None)
+    aside = tmp_path / "before"
+    assert told[0].endswith(f"the policy that was there is in {aside}")
+    assert {file.name: file.read_text() for file in aside.iterdir()} == {
+        name: name for name in ("policy.onnx", "policy.json")
+    }
+    assert not (tmp_path / "policy.onnx").exists()
+
+
 @pytest.mark.parametrize("steps", [200, 600, 1000])
 def test_stopped_in_the_middle_of_a_step(whole: FilePath, tmp_path: FilePath, steps: int) -> None:
     stop_at(steps, tmp_path)

@@ -20,9 +20,12 @@ from steersman.learning.snapshot import Tree
 FOLDER = "resume"
 _FORMAT = 3
 _KEPT = 2
+_POLICY = ("policy.onnx", "policy.json")
+# Where a policy goes whose training was cut before its first checkpoint and begins again.
+_BEFORE = "before"
 _WRITTEN = ("checkpoints", "data", FOLDER, "tensorboard")
 _FILES = (
-    *("config.yaml", "progress.csv", "policy.onnx", "policy.json"),
+    *("config.yaml", "progress.csv", *_POLICY),
     *(running.DRIVE, running.STATE, running.REQUEST),
 )
 Notify = Callable[[str], None]
@@ -53,12 +56,22 @@ def begin(
     if resume:
         saved = load(out, notify)
         if saved is None:
-            notify(f"nothing to resume in {out}: beginning")
+            notify(f"nothing to resume in {out}: beginning{_set_aside(out)}")
     if saved is None:
         clear(make_folder(out))
         write_text(out / "config.yaml", to_yaml(config))
     sweep(out)
     return Begun(False, saved)
+
+
+def _set_aside(out: FilePath) -> str:
+    """Move a policy that no checkpoint stands behind out of the way; the words that say so."""
+    aside = out / _BEFORE
+    found = [file for name in _POLICY if (file := out / name).exists()]
+    for file in found:
+        make_folder(aside)
+        file.replace(aside / file.name)
+    return f"; the policy that was there is in {aside}" if found else ""
 
 
 def save(out: FilePath, steps: int, tree: Tree) -> None:
