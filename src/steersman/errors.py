@@ -76,6 +76,16 @@ def shortened(text: str, most: int = 60) -> str:
     return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
+def three_digits(value: float) -> str:
+    """A number with three digits, and never as a power of ten where it is large.
+
+    >>> three_digits(27.84), three_digits(1424.9)
+    ('27.8', '1425')
+    """
+    text = f"{value:.3g}"
+    return f"{value:.0f}" if "e+" in text else text
+
+
 def suggestion(word: str, allowed: Iterable[str]) -> str:
     """The end of a message about an unknown ``word``: the nearest match, or all that is allowed.
 

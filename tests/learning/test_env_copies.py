@@ -12,7 +12,7 @@ import pytest
 
 from steersman.config import resolve
 from steersman.controllers.base import designed
-from steersman.errors import ConfigError
+from steersman.errors import ConfigError, SteersmanError
 from steersman.learning.env import PathFollowingEnv
 from steersman.vehicles import CarlaModel3
 
@@ -128,3 +128,11 @@ def test_gymnasium_records_videos(tmp_path: Any) -> None:
     env.close()
     (film,) = tmp_path.rglob("*.mp4")
     assert film.stat().st_size > 1000
+
+
+def test_an_environment_goes_on_after_a_reset_that_was_refused() -> None:
+    env = gymnasium.make("steersman/PathFollowing-v0")
+    with pytest.raises(SteersmanError):
+        env.reset(options={"path": "figure_eigth"})
+    env.reset(seed=0)
+    env.step(np.zeros(1, dtype=np.float32))

@@ -264,3 +264,9 @@ def test_a_record_that_is_none_is_named(
         (tmp_path / "progress.csv").write_text(text, encoding="utf-8")
     with pytest.raises(DataError, match=rf"progress\.csv: {message}"):
         load_training(tmp_path)
+
+
+def test_a_training_without_an_update_says_so(tmp_path: FilePath) -> None:
+    told: list[str] = []
+    train(tiny(steps=40, agent={"learning_starts": 500}), tmp_path, notify=told.append)
+    assert told[-1].endswith("no update was made in 40 steps (agent.learning_starts is 500)")

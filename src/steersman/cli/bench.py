@@ -9,6 +9,7 @@ import typer
 from steersman.cli import settings
 from steersman.cli.outcome import goes_on
 from steersman.cli.output import note, show, show_json, suite_progress, table
+from steersman.errors import three_digits
 
 if TYPE_CHECKING:
     from steersman.bench.results import BenchResult, ControllerSummary, IntervalEstimate
@@ -125,8 +126,9 @@ def _show(outcome: BenchResult, folder: str) -> None:
             "" if ratio is None else _interval(ratio),
         )
     notes = (
-        f"{summary.scenarios} scenarios on {summary.paths} paths; 95 % intervals of a"
-        " bootstrap over paths, and over seeds where a controller has several. clean, disturbed:"
+        f"{_counted(summary.scenarios, 'scenario')} on {_counted(summary.paths, 'path')}; 95 %"
+        " intervals of a bootstrap over paths, none over one path, and over seeds where a"
+        " controller has several. clean, disturbed:"
         " RMS lateral error [mm]; typical: geometric mean of disturbed errors [mm]; lost: runs"
         " that ended early, charged in all errors; steer: change in a step [1/1000], RMS and"
         " under it the median; step: median computing time [us]; regret: median of"
@@ -142,11 +144,14 @@ def _show(outcome: BenchResult, folder: str) -> None:
     show(out, "", notes, f"written to {folder}")
 
 
+def _counted(number: int, of: str) -> str:
+    return f"{number} {of}" if number == 1 else f"{number} {of}s"
+
+
 def _number(value: float | None, factor: float = 1.0) -> str:
     if value is None:
         return "-"
-    text = f"{factor * value:.3g}"
-    return f"{factor * value:.0f}" if "e+" in text else text
+    return three_digits(factor * value)
 
 
 def _interval(found: IntervalEstimate | None, factor: float = 1.0) -> str:

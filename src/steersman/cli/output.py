@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 PIPE_CLOSED = 141  # the exit code of a program whose output no longer goes anywhere
 # Share of the work between two lines of progress, where there are many steps.
 TOLD = 0.05
+_MINUTE = 60.0
 # Columns that a progress bar takes beside its words, and the least that its words have.
 _BESIDE, _LEAST = 32, 20
 # Width of tables in files and pipes; a terminal has its own.
@@ -213,7 +214,9 @@ def suite_progress() -> Iterator[Callable[[float, float], None]]:
         if done >= shown + TOLD * total or done >= total:
             shown = done
             share = 100.0 * done / max(total, 1.0)
-            note(f"{share:.0f} % of {total / 60.0:.0f} simulated minutes")
+            minutes = total >= 2 * _MINUTE
+            amount, unit = (total / _MINUTE, "minutes") if minutes else (total, "seconds")
+            note(f"{share:.0f} % of {amount:.0f} simulated {unit}")
 
     yield line
 

@@ -10,6 +10,7 @@ import typer
 
 from steersman.cli.outcome import USER_ERROR, fail, interrupted
 from steersman.cli.output import note, show, steps_bars, table, write
+from steersman.errors import three_digits
 
 if TYPE_CHECKING:
     from steersman.learning.config import TrainConfig
@@ -73,7 +74,7 @@ def train_seeds(
 def progress_text(row: TrainRow) -> str:
     """A row of ``progress.csv`` in a few words."""
     return (
-        f"reward {row.reward_mean:.3g}, error {row.validation_error_mm:.3g} mm, "
+        f"reward {row.reward_mean:.3g}, error {three_digits(row.validation_error_mm)} mm, "
         f"off track {row.off_track_resets:.0f}"
     )
 

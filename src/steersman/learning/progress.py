@@ -11,7 +11,7 @@ from pathlib import Path as FilePath
 from typing import Any, ClassVar, Generic, NamedTuple, TypeAlias, TypeVar
 
 from steersman.config import build, read_yaml
-from steersman.errors import DataError, TrainingDiverged
+from steersman.errors import DataError, TrainingDiverged, three_digits
 from steersman.files import write_text
 from steersman.learning.config import TrainConfig
 from steersman.policy_file import PolicyCard, read_policy
@@ -107,7 +107,9 @@ class LearningResult(Shown, Generic[C, R]):
     def line(self) -> str:
         """How far it got, the validation error of its policy, and where that is."""
         steps, error = self.rows[-1].steps, self.best.validation_error_mm
-        return f"Training: {steps:.0f} steps, validation error {error:.3g} mm; {self.policy}"
+        return (
+            f"Training: {steps:.0f} steps, validation error {three_digits(error)} mm; {self.policy}"
+        )
 
     def table(self) -> Columns:
         """The columns of ``progress.csv``."""
@@ -143,7 +145,15 @@ def chosen_words(result: TrainResult) -> str:
     policy, steps = result.policy, result.card.training["steps"]
     if steps == 0:
         return f"{policy}: the base alone; nothing later was better in validation"
-    return f"{policy}: after {steps} of {result.config.steps} steps, the best in validation"
+    if not result.rows[-1].updates:
+        return f"{policy}: not trained; no update was made in {steps} steps ({_why(result.config)})"
+    whole = min(steps, result.config.steps)  # every vehicle ends its step
+    return f"{policy}: after {whole} of {result.config.steps} steps, the best in validation"
+
+
+def _why(config: TrainConfig) -> str:
+    starts = getattr(config.agent, "learning_starts", None)
+    return "too few" if starts is None else f"agent.learning_starts is {starts}"
 
 
 def read_rows(file: FilePath, row: type[R]) -> list[R]:
@@ -266,8 +276,8 @@ def alarms(config: TrainConfig, rows: Sequence[TrainRow], largest_reward: float)
     row, best = rows[-1], min(rows, key=lambda one: one.validation_error_mm)
     error, bound = row.validation_error_mm, _largest_return(config, largest_reward)
     found = {
-        f"the validation error is {error:.3g} mm; after {best.steps:.0f} steps it was "
-        f"{best.validation_error_mm:.3g} mm": error > _WORSE * best.validation_error_mm,
+        f"the validation error is {three_digits(error)} mm; after {best.steps:.0f} steps it was "
+        f"{three_digits(best.validation_error_mm)} mm": error > _WORSE * best.validation_error_mm,
         f"{100 * row.saturated_share:.0f} % of the actions sit at a limit": row.saturated_share
         > _AT_LIMIT,
         f"mean Q is {row.q_mean:.3g}, the reward adds up to {bound:.3g} at most": abs(row.q_mean)
