@@ -1,4 +1,4 @@
-"""What can be spawned: vehicles, the spectator's type, and two sensors."""
+"""What can be spawned: vehicles, the spectator's type, and sensors."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ from carla_standin.wire import MAX_NAME, Refused
 MODEL3 = "vehicle.tesla.model3"
 MKZ = "vehicle.lincoln.mkz_2020"
 IMU = "sensor.other.imu"
+GNSS = "sensor.other.gnss"
 COLLISION = "sensor.other.collision"
+LANE_INVASION = "sensor.other.lane_invasion"
+SENSORS = (IMU, GNSS, COLLISION, LANE_INVASION)
 SPECTATOR = "spectator"
 
 # Types of attributes as CARLA counts them.
@@ -18,7 +21,13 @@ _BOOL, _INT, _FLOAT, _STRING, _COLOR = range(1, 6)
 # Those of the Model 3 that clients name; there is nothing to paint here.
 _COLORS = ("17,37,103", "75,87,173", "180,44,44", "180,180,180", "44,44,44", "137,0,0")
 _PLACES = ("front", "back", "left", "right", "front_left", "front_right", "back_left", "back_right")
-_NOISE = ("accel_stddev", "gyro_stddev", "gyro_bias")
+# Attributes that say how noisy a sensor is, in the order in which it keeps them.
+_INERTIAL = ("accel_stddev", "gyro_stddev", "gyro_bias")
+_ON_EARTH = ("lat_stddev", "lon_stddev", "alt_stddev", "lat_bias", "lon_bias", "alt_bias")
+NOISE = {
+    IMU: tuple(f"noise_{what}_{axis}" for what in _INERTIAL for axis in "xyz"),
+    GNSS: tuple(f"noise_{what}" for what in _ON_EARTH),
+}
 
 
 class VehicleBlueprint(NamedTuple):
@@ -96,11 +105,11 @@ def _car(model: VehicleBlueprint) -> list[list[Any]]:
 def definitions(vehicles: dict[str, VehicleBlueprint]) -> list[list[Any]]:
     """The blueprint library as it travels: uid, id, tags, attributes."""
     place = _choice("role_name", _STRING, *_PLACES)
-    noise = [_choice(f"noise_{what}_{axis}", _FLOAT, "0.0") for what in _NOISE for axis in "xyz"]
     found = {name: _car(model) for name, model in vehicles.items()}
     tick, seed = _choice("sensor_tick", _FLOAT, "0.0"), _choice("noise_seed", _INT, "0")
-    found[IMU] = [place, tick, *noise, seed]
-    found[COLLISION] = [place]
+    for name in SENSORS:
+        noise = [_choice(each, _FLOAT, "0.0") for each in NOISE.get(name, ())]
+        found[name] = [place, tick, *noise, seed] if noise else [place]
     return [
         [uid, name, name.replace(".", ","), attributes]
         for uid, (name, attributes) in enumerate(found.items(), start=1)
@@ -113,7 +122,7 @@ def check(name: str, vehicles: dict[str, VehicleBlueprint]) -> None:
     Raises:
         Refused: it cannot.
     """
-    known = [*vehicles, IMU, COLLISION]
+    known = [*vehicles, *SENSORS]
     if name not in known:
         short = name[:MAX_NAME]
         raise Refused(f"{short!r} is not in the blueprint library{sm.suggestion(short, known)}")

@@ -9,6 +9,7 @@ from pathlib import Path as FilePath
 from xml.parsers import expat
 
 import steersman as sm
+from carla_standin.geo import GeoReference
 from carla_standin.wire import MAX_NAME, Refused, Transform, warn_once
 
 # What CARLA calls a world that a client has generated.
@@ -20,7 +21,6 @@ _INTO_THE_LANE = 5.0
 # Elements of a client's map: no client is served while it is read. Town07 of CARLA has
 # 17 454.
 _MOST_ELEMENTS = 50_000
-
 # A straight road of 1 km, one lane each way, on which an empty server starts.
 _STRAIGHT = """<?xml version="1.0"?>
 <OpenDRIVE>
@@ -34,12 +34,18 @@ _STRAIGHT = """<?xml version="1.0"?>
         <left>
           <lane id="1" type="driving" level="false">
             <width sOffset="0.0" a="3.5" b="0.0" c="0.0" d="0.0"/>
+            <roadMark sOffset="0.0" type="solid" color="white" width="0.12"/>
           </lane>
         </left>
-        <center><lane id="0" type="none" level="false"/></center>
+        <center>
+          <lane id="0" type="none" level="false">
+            <roadMark sOffset="0.0" type="broken" color="white" width="0.12"/>
+          </lane>
+        </center>
         <right>
           <lane id="-1" type="driving" level="false">
             <width sOffset="0.0" a="3.5" b="0.0" c="0.0" d="0.0"/>
+            <roadMark sOffset="0.0" type="solid" color="white" width="0.12"/>
           </lane>
         </right>
       </laneSection>
@@ -69,10 +75,41 @@ class WorldMap:
             return ()
         return tuple(Transform.of(pose, 0.0) for pose in starts)
 
+    @cached_property
+    def origin(self) -> GeoReference:
+        """Where on Earth it lies."""
+        return GeoReference.read(self.opendrive)
+
+    @cached_property
+    def marked(self) -> bool:
+        """Whether every lane has a road mark from its beginning on.
+
+        Where one has none, the client's sensor of lane invasions ends the client's program.
+        """
+        lanes: list[bool] = []
+
+        def start(tag: str, attributes: dict[str, str]) -> None:
+            if tag == "lane":
+                lanes.append(False)
+            elif tag == "roadMark" and lanes:
+                lanes[-1] = lanes[-1] or _zero(attributes.get("sOffset", ""))
+
+        parser = expat.ParserCreate()
+        parser.StartElementHandler = start
+        parser.Parse(self.opendrive, True)
+        return all(lanes)
+
     @property
     def path(self) -> str:
         """How CARLA names it."""
         return _FOLDER + self.name
+
+
+def _zero(text: str) -> bool:
+    try:
+        return float(text) == 0.0
+    except ValueError:
+        return False
 
 
 def default_map() -> WorldMap:

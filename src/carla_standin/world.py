@@ -8,7 +8,7 @@ from itertools import combinations
 from typing import Any, NamedTuple
 
 from carla_standin.actors import Actor, overlap
-from carla_standin.blueprints import SPECTATOR, VehicleBlueprint, check
+from carla_standin.blueprints import LANE_INVASION, NOISE, SPECTATOR, VehicleBlueprint, check
 from carla_standin.car import Car, VehicleControl
 from carla_standin.maps import WorldMap, default_map
 from carla_standin.sensors import HEADER, Hit, StreamedSensor
@@ -123,10 +123,15 @@ class StandinWorld:
             if owner is not None:
                 raise Refused("a vehicle cannot be attached to another actor")
             return self._add_vehicle(shown, where)
-        if owner is None or owner.car is None:
+        alone = owner is None and name in NOISE
+        if not alone and (owner is None or owner.car is None):
             raise Refused(f"{name} has to be attached to a vehicle")
+        if name == LANE_INVASION:  # the client works it out by itself: no stream
+            if not self.map.marked:
+                raise Refused(f"{name} needs a roadMark at the beginning of every lane of the map")
+            return self._add(shown, where, owner)
         attributes = {key: value for key, _, value in given}
-        sensor = StreamedSensor.read(name, self._next_stream, attributes)
+        sensor = StreamedSensor.read(name, self._next_stream, attributes, self.map.origin)
         self._next_stream += 1
         actor = self._add(shown, where, owner)
         actor.sensor = sensor

@@ -17,13 +17,15 @@ def library(world: Any) -> Any:
     return world.get_blueprint_library()
 
 
-def test_the_library_has_two_cars_and_two_sensors(world: Any) -> None:
+def test_the_library_has_two_cars_and_four_sensors(world: Any) -> None:
     names = {blueprint.id for blueprint in library(world)}
     assert names == {
         MODEL3,
         "vehicle.lincoln.mkz_2020",
         "sensor.other.imu",
+        "sensor.other.gnss",
         "sensor.other.collision",
+        "sensor.other.lane_invasion",
     }
     blueprint = library(world).filter("vehicle.tesla.*")[0]
     assert int(blueprint.get_attribute("number_of_wheels")) == 4

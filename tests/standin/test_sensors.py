@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from .serving import PATIENCE, at, spawn
+from .serving import PATIENCE, ROAD, at, spawn, synchronous
 
 carla = pytest.importorskip("carla", reason="the wheel 'carla' is not installed")
 
@@ -128,3 +128,68 @@ def test_a_sensor_with_an_impossible_period_is_refused(world: Any, value: str) -
     car = spawn(world)
     with pytest.raises(RuntimeError, match=r"stand-in: .*sensor_tick"):
         Listener(world, car, "sensor.other.imu", at(0.0), sensor_tick=value)
+
+
+@pytest.mark.parametrize(
+    "reference", ["", "+proj=tmerc +lat_0=49 +lon_0=-8.5", "+proj=utm +zone=32 +lat_0=-35.25"]
+)
+def test_gnss_says_what_the_client_makes_of_the_map(client: Any, reference: str) -> None:
+    header = f'<header revMajor="1" revMinor="4"><geoReference>{reference}</geoReference></header>'
+    text = ROAD.replace('<header revMajor="1" revMinor="4"/>', header)
+    world = synchronous(client.generate_opendrive_world(text))
+    car = spawn(world, 1000.0, -2000.0, 90.0)
+    on_car = Listener(world, car, "sensor.other.gnss", at(1.5, z=2.0))
+    alone = Listener(world, None, "sensor.other.gnss", at(-300.0, 40.0, z=7.0))
+    frame = world.tick()
+    for listener, where in ((on_car, (1000.0, -1998.5, 2.0)), (alone, (-300.0, 40.0, 7.0))):
+        found = listener.at_frame(frame)
+        true = world.get_map().transform_to_geolocation(carla.Location(*where))
+        assert (found.latitude, found.longitude) == pytest.approx(
+            (true.latitude, true.longitude), abs=2e-9
+        )
+        assert found.altitude == pytest.approx(where[2])
+
+
+def test_gnss_has_the_noise_of_its_blueprint(world: Any) -> None:
+    bias = {"noise_lat_bias": "0.5", "noise_alt_bias": "-3", "noise_lon_stddev": "0.1"}
+    listener = Listener(world, None, "sensor.other.gnss", at(0.0), **bias)
+    for _ in range(40):
+        world.tick()
+    seen = [listener.data.get(timeout=PATIENCE) for _ in range(40)]
+    assert all((m.latitude, m.altitude) == pytest.approx((42.5, -3.0)) for m in seen)
+    spread = math.sqrt(sum((m.longitude - 2.0) ** 2 for m in seen) / len(seen))
+    assert 0.05 < spread < 0.2
+
+
+def test_an_imu_by_itself_is_at_rest(world: Any) -> None:
+    listener = Listener(world, None, "sensor.other.imu", at(5.0, 5.0, 30.0))
+    felt = listener.at_frame(world.tick())
+    force, turning = felt.accelerometer, felt.gyroscope
+    assert (force.x, force.y, force.z) == pytest.approx((0.0, 0.0, 9.81), abs=1e-5)
+    assert (turning.x, turning.y, turning.z) == (0.0, 0.0, 0.0)
+    assert felt.compass == pytest.approx(math.radians(120.0), abs=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["collision", "lane_invasion"])
+def test_what_is_about_a_car_needs_one(world: Any, kind: str) -> None:
+    with pytest.raises(RuntimeError, match="has to be attached to a vehicle"):
+        Listener(world, None, f"sensor.other.{kind}", at(0.0))
+
+
+def test_a_car_that_leaves_its_lane_is_told(world: Any) -> None:
+    car = spawn(world, 20.0, 1.75, -20.0)
+    listener = Listener(world, car, "sensor.other.lane_invasion", at(0.0))
+    car.set_target_velocity(carla.Vector3D(x=9.4, y=-3.4))
+    for _ in range(14):
+        world.tick()
+    event = listener.data.get(timeout=PATIENCE)
+    assert [str(mark.type) for mark in event.crossed_lane_markings] == ["Broken"]
+    assert listener.sensor.destroy()
+
+
+def test_lane_invasions_need_marks(client: Any) -> None:
+    """The client's program would end where a lane has none."""
+    world = synchronous(client.generate_opendrive_world(ROAD))
+    car = spawn(world)
+    with pytest.raises(RuntimeError, match="needs a roadMark at the beginning of every lane"):
+        Listener(world, car, "sensor.other.lane_invasion", at(0.0))
