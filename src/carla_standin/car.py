@@ -151,8 +151,9 @@ class AckermannControl(NamedTuple):
 class VehicleControl:
     """Pedals and steering of a vehicle: the client's last control, and the command it gives."""
 
-    def __init__(self) -> None:
-        """Everything released."""
+    def __init__(self, sticky: bool = True) -> None:
+        """Everything released; a control that is not ``sticky`` is released again after a tick."""
+        self._sticky, self._fresh = sticky, False
         self.told: tuple[Any, ...] = _CENTRED
         """The last control, as a snapshot returns it."""
         self.gains = AckermannGains()
@@ -176,7 +177,7 @@ class VehicleControl:
         steer = _limited(steer, -1.0)
         gear = min(max(gear, -1), 100)
         self.told = (throttle, steer, brake, hand, reverse, manual, gear)
-        self._ackermann = None
+        self._ackermann, self._fresh = None, True
         return sm.Command(0.0 - steer, 0.0 if reverse else throttle, 1.0 if hand else brake)
 
     def ackermann(self, values: Any) -> None:
@@ -213,7 +214,10 @@ class VehicleControl:
         Speed error to acceleration by ``speed_kp`` per second, bounded by the request's; its error
         moves the pedal, which stays where it is when acceleration is right.
         """
-        wanted = self._ackermann
+        wanted, fresh, self._fresh = self._ackermann, self._fresh, False
+        if wanted is None and not self._sticky and not fresh:
+            self.told = _CENTRED
+            return sm.Command(0.0, 0.0, 0.0)
         if wanted is None or dt <= 0.0:
             return None
         speed, a_x = car.motion.velocity[0], car.motion.acceleration[0]

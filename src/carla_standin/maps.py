@@ -9,6 +9,7 @@ from pathlib import Path as FilePath
 from xml.parsers import expat
 
 import steersman as sm
+from carla_standin.actors import Actor, overlap
 from carla_standin.geo import GeoReference
 from carla_standin.wire import MAX_NAME, Refused, Transform, warn_once
 
@@ -16,8 +17,11 @@ from carla_standin.wire import MAX_NAME, Refused, Transform, warn_once
 GENERATED = "OpenDriveMap"
 _DEFAULT = "StandInStraight"
 _FOLDER = "Carla/Maps/"
-# Distance of a spawn point from the beginning of its lane [m].
-_INTO_THE_LANE = 5.0
+# Distance of a spawn point from the beginning of its lane, and of those that follow [m]. With it,
+# CARLA's Town01 has 246 of them, and in CARLA 255.
+_INTO_THE_LANE, _APART = 5.0, 20.0
+# Half of the room that a spawn point needs: along, across, up [m].
+_ROOM = (3.0, 1.3, 1.0)
 # Elements of a client's map: no client is served while it is read. Town07 of CARLA has
 # 17 454.
 _MOST_ELEMENTS = 50_000
@@ -64,16 +68,16 @@ class WorldMap:
 
     @cached_property
     def spawn_points(self) -> tuple[Transform, ...]:
-        """Poses after the beginning of every driving lane.
+        """Poses along every driving lane, on each of which there is room for a car at once.
 
         A map that the reader of OpenDRIVE refuses has none; the log says why.
         """
         try:
-            starts = sm.lane_starts(self.opendrive, _INTO_THE_LANE)
+            starts = sm.lane_starts(self.opendrive, _INTO_THE_LANE, _APART)
         except sm.DataError as error:
             warn_once(f"stand-in: no spawn points: {error}")
             return ()
-        return tuple(Transform.of(pose, 0.0) for pose in starts)
+        return _free([Transform.of(pose, 0.0) for pose in starts])
 
     @cached_property
     def origin(self) -> GeoReference:
@@ -103,6 +107,21 @@ class WorldMap:
     def path(self) -> str:
         """How CARLA names it."""
         return _FOLDER + self.name
+
+
+def _free(points: list[Transform]) -> tuple[Transform, ...]:
+    """Those whose room does not overlap that of one before; a grid has what is near."""
+    side = 2.0 * math.hypot(*_ROOM[:2])
+    kept: dict[tuple[int, int], list[Actor]] = {}
+    found = []
+    for point in points:
+        i, j = math.floor(point.x / side), math.floor(point.y / side)
+        box = Actor(0, [], point, extent=_ROOM)
+        near = (kept.get((i + k, j + m), []) for k in (-1, 0, 1) for m in (-1, 0, 1))
+        if not any(overlap(box, other) for cell in near for other in cell):
+            kept.setdefault((i, j), []).append(box)
+            found.append(point)
+    return tuple(found)
 
 
 def _zero(text: str) -> bool:

@@ -148,9 +148,9 @@ class StandinWorld:
         car = Car(model.vehicle, model.offset)
         car.transform = where
         half = (0.5 * model.vehicle.body_length, 0.5 * model.vehicle.width, 0.5 * model.height)
-        new = Actor(
-            0, description, where, extent=half, car=car, model=model, control=VehicleControl()
-        )
+        given = {key: value for key, _, value in description[2]}
+        control = VehicleControl(given.get("sticky_control", "true").lower() != "false")
+        new = Actor(0, description, where, extent=half, car=car, model=model, control=control)
         for other in self.actors.values():
             if other.car is not None and overlap(new, other):
                 raise Refused(

@@ -131,6 +131,24 @@ def test_the_hand_brake_brakes_and_reverse_does_not_drive(world: Any) -> None:
     assert abs(car.get_velocity().x) < 0.1
 
 
+@pytest.mark.parametrize("sticky", [True, False])
+def test_a_control_holds_if_the_blueprint_says_so(world: Any, sticky: bool) -> None:
+    blueprint = world.get_blueprint_library().find("vehicle.tesla.model3")
+    blueprint.set_attribute("sticky_control", str(sticky))
+    car = world.spawn_actor(blueprint, at(0.0, -20.0))
+    seen = []
+    for given in (True, True, False, False):
+        if given:
+            car.apply_control(carla.VehicleControl(throttle=0.8, steer=0.1))
+        world.tick()
+        seen.append(car.get_control().throttle)
+    assert seen == pytest.approx([0.8, 0.8, *(2 * [0.8 if sticky else 0.0])])
+    speed = car.get_velocity().x
+    for _ in range(10):
+        world.tick()
+    assert (car.get_velocity().x > speed + 0.5) is sticky
+
+
 def test_a_car_that_tips_over_says_so(world: Any) -> None:
     # The Model 3 slides before its wheels lift.
     library = world.get_blueprint_library()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import combinations
 from typing import Any
 
 import msgpack
@@ -331,14 +332,27 @@ def test_what_a_lost_client_asked_for_is_no_other_ones() -> None:
     assert present.heard == [framed(b"b")]
 
 
-def test_cars_can_be_spawned_where_lanes_begin(caplog: pytest.LogCaptureFixture) -> None:
-    (found,) = read_map("road", ROAD).spawn_points
-    # 5 m along the lane, 2 m right of the line, mirrored into CARLA's axes.
+def test_cars_can_be_spawned_along_lanes(caplog: pytest.LogCaptureFixture) -> None:
+    found = read_map("road", ROAD).spawn_points
+    # 5 m along the lane, and every 20 m, 2 m right of the line, mirrored into CARLA's axes.
     c, s = math.cos(0.5), math.sin(0.5)
-    assert (found.x, -found.y) == pytest.approx((5 + 5 * c + 2 * s, 6 + 5 * s - 2 * c), abs=1e-6)
-    assert found.yaw == pytest.approx(-math.degrees(0.5))
-    forth, back = default_map().spawn_points
-    assert (forth.yaw, abs(back.yaw)) == (0.0, 180.0)
+    assert [(p.x, -p.y) for p in found] == [
+        pytest.approx((5 + along * c + 2 * s, 6 + along * s - 2 * c), abs=1e-6)
+        for along in (5.0, 25.0, 45.0, 65.0)
+    ]
+    assert [p.yaw for p in found] == pytest.approx(4 * [-math.degrees(0.5)])
+    points = default_map().spawn_points
+    assert len(points) == 2 * 50
+    assert {round(abs(p.yaw)) for p in points} == {0, 180}
+    # The same road once more, 3 m ahead: no two cars are put into one place.
+    twice = (
+        ROAD[: ROAD.index("<road ")] + 2 * ROAD[ROAD.index("<road ") : ROAD.index("</OpenDRIVE>")]
+    )
+    twice = twice.replace('id="7"', 'id="8"', 1).replace('x="5.0"', 'x="8.0"', 1) + "</OpenDRIVE>"
+    both = read_map("twice", twice).spawn_points
+    boxes = [Actor(0, [], point, extent=(2.5, 1.1, 1.0)) for point in both]
+    assert len(both) >= len(found)
+    assert not any(overlap(a, b) for a, b in combinations(boxes, 2))
     unread = ROAD.replace('length="80.0"', 'length="many"')
     assert read_map("road", unread).spawn_points == ()
     assert "no spawn points" in caplog.text

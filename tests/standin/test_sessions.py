@@ -13,7 +13,7 @@ import pytest
 
 from carla_standin.wire import VERSION
 
-from .serving import PATIENCE, ROAD, Serving, at, connect, spawn, synchronous
+from .serving import MODEL3, PATIENCE, ROAD, Serving, at, connect, spawn, synchronous
 
 carla = pytest.importorskip("carla", reason="the wheel 'carla' is not installed")
 
@@ -132,7 +132,7 @@ def test_the_empty_server_has_a_road_to_drive_on(client: Any) -> None:
     where = road.get_waypoint(first.location)
     assert where.transform.location.distance(first.location) < 0.1
     assert where.transform.rotation.yaw == pytest.approx(first.rotation.yaw, abs=0.1)
-    assert world.try_spawn_actor(world.get_blueprint_library()[3], first) is not None
+    assert world.try_spawn_actor(world.get_blueprint_library().find(MODEL3), first) is not None
 
 
 def test_two_clients_share_one_world(server: Serving, client: Any) -> None:
