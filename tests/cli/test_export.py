@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
 from collections.abc import Callable
 from pathlib import Path as FilePath
 
@@ -92,15 +93,37 @@ def test_parameters_leave_and_come_back(steersman: Steersman, tmp_path: FilePath
     line = next(row for row in table.read_text().splitlines() if "design.gains[40]" in row)
     assert line.split(",")[1:3] == ["design.gains[40]", "rad/m"]
     assert line.endswith('"Gain of e_y, the lateral error, at 6 m/s."')
-    table.write_text(
-        table.read_text().replace(repr(values["design.gains[40]"]), "0.5"), encoding="utf-8"
-    )
+    rows = table.read_text().replace(repr(values["design.gains[40]"]), "0.5").splitlines()
+    rows = [row for row in rows if ",preview_time," not in row]
+    table.write_text("\n".join(rows), encoding="utf-8")
     result = steersman("export", "tuned/lqr", "--to", "c", "--out", "b", "--parameters", str(table))
     assert "as expected" in result.stderr
+    assert "317 parameters can be changed without compiling" in result.stderr
+    assert "not in the table, kept: preview_time\n" in result.stderr
     assert read_table(tmp_path / "b" / "lqr.csv") == {**values, "design.gains[40]": 0.5}
     again = steersman("export", "tuned/lqr", "--to", "c", "--out", "a", "--precision", "single")
     assert "as expected" in again.stderr
     assert "float preview[15][2]" in (tmp_path / "a" / "steersman_lqr.h").read_text()
+
+
+def test_what_fails_its_proof_does_not_stay(
+    steersman: Steersman, monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath
+) -> None:
+    codes = iter((0, 1, 0, 1))  # it compiles and fails, twice
+    monkeypatch.setattr(trial, "COMPILERS", ("python", "python3"))
+    monkeypatch.setattr(
+        trial,
+        "_run",
+        lambda _: subprocess.CompletedProcess([], next(codes), "NOT AS EXPECTED", ""),
+    )
+    (tmp_path / "kept").mkdir()
+    (tmp_path / "kept" / "notes.txt").write_text("mine")
+    for folder in ("new", "kept"):
+        result = steersman("export", "tuned/stanley", "--to", "c", "--out", folder)
+        assert result.exit_code == 2
+        assert "the test vector fails: NOT AS EXPECTED" in result.stderr
+    assert [*tmp_path.iterdir()] == [tmp_path / "kept"]
+    assert [*(tmp_path / "kept").iterdir()] == [tmp_path / "kept" / "notes.txt"]
 
 
 @pytest.mark.parametrize(

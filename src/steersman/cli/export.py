@@ -68,10 +68,10 @@ class Target(NamedTuple):
 
 def _c(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
     from steersman.delivery.controller_package import write_controller
-    from steersman.delivery.package import try_out
+    from steersman.delivery.package import proven, try_out
 
-    files = write_controller(setting_of(wanted), folder)
-    note(try_out(files[0]))
+    files = write_controller(setting_of(wanted), folder, note)
+    note(proven(files, partial(try_out, files[0])))
     return files
 
 
@@ -84,7 +84,7 @@ def _fmu(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
 def _ros2(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
     from steersman.delivery.ros2 import write_package
 
-    return write_package(setting_of(wanted), folder)
+    return write_package(setting_of(wanted), folder, note)
 
 
 def _onnx(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:

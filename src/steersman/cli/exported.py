@@ -71,6 +71,7 @@ def setting_of(wanted: ToExport) -> Setting:
         wanted.precision == "single",
         made,
         wanted.precision == "mixed",
+        frozenset(table),
     )
 
 
@@ -137,4 +138,4 @@ def model_of(wanted: ToExport) -> FmuModel:
         config = configuration("drive", [f"vehicle={wanted.run}", *wanted.words])
         announce(config.plant, note, [config.vehicle])
         return model.plant_model(translated_plant(wanted.name or words.short(wanted.run), config))
-    return model.controller_model(setting_of(wanted))
+    return model.controller_model(setting_of(wanted), note)

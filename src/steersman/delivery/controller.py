@@ -12,6 +12,7 @@ import numpy as np
 from steersman.controllers.base import ControllerComponent, designed
 from steersman.controllers.policy import PolicyState
 from steersman.delivery.c_text import identifier
+from steersman.delivery.design_settings import DesignSettings
 from steersman.delivery.graph import ExactNetwork, read_network
 from steersman.delivery.state_fields import StateField, fields, named, settled
 from steersman.delivery.translate.adaptive import ADAPTIVE_CALLS, begun
@@ -66,6 +67,8 @@ class Setting(NamedTuple):
     """Numbers of the design that are not what the controller makes, by their names."""
     mixed: bool = False
     """float in what it is given and answers alone, if not ``single``."""
+    table: frozenset[str] = frozenset()
+    """Names in the table of parameters that was given; none if no table was."""
 
     @property
     def limits_speed(self) -> bool:
@@ -111,6 +114,8 @@ class Translated(NamedTuple):
     """Lines of the step: its status is returned, its steering stands in ``*steer``."""
     executed: tuple[str, ...]
     """Lines after another command was executed."""
+    design_settings: tuple[str, ...] = ()
+    """Settings that its step reads and its design is made of: constants."""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -127,6 +132,8 @@ def translated(setting: Setting) -> Translated:
     start = abstract(setting)
     pinned: frozenset[str] = frozenset()
     known = begun = type_of(start)
+    design = DesignSettings(setting.controller, setting.vehicle, setting.dt)
+    made_of: list[str] = []
     try:
         for _ in range(_PASSES):
             try:
@@ -135,8 +142,12 @@ def translated(setting: Setting) -> Translated:
             except Pinned as error:
                 pinned |= error.names
                 continue
-            if found == known:
-                return made.translated()
+            paths = [each for each in made.program.parameters if not each.startswith(DESIGN)]
+            late = [each for each in paths if design.acts(each)]
+            if found == known and not late:
+                return made.translated()._replace(design_settings=tuple(made_of))
+            made_of += late
+            pinned |= set(late)
             known = settled(found)
             pinned |= set(_changing(begun, known))
     except NotTranslatable as error:

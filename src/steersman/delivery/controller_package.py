@@ -15,6 +15,7 @@ from steersman.delivery import controller_text as text
 from steersman.delivery import vector_text
 from steersman.delivery.c_text import identifier
 from steersman.delivery.controller import Setting, Translated, translated
+from steersman.delivery.package import Tell, unsaid
 from steersman.delivery.parameter_table import COLUMNS, entries, table_text
 from steersman.errors import DataError, suggestion
 from steersman.files import replacing, write_text
@@ -22,9 +23,14 @@ from steersman.kernels import active_set
 from steersman.policy_file import PolicyCard, sha256
 from steersman.provenance import provenance
 
+# Names in a sentence.
+_NAMED = 8
 
-def write_controller(setting: Setting, folder: FilePath) -> Sequence[FilePath]:
+
+def write_controller(setting: Setting, folder: FilePath, tell: Tell = unsaid) -> Sequence[FilePath]:
     """The controller as C99: source, header, test vector and its program, parameters, card.
+
+    ``tell`` gets sentences on its parameters.
 
     Raises:
         ConfigError: its Python holds what C cannot be made of.
@@ -32,6 +38,7 @@ def write_controller(setting: Setting, folder: FilePath) -> Sequence[FilePath]:
     """
     made = translated(setting)
     check_values(made)
+    tell_parameters(made, tell)
     name = identifier(setting.name)
     makefile = files("steersman.delivery.templates").joinpath("Makefile.in")
     with vector_text.counted_steps() as steps:
@@ -111,6 +118,24 @@ def check_values(made: Translated) -> None:
     for name in made.setting.values:
         if name not in known:
             raise DataError(f"parameter {name!r}: unknown{suggestion(name, known)}")
+
+
+def tell_parameters(made: Translated, tell: Tell) -> None:
+    """Say how many parameters can change without compiling, and which of them a table lacks."""
+    known, given = [each.name for each in entries(made)], made.setting.table
+    plural = "" if len(known) == 1 else "s"
+    tell(f"{len(known)} parameter{plural} can be changed without compiling")
+    if made.design_settings:
+        names = _listed(made.design_settings)
+        tell(f"constant, for the design is made of them: {names}; export anew to change them")
+    missing = [each for each in known if given and each not in given]
+    if missing:
+        tell(f"not in the table, kept: {_listed(missing)}")
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more
 
 
 def read_table(file: FilePath) -> dict[str, float]:

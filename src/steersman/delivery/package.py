@@ -26,6 +26,10 @@ _LONGEST = 120.0
 Tell = Callable[[str], object]
 
 
+def unsaid(sentence: str) -> None:
+    """Say nothing."""
+
+
 def write_onnx(words: str, folder: FilePath, tell: Tell) -> Sequence[FilePath]:
     """The policy as ``NAME.onnx`` with its card ``NAME.json``, read back and compared.
 
@@ -39,8 +43,22 @@ def write_onnx(words: str, folder: FilePath, tell: Tell) -> Sequence[FilePath]:
     card = file.with_suffix(".json")
     new = {"files": {file.name: sha256(source.data)}, "made_for": None}
     write_text(card, source.card.model_copy(update=new).model_dump_json(indent=1) + "\n")
-    tell(compare(source, file))
+    tell(proven((file, card), lambda: compare(source, file)))
     return file, card
+
+
+def proven(files: Sequence[FilePath], proof: Callable[[], str]) -> str:
+    """The sentence of a proof of written files; where it fails, none of them stays.
+
+    Raises:
+        DataError: it fails.
+    """
+    try:
+        return proof()
+    except BaseException:
+        for each in files:
+            each.unlink(missing_ok=True)
+        raise
 
 
 def compare(source: Source, file: FilePath) -> str:

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import csv
 import io
-import math
+import re
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from steersman.delivery.controller import DESIGN, Setting, Translated
+from steersman.delivery.parameter_limits import limit_texts, limits
 from steersman.delivery.translate.program import Parameter
 from steersman.messages import field_unit
 
 COLUMNS = ("index", "name", "unit", "minimum", "maximum", "value", "meaning")
-# Limits below this are those above zero.
-_TINY = 1e-300
+# What a description says of null, which a number in C cannot be.
+_NULL = re.compile(r"; null: .*?(?=;|\.?$)")
 
 
 class Description(NamedTuple):
@@ -26,6 +27,8 @@ class Description(NamedTuple):
     low: float
     high: float
     meaning: str
+    texts: tuple[str, str] = ("", "")
+    """The limits as the table has them."""
 
 
 def described(setting: Setting, parameter: Parameter) -> list[Description]:
@@ -45,18 +48,8 @@ def described(setting: Setting, parameter: Parameter) -> list[Description]:
         pairs = [owner.number(name, i) if told else made for i in range(count)]
         return [Description(unit, -np.inf, np.inf, meaning) for unit, meaning in pairs]
     field = type(owner).model_fields[name]
-    return [Description(field_unit(field), *limits(field), field.description or "")]
-
-
-def limits(field: Any) -> tuple[float, float]:
-    """The least and the largest number that a field allows."""
-    low, high = -math.inf, math.inf
-    for bound in field.metadata:
-        low = getattr(bound, "ge", low)
-        high = getattr(bound, "le", high)
-        low = math.nextafter(bound.gt, math.inf) if hasattr(bound, "gt") else low
-        high = math.nextafter(bound.lt, -math.inf) if hasattr(bound, "lt") else high
-    return low, high
+    meaning = _NULL.sub("", field.description or "")
+    return [Description(field_unit(field), *limits(field), meaning, limit_texts(field))]
 
 
 class ParameterEntry(NamedTuple):
@@ -68,6 +61,8 @@ class ParameterEntry(NamedTuple):
     maximum: float
     value: float
     meaning: str
+    limits: tuple[str, str]
+    """As text."""
 
 
 def entries(made: Translated) -> list[ParameterEntry]:
@@ -81,7 +76,7 @@ def entries_of(setting: Setting, parameter: Parameter) -> Iterator[ParameterEntr
     for i, (number, of) in enumerate(zip(numbers, described(setting, parameter), strict=True)):
         place = f"[{i}]" if isinstance(parameter.value, np.ndarray) else ""
         name = parameter.path + place
-        yield ParameterEntry(name, of.unit, of.low, of.high, number, of.meaning)
+        yield ParameterEntry(name, of.unit, of.low, of.high, number, of.meaning, of.texts)
 
 
 def table_text(made: Translated) -> str:
@@ -90,13 +85,5 @@ def table_text(made: Translated) -> str:
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(COLUMNS)
     for i, each in enumerate(entries(made)):
-        bounds = [_shown(x) for x in (each.minimum, each.maximum)]
-        writer.writerow([i, each.name, each.unit, *bounds, repr(each.value), each.meaning])
+        writer.writerow([i, each.name, each.unit, *each.limits, repr(each.value), each.meaning])
     return out.getvalue()
-
-
-def _shown(limit: float) -> str:
-    """A limit; what is next to zero, as zero."""
-    if math.isinf(limit):
-        return ""
-    return repr(limit if abs(limit) > _TINY else 0 * limit)

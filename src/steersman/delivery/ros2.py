@@ -11,7 +11,12 @@ from pathlib import Path as FilePath
 from steersman.delivery import controller_text as text
 from steersman.delivery.c_text import fill, identifier
 from steersman.delivery.controller import Setting, Translated, translated
-from steersman.delivery.controller_package import check_values, controller_card
+from steersman.delivery.controller_package import (
+    check_values,
+    controller_card,
+    tell_parameters,
+)
+from steersman.delivery.package import Tell, unsaid
 from steersman.delivery.parameter_table import entries
 from steersman.delivery.translate.lines import indented, without_unused
 from steersman.delivery.translate.program import Program
@@ -29,7 +34,7 @@ DEPENDENCIES = (
 """Packages of ROS 2 and Autoware that the node is built with."""
 
 
-def write_package(setting: Setting, folder: FilePath) -> Sequence[FilePath]:
+def write_package(setting: Setting, folder: FilePath, tell: Tell = unsaid) -> Sequence[FilePath]:
     """The package in ``folder``, which is the package's own; ``package.xml`` first.
 
     Raises:
@@ -40,6 +45,7 @@ def write_package(setting: Setting, folder: FilePath) -> Sequence[FilePath]:
         raise ConfigError(f"{setting.name} limits the speed, which the node of ROS 2 does not do")
     made = translated(setting)
     check_values(made)
+    tell_parameters(made, tell)
     prefix, words = setting.prefix, _words(made)
     sources = {f"{prefix}.c": text.source(made), f"{prefix}.h": text.header(made)}
     card = controller_card(made, sources)

@@ -10,8 +10,14 @@ from typing import NamedTuple
 from steersman.delivery import c_text
 from steersman.delivery import controller_text as text
 from steersman.delivery.controller import Setting, translated
-from steersman.delivery.controller_package import check_values, controller_card
-from steersman.delivery.parameter_table import entries, limits, table_text
+from steersman.delivery.controller_package import (
+    check_values,
+    controller_card,
+    tell_parameters,
+)
+from steersman.delivery.package import Tell, unsaid
+from steersman.delivery.parameter_limits import limits
+from steersman.delivery.parameter_table import entries, table_text
 from steersman.delivery.plant import FIGURES, SEEN, TranslatedPlant
 from steersman.vehicles import Vehicle
 
@@ -125,7 +131,7 @@ def _steered(prefix: str, real: str, variables: Iterable[Variable]) -> list[str]
     ]
 
 
-def controller_model(setting: Setting) -> FmuModel:
+def controller_model(setting: Setting, tell: Tell = unsaid) -> FmuModel:
     """A controller of which C can be made.
 
     Raises:
@@ -134,6 +140,7 @@ def controller_model(setting: Setting) -> FmuModel:
     """
     made = translated(setting)
     check_values(made)
+    tell_parameters(made, tell)
     s, real, handed = setting, setting.real, setting.handed
     wishes = s.waypoints if s.limits_speed else 0
     meaning = "Speed wished at the waypoint."

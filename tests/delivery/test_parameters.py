@@ -1,0 +1,84 @@
+"""A parameter in C, changed there, does what an export with that setting does."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+
+import pytest
+
+from steersman import tuned
+from steersman.cli.exported import ToExport, setting_of
+from steersman.delivery import controller_text as text
+from steersman.delivery.controller import DESIGN, Translated, translated
+from steersman.delivery.design_settings import DesignSettings, other_values, replaced
+from steersman.delivery.parameter_table import entries, table_text
+
+SMALL = (
+    "controller.horizon=3",
+    "controller.filter_road=false",
+    "controller.estimate_friction=false",
+    "controller.delay=0.1",
+)
+WORDS: dict[str, tuple[str, ...]] = {
+    "tuned/bearing_pid": (),
+    "tuned/lqr": (),
+    "tuned/mpc": ("controller.horizon=3",),
+    "tuned/mpc_delay": SMALL,
+    "tuned/mpc_pid": ("controller.horizon=3",),
+    "tuned/mpc_pid_scheduled": ("controller.horizon=3",),
+    "tuned/nmpc": SMALL,
+    "tuned/pid": (),
+    "tuned/pid_feedforward": (),
+    "tuned/pure_pursuit": (),
+    "tuned/pure_pursuit_cm": (),
+    "tuned/sliding_mode": (),
+    "tuned/stanley": (),
+    "tuned/stanley_cm": (),
+    "grip_speed": ("controller.inner=tuned/stanley", "speed=constant_speed"),
+}
+
+
+@cache
+def exported(word: str) -> Translated:
+    return translated(setting_of(ToExport(word, WORDS[word])))
+
+
+def test_every_tuned_controller_is_there() -> None:
+    assert set(tuned.names()) <= set(WORDS)
+
+
+@pytest.mark.parametrize("word", WORDS)
+def test_all_settings_of_the_table_changed_leave_the_program(word: str) -> None:
+    made = exported(word)
+    setting, controller = made.setting, made.setting.controller
+    paths = [each.path for each in made.parameters if not each.path.startswith(DESIGN)]
+    for path in paths:
+        controller = replaced(controller, path.split("."), other_values(controller, path)[0])
+    again = translated(setting._replace(controller=controller))
+    was, now = entries(made), entries(again)
+    assert [(each.name, each.limits) for each in was] == [(each.name, each.limits) for each in now]
+    changed = {one.name for one, other in zip(was, now, strict=True) if one.value != other.value}
+    assert changed == set(paths)  # the design is what it was
+    sources = [re.sub(r"_defaults = \{.*?\n\};", "", text.source(each), flags=re.DOTALL)
+               for each in (made, again)]  # fmt: skip
+    assert sources[0] == sources[1]
+    assert text.header(made) == text.header(again)
+
+
+def test_what_a_design_is_made_of_is_constant() -> None:
+    made = exported("tuned/mpc_delay")
+    setting = made.setting
+    assert {"q_lateral", "r", "r_change"} <= set(made.design_settings) <= made.program.pinned
+    assert table_text(made).splitlines()[1:] == [
+        "0,disturbance_time,s,>0.0,,"
+        f"{setting.controller.disturbance_time!r},"  # type: ignore[attr-defined]
+        "Time constant of the estimate of accelerations missing in the model."
+    ]
+
+
+def test_a_setting_without_a_solution_acts_on_the_design() -> None:
+    setting = setting_of(ToExport("lqr"))
+    design = DesignSettings(setting.controller, setting.vehicle, setting.dt)
+    assert design.acts("r")
+    assert not design.acts("preview_time")
