@@ -85,15 +85,16 @@ def read_json(file: FilePath, cure: str = "give a JSON file") -> Any:
 
 
 def near_file(word: str, endings: Iterable[str]) -> str:
-    """The words that name the file that was meant, of those in its folder; empty without one.
+    """The words that name what was meant, of that which is in its folder; empty without one.
 
     Args:
-        word: no file, or the stem of one.
+        word: no file, or the stem of one; with a folder before it, folders would do as well.
         endings: of files that would do.
     """
     place = FilePath(word)
     try:
-        files = [f for f in place.parent.iterdir() if f.suffix in set(endings) and f.is_file()]
+        inside, below = place.parent.iterdir(), len(place.parts) > 1
+        files = [f for f in inside if (below if f.is_dir() else f.suffix in set(endings))]
     except (OSError, ValueError):
         return ""
     names = {f.name: f for f in sorted(files)}

@@ -135,3 +135,9 @@ def test_a_folder_of_seeds_takes_part_under_one_name(tmp_path: FilePath) -> None
     (tmp_path / "lqr" / "seed_2").mkdir()
     with pytest.raises(DataError, match=r"seed_2: has no tuned\.yaml yet"):
         entrants([str(tmp_path / "lqr")])
+
+
+def test_a_mistyped_folder_is_answered_with_the_one_there(tmp_path: FilePath) -> None:
+    (tmp_path / "five").mkdir()
+    with pytest.raises(ConfigError, match="did you mean '.*five'"):
+        entrant(str(tmp_path / "fives"))
