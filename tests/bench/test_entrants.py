@@ -139,5 +139,5 @@ def test_a_folder_of_seeds_takes_part_under_one_name(tmp_path: FilePath) -> None
 
 def test_a_mistyped_folder_is_answered_with_the_one_there(tmp_path: FilePath) -> None:
     (tmp_path / "five").mkdir()
-    with pytest.raises(ConfigError, match="did you mean '.*five'"):
+    with pytest.raises(ConfigError, match=r"did you mean '.*five'"):
         entrant(str(tmp_path / "fives"))
