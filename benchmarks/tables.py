@@ -95,7 +95,9 @@ def by_disturbance(summary: Summary, header: list[str]) -> Iterator[list[str]]:
 WORLDS: dict[str, Callable[[str, BenchResult], bool]] = {
     "race circuits at 60 and 80 % of the grip, Model 3": lambda c, _: c.endswith("_carla_model3"),
     "the same with a BMW 320i": lambda c, _: c.endswith("_bmw_320i"),
-    "roads of OpenDRIVE maps": lambda c, r: any(c.startswith(f"{name}_") for name in r.maps),
+    "roads of OpenDRIVE maps": lambda c, r: any(
+        c.startswith(f"{Path(name).stem}_") for name in r.maps
+    ),
     "TUM-CONTROL's references, its car, its noise": lambda c, _: c.startswith("reftraj"),
     "multi-body BMW": lambda c, _: c.startswith("multibody"),
     "lines that CARLA's agents were to follow": lambda *_: True,
