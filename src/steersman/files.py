@@ -88,12 +88,12 @@ def near_file(word: str, endings: Iterable[str]) -> str:
     """The words that name what was meant, of that which is in its folder; empty without one.
 
     Args:
-        word: no file, or the stem of one; with a folder before it, folders would do as well.
+        word: no file, or the stem of one; with a folder before it and no ending, a folder as well.
         endings: of files that would do.
     """
     place = FilePath(word)
     try:
-        inside, below = place.parent.iterdir(), len(place.parts) > 1
+        inside, below = place.parent.iterdir(), len(place.parts) > 1 and not place.suffix
         files = [f for f in inside if (below if f.is_dir() else f.suffix in set(endings))]
     except (OSError, ValueError):
         return ""
