@@ -3,7 +3,7 @@
 # make coverage  run the tests and measure what they cover, which takes half as long again
 # make check  run the linters and build the documentation; CI runs `make check coverage`
 # make fuzz   damaged files against every reader, a minute of each
-# make soak   an hour of work with flat memory, 100 kills that lose nothing (MINUTES=, KILLS=)
+# make soak   an hour of work with flat memory, beside 100 kills that lose nothing (MINUTES=, KILLS=)
 # make docs   serve the documentation at http://127.0.0.1:8000
 # make setup  make .venv with everything in it; the others do so by themselves
 # make lock   write the versions that are in .venv to constraints.txt, the same with digests for

@@ -2,15 +2,16 @@
 
     python benchmarks/soak.py [--minutes 60] [--kills 100] [--seed 0] [--out results/soak]
 
-Memory: a training, benchmarks one after another in one process, and a CARLA stand-in with clients
-that come and go run a third of the time each, then a drive of ten hours to its end. The resident
-memory of each (with its workers) is read twice a second. A job is flat if the median of the last
-fifth exceeds that of the second fifth by at most 5 % or 10 MB.
+Memory: a training, benchmarks one after another in one process, a CARLA stand-in with clients
+that come and go, and a drive of ten hours run side by side for that time, the drive to its end.
+The resident memory of each (with its workers) is read twice a second. A job is flat if the median
+of the last fifth exceeds that of the second fifth by at most 5 % or 10 MB; of the drive, that of
+the last but one, since what is written at its end is no growth.
 
-Kills: each command that resumes is run whole, then again, killed (SIGKILL, its workers too) at
-moments drawn over its whole length, every second one after the first checkpoint is there, until its
-share of the kills is spent; then it runs to its end, and its results must be those of the whole
-run, to the bit, but for times.
+Kills, at the same time: each command that resumes is run whole, then again, killed (SIGKILL, its
+workers too) at moments drawn over its whole length, every second one after the first checkpoint is
+there, until its share of the kills is spent; then it runs to its end, and its results must be those
+of the whole run, to the bit, but for times.
 """
 
 from __future__ import annotations
@@ -25,7 +26,9 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import defaultdict
 from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
@@ -34,6 +37,7 @@ import numpy as np
 from steersman.files import write_text
 from steersman.provenance import provenance
 
+Row = dict[str, object]
 RESUMED = [sys.executable, "-m", "steersman"]
 FLAT, FLAT_MB = 1.05, 10.0
 SETTLED = 0.5
@@ -166,44 +170,88 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("results/soak"))
     words = parser.parse_args()
     made = {"minutes": words.minutes, "seed": words.seed, **provenance()}
-    record: dict[str, object] = {"made": made, "memory": [], "kills": []}
+    record: dict[str, object] = {"made": made}
     rng = np.random.default_rng(words.seed)
     share = -(-words.kills // len(COMMANDS))
-    with tempfile.TemporaryDirectory() as name:
+    held = True
+    with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor() as pool:
         folder = Path(name)
         for file, text in (("small", SMALL), ("copied", COPIED), ("suite", SUITE)):
             (folder / f"{file}.yaml").write_text(text)
-        for part, rows in (
-            ("memory", memory(folder, 20.0 * words.minutes)),
-            ("kills", (kills(command, folder, share, rng) for command in COMMANDS if share)),
-        ):
-            found: list[dict[str, object]] = []
-            record[part] = found
-            for row in rows:
-                found.append(row)
+        watching = pool.submit(watched, begun(folder), 60.0 * words.minutes)
+        killing = (kills(command, folder, share, rng) for command in COMMANDS if share)
+        for part, each in (("kills", killing), ("memory", results(watching))):
+            rows: list[Row] = []
+            record[part] = rows
+            for row in each:
+                rows.append(row)
+                held &= bool(row["held"])
                 sys.stdout.write(json.dumps(row) + "\n")
                 sys.stdout.flush()
                 write_text(words.out / "soak.json", json.dumps(record, indent=1) + "\n")
-    rows = [*record["memory"], *record["kills"]]  # type: ignore[misc]
-    raise SystemExit(not all(row["held"] for row in rows))
+    raise SystemExit(not held)
 
 
-def memory(folder: Path, seconds: float) -> Iterator[dict[str, object]]:
-    """A row for each job: its memory over time."""
+def results(watching: Future[list[Row]]) -> Iterator[Row]:
+    """The rows of a part that goes on beside, when it is done."""
+    yield from watching.result()
+
+
+class Job:
+    """Processes in sessions of their own, the first of which is watched."""
+
+    def __init__(self, name: str, *processes: subprocess.Popen[bytes], whole: bool = False) -> None:
+        """``whole``: it has to run to its end, however long that takes."""
+        self.name, self.processes, self.whole = name, processes, whole
+        self.sizes: list[float] = []
+        self.begun = time.monotonic()
+        self.seconds = 0.0
+
+    def running(self, seconds: float) -> bool:
+        """Whether it still runs and has time left."""
+        self.seconds = time.monotonic() - self.begun
+        in_time = self.whole or self.seconds < seconds
+        return in_time and all(process.poll() is None for process in self.processes)
+
+    def row(self) -> Row:
+        """End what runs; its memory over time."""
+        ended = [process.poll() for process in self.processes]
+        for process in self.processes:
+            killed(process)
+        fifth = max(len(self.sizes) // 5, 1)
+        early = statistics.median(self.sizes[fifth : 2 * fifth] or [0.0])
+        last = self.sizes[-2 * fifth : -fifth] if self.whole else self.sizes[-fifth:]
+        late = statistics.median(last or [np.inf])
+        return {
+            "job": self.name,
+            "seconds": round(self.seconds),
+            "early_mb": round(early, 1),
+            "late_mb": round(late, 1),
+            "largest_mb": round(max(self.sizes, default=0.0), 1),
+            "exit": ended,
+            "held": late <= max(FLAT * early, early + FLAT_MB)
+            and ended == [0 if self.whole else None] * len(ended),
+        }
+
+
+def begun(folder: Path) -> list[Job]:
+    """The jobs whose memory is watched."""
     training = ["train", "small.yaml", f"steps={10**8}", "--out", "long"]
-    yield watched("training", start([*RESUMED, *training], folder), seconds)
+    drive = ["drive", "tuned/lqr", "path=circle", f"duration={DRIVE}", "--out", "drive"]
     bench = [sys.executable, "-c", BENCHES, "suite.yaml"]
-    yield watched("benchmarks", start(bench, folder), seconds)
+    jobs = [
+        Job("training", start([*RESUMED, *training], folder)),
+        Job("benchmarks", start(bench, folder)),
+        Job(f"drive of {DRIVE} s", start([*RESUMED, *drive], folder), whole=True),
+    ]
     if has_carla():
         served = [*RESUMED, "carla", "serve", "--port", "0"]
         server = start(served, folder, stdout=subprocess.PIPE)
         assert server.stdout is not None
         port = server.stdout.readline().partition(b"127.0.0.1:")[2].partition(b",")[0]
         client = start([sys.executable, "-c", CLIENTS, port.decode()], folder)
-        yield watched("stand-in", server, seconds)
-        killed(client)
-    drive = [*RESUMED, "drive", "tuned/lqr", "path=circle", f"duration={DRIVE}", "--out", "drive"]
-    yield watched(f"drive of {DRIVE} s", start(drive, folder), float("inf"))
+        jobs.append(Job("stand-in", server, client))
+    return jobs
 
 
 def has_carla() -> bool:
@@ -212,52 +260,42 @@ def has_carla() -> bool:
     return not subprocess.run(words, capture_output=True, check=False).returncode
 
 
-def watched(name: str, process: subprocess.Popen[bytes], seconds: float) -> dict[str, object]:
-    """Read a job's memory until its time is up or it ends, by itself without an error."""
-    begun, sizes = time.monotonic(), []
-    while process.poll() is None and time.monotonic() - begun < seconds:
-        sizes.append(resident(process.pid))
+def watched(jobs: list[Job], seconds: float) -> list[Row]:
+    """Read the jobs' memory until the time is up or they end by themselves."""
+    rows: list[Row] = []
+    left = jobs
+    while left:
+        still = [job for job in left if job.running(seconds)]
+        rows += [job.row() for job in left if job not in still]
+        left = still
+        sizes = resident()
+        for job in left:
+            job.sizes.append(sizes[job.processes[0].pid])
         time.sleep(0.5)
-    ended = process.poll()
-    killed(process)
-    fifth = max(len(sizes) // 5, 1)
-    early = statistics.median(sizes[fifth : 2 * fifth] or [0.0])
-    last = sizes[-fifth:] if ended is None else sizes[-2 * fifth : -fifth]
-    late = statistics.median(last or [np.inf])
-    return {
-        "job": name,
-        "seconds": round(time.monotonic() - begun),
-        "early_mb": round(early, 1),
-        "late_mb": round(late, 1),
-        "largest_mb": round(max(sizes), 1),
-        "exit": ended,
-        "held": late <= max(FLAT * early, early + FLAT_MB) and ended in {None, 0},
-    }
+    return rows
 
 
-def resident(session: int) -> float:
-    """Resident memory of the processes of a session [MB]."""
-    total, page = 0, os.sysconf("SC_PAGE_SIZE")
+def resident() -> defaultdict[int, float]:
+    """Resident memory of the processes of each session [MB]."""
+    totals: defaultdict[int, float] = defaultdict(float)
+    page = os.sysconf("SC_PAGE_SIZE")
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
             words = stat.read_text().rpartition(")")[2].split()
         except OSError:
             continue
-        if int(words[3]) == session:
-            total += int(words[21]) * page
-    return total / 1e6
+        totals[int(words[3])] += int(words[21]) * page / 1e6
+    return totals
 
 
-def kills(
-    command: Command, folder: Path, share: int, rng: np.random.Generator
-) -> dict[str, object]:
+def kills(command: Command, folder: Path, share: int, rng: np.random.Generator) -> Row:
     """A row: a command killed so many times, and what became of its results."""
     whole, cut = folder / "whole", folder / "cut"
     for out in (whole, cut):
         shutil.rmtree(out, ignore_errors=True)
-    begun = time.monotonic()
+    started = time.monotonic()
     done(command, folder, whole)
-    length = time.monotonic() - begun
+    length = time.monotonic() - started
     spent, kept, ends, differ, failed = 0, 0, 0, 0, []
     while spent < share or cut.exists():
         process = start(line(command, cut), folder)
