@@ -4,7 +4,7 @@ For tests, teaching and the CI of control clients. Its numbers are those of the 
 never CARLA's. docs/carla_standin.md says what it implements.
 """
 
-from carla_standin.blueprints import models
+from carla_standin.catalogue import models
 from carla_standin.server import StandinServer, serve
 
 __all__ = ["StandinServer", "models", "serve"]

@@ -28,8 +28,6 @@ _COMMANDS = {
 }
 # Commands about what is not here: gravity (the world is flat), debug telemetry, lights.
 _WITHOUT_EFFECT = {15, 17, 18}
-# Where a vehicle control says "reverse", which the longitudinal map does not have.
-_REVERSE = 4
 
 
 @answers(Reply.VALUE)
@@ -148,8 +146,6 @@ def apply_control_to_vehicle(calls: Dispatcher, number: int, values: Any) -> Non
     """Hold this control from the next tick on."""
     actor, car = calls.world.car(number)
     car.command = actor.driver.direct(values)
-    if values[_REVERSE]:
-        warn_once("stand-in: reverse is not implemented; the throttle is ignored with it")
 
 
 @answers(Reply.NOTHING)

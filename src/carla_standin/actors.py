@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from carla_standin.wire import Refused, Transform
 
 if TYPE_CHECKING:
-    from carla_standin.blueprints import VehicleBlueprint
     from carla_standin.car import Car, VehicleControl
+    from carla_standin.catalogue import VehicleBlueprint
     from carla_standin.sensors import StreamedSensor
 
 # An actor in a snapshot: id, state; pose, velocity [m/s], angular velocity [deg/s], acceleration

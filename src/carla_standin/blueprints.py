@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import steersman as sm
+from carla_standin.blind import BLIND
+from carla_standin.catalogue import VehicleBlueprint
 from carla_standin.wire import MAX_NAME, Refused
 
-MODEL3 = "vehicle.tesla.model3"
-MKZ = "vehicle.lincoln.mkz_2020"
 IMU = "sensor.other.imu"
 GNSS = "sensor.other.gnss"
 COLLISION = "sensor.other.collision"
 LANE_INVASION = "sensor.other.lane_invasion"
-SENSORS = (IMU, GNSS, COLLISION, LANE_INVASION)
+SENSORS = (IMU, GNSS, COLLISION, LANE_INVASION, *BLIND)
 SPECTATOR = "spectator"
+# Attribute, which CARLA does not have, that says what is here in the place of what is named.
+STAND_IN = "stand_in"
 
 # Types of attributes as CARLA counts them.
 _BOOL, _INT, _FLOAT, _STRING, _COLOR = range(1, 6)
@@ -28,50 +30,6 @@ NOISE = {
     IMU: tuple(f"noise_{what}_{axis}" for what in _INERTIAL for axis in "xyz"),
     GNSS: tuple(f"noise_{what}" for what in _ON_EARTH),
 }
-
-
-class VehicleBlueprint(NamedTuple):
-    """A vehicle that can be spawned, and what our parameters do not say of it."""
-
-    vehicle: sm.Vehicle
-    offset: float
-    """Centre of mass ahead of the actor's origin [m]."""
-    below: float
-    """Centre of mass above the actor's origin [m]; negative: below."""
-    height: float
-    """Of the body [m]."""
-    radius: float
-    """Of the wheels [m]."""
-    generation: int
-    """Of the asset, as CARLA's catalogue counts."""
-    special: str
-    """Special type there."""
-    fittings: bool
-    """Whether it has lights and doors there; here it has neither."""
-
-
-def models(model3: sm.Vehicle) -> dict[str, VehicleBlueprint]:
-    """The vehicles by blueprint; ``model3`` is what drives behind the Model 3's name.
-
-    Offsets, heights and radii: CARLA's blueprints; the MKZ's body is taken to be the Model 3's.
-    The rest: https://carla.readthedocs.io/en/0.9.16/catalogue_vehicles/.
-    """
-    return {
-        MODEL3: VehicleBlueprint(model3, 0.45, -0.3, 1.49, 0.37, 1, "electric", False),
-        MKZ: VehicleBlueprint(shipped("carla_mkz2020"), 0.6, -0.3, 1.49, 0.37, 2, "", True),
-    }
-
-
-def shipped(name: str) -> sm.Vehicle:
-    """One of the package's vehicles."""
-    found = sm.make("vehicle", name)
-    assert isinstance(found, sm.Vehicle)
-    return found
-
-
-def default_models() -> dict[str, VehicleBlueprint]:
-    """The vehicles as they are shipped."""
-    return models(shipped("carla_model3"))
 
 
 def _given(name: str, kind: int, value: str) -> list[Any]:
@@ -93,27 +51,44 @@ def _car(model: VehicleBlueprint) -> list[list[Any]]:
         _choice("sticky_control", _BOOL, "true"),
         _choice("terramechanics", _BOOL, "false"),
         _given("object_type", _STRING, ""),
-        _given("base_type", _STRING, "car"),
+        _given("base_type", _STRING, model.base),
         _given("special_type", _STRING, model.special),
         _given("number_of_wheels", _INT, "4"),
         _given("generation", _INT, str(model.generation)),
         _given("has_dynamic_doors", _BOOL, fittings),
         _given("has_lights", _BOOL, fittings),
+        _given(STAND_IN, _STRING, model.vehicle.title),
     ]
 
 
 def definitions(vehicles: dict[str, VehicleBlueprint]) -> list[list[Any]]:
     """The blueprint library as it travels: uid, id, tags, attributes."""
-    place = _choice("role_name", _STRING, *_PLACES)
     found = {name: _car(model) for name, model in vehicles.items()}
-    tick, seed = _choice("sensor_tick", _FLOAT, "0.0"), _choice("noise_seed", _INT, "0")
-    for name in SENSORS:
-        noise = [_choice(each, _FLOAT, "0.0") for each in NOISE.get(name, ())]
-        found[name] = [place, tick, *noise, seed] if noise else [place]
+    found |= {name: _sensor(name) for name in SENSORS}
     return [
         [uid, name, name.replace(".", ","), attributes]
         for uid, (name, attributes) in enumerate(found.items(), start=1)
     ]
+
+
+def _sensor(name: str) -> list[list[Any]]:
+    """Attributes of a sensor."""
+    place = _choice("role_name", _STRING, *_PLACES)
+    tick, seed = _choice("sensor_tick", _FLOAT, "0.0"), _choice("noise_seed", _INT, "0")
+    if name in BLIND:
+        own = [_choice(each, _type(value), value) for each, value in BLIND[name].attributes.items()]
+        return [place, tick, *own, _given(STAND_IN, _STRING, BLIND[name].seen)]
+    noise = [_choice(each, _FLOAT, "0.0") for each in NOISE.get(name, ())]
+    return [place, tick, *noise, seed] if noise else [place]
+
+
+def _type(value: str) -> int:
+    """Of an attribute that begins with this value."""
+    if value in {"true", "false"}:
+        return _BOOL
+    if value.lstrip("-").isdigit():
+        return _INT
+    return _FLOAT if value.lstrip("-").replace(".", "", 1).isdigit() else _STRING
 
 
 def check(name: str, vehicles: dict[str, VehicleBlueprint]) -> None:

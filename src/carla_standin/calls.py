@@ -141,7 +141,7 @@ class Dispatcher:
 
     def tick(self) -> int:
         """Advance the world and send what came of it; the new frame."""
-        for message in self.world.tick(time.monotonic()):
+        for message in self.world.tick(time.monotonic(), self.streams.heard):
             self.streams.publish(message)
         return self.world.frame
 

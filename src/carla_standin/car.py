@@ -12,7 +12,7 @@ from carla_standin.wire import Refused, Transform
 FRONT_LEFT, FRONT_RIGHT, BACK_LEFT, BACK_RIGHT = range(4)
 # Throttle, steer (right-positive), brake, hand brake, reverse, manual gear, gear.
 _CENTRED = (0.0, 0.0, 0.0, False, False, False, 0)
-_STEER = 1
+_STEER, _REVERSE, _MANUAL, _GEAR = 1, 4, 5, 6
 # A requested rate below this counts as no request [rad/s].
 _NO_RATE = 1e-3
 
@@ -25,6 +25,7 @@ class Car:
         self.motion = sm.VehicleMotion(vehicle)
         self.offset = offset
         self.command = sm.Command(0.0, 0.0, 0.0)
+        self.reverse = False
         self.moves = True
         self.held: tuple[float, float] | None = None
         """A velocity that is kept, ahead and to the left [m/s]."""
@@ -54,7 +55,7 @@ class Car:
             self.push((x * dt, y * dt, 0.0))
         if self.held is not None:
             self.motion.velocity = self.held
-        self.motion.advance(self.command, dt, substeps)
+        self.motion.advance(self.command, dt, substeps, self.reverse)
         if self.held is not None:
             self.motion.velocity = self.held
         self.yaw_acceleration = (self.motion.yaw_rate - before) / dt
@@ -125,6 +126,8 @@ def warm_up() -> None:
     car.advance(0.01, 1)
     car.wheel_angle(FRONT_LEFT)
     car.motion.rolled_over()
+    car.reverse, car.command = True, sm.Command(0.0, 1.0, 0.0)
+    car.advance(0.01, 1)
 
 
 class AckermannGains(NamedTuple):
@@ -164,6 +167,7 @@ class VehicleControl:
         """Take a vehicle control from the wire: throttle, steer, brake, switches and gear.
 
         Values are limited here, since the client does not; the hand brake acts as the foot brake.
+        The manual gear 0 is neutral; of the others, only whether it is below 0 matters.
 
         Raises:
             Refused: it is no vehicle control.
@@ -178,7 +182,13 @@ class VehicleControl:
         gear = min(max(gear, -1), 100)
         self.told = (throttle, steer, brake, hand, reverse, manual, gear)
         self._ackermann, self._fresh = None, True
-        return sm.Command(0.0 - steer, 0.0 if reverse else throttle, 1.0 if hand else brake)
+        neutral = manual and gear == 0
+        return sm.Command(0.0 - steer, 0.0 if neutral else throttle, 1.0 if hand else brake)
+
+    @property
+    def reverse(self) -> bool:
+        """Whether the reverse gear is engaged: by its switch, or as a manual gear below 0."""
+        return bool(self.told[_GEAR] < 0 if self.told[_MANUAL] else self.told[_REVERSE])
 
     def ackermann(self, values: Any) -> None:
         """Take an Ackermann control from the wire; it acts until another control comes.
@@ -212,7 +222,8 @@ class VehicleControl:
         """The command of an Ackermann request for the next tick; None: the last one holds.
 
         Speed error to acceleration by ``speed_kp`` per second, bounded by the request's; its error
-        moves the pedal, which stays where it is when acceleration is right.
+        moves the pedal, which stays where it is when acceleration is right. A negative speed is
+        driven in reverse.
         """
         wanted, fresh, self._fresh = self._ackermann, self._fresh, False
         if wanted is None and not self._sticky and not fresh:
@@ -220,9 +231,11 @@ class VehicleControl:
             return sm.Command(0.0, 0.0, 0.0)
         if wanted is None or dt <= 0.0:
             return None
-        speed, a_x = car.motion.velocity[0], car.motion.acceleration[0]
+        back = wanted.speed < 0.0
+        ahead = -1.0 if back else 1.0
+        speed, a_x = ahead * car.motion.velocity[0], ahead * car.motion.acceleration[0]
         steer = self._steer(wanted, car.vehicle.max_wheel_angle, dt)
-        target = self.gains.speed_kp * (wanted.speed - speed) / dt
+        target = self.gains.speed_kp * (abs(wanted.speed) - speed) / dt
         most = abs(wanted.acceleration) or 3.0
         target = min(max(target, -most), most)
         self._pedal += self.gains.accel_kp * (target - a_x)
@@ -230,7 +243,7 @@ class VehicleControl:
         if wanted.speed == 0.0 and abs(speed) < 0.2:  # noqa: PLR2004 - standing, as far as it matters
             self._pedal = -1.0
         throttle, brake = max(self._pedal, 0.0), max(-self._pedal, 0.0)
-        self.told = (throttle, 0.0 - steer, brake, False, False, False, 1)
+        self.told = (throttle, 0.0 - steer, brake, False, back, False, -1 if back else 1)
         return sm.Command(steer, throttle, brake)
 
     def _steer(self, wanted: AckermannControl, lock: float, dt: float) -> float:

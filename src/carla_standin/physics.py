@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import steersman as sm
 from carla_standin.actors import Actor
-from carla_standin.blueprints import VehicleBlueprint
+from carla_standin.catalogue import VehicleBlueprint
 from carla_standin.wire import Refused, Transform, shaped
 
 _KMH_PER_M_S = 3.6

@@ -1,4 +1,4 @@
-"""The sensors that have a stream: inertial measurement, satellite navigation and collisions."""
+"""The sensors that have a stream: what they are set to, and what they send at a tick."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from carla_standin.blind import BLIND, Body
 from carla_standin.blueprints import COLLISION, GNSS, NOISE
 from carla_standin.geo import CARLAS_ORIGIN, GeoReference
 from carla_standin.wire import Refused
@@ -49,6 +50,8 @@ class StreamedSensor:
     """When the next measurement is due [s]."""
     origin: GeoReference = CARLAS_ORIGIN
     """Of the map on which it is."""
+    body: Body | None = None
+    """What it sends at a time, of one that sees nothing."""
 
     @classmethod
     def read(
@@ -69,10 +72,14 @@ class StreamedSensor:
         if not all(map(math.isfinite, (period, *noise.values()))) or min(least) < 0.0:
             raise Refused(f"{kind}: sensor_tick and standard deviations must be 0 or more, finite")
         rng = np.random.default_rng(seed)
-        return cls(kind, stream, period, tuple(noise.values()), rng, origin=origin)
+        blind = BLIND.get(kind)
+        body = None if blind is None else blind.body(blind.attributes | attributes)
+        return cls(kind, stream, period, tuple(noise.values()), rng, origin=origin, body=body)
 
-    def measure(self, actor: Actor, hits: list[Hit], frame: int, time: float) -> list[bytes]:
-        """What the sensor ``actor`` sends at this tick."""
+    def measure(
+        self, actor: Actor, hits: list[Hit], frame: int, time: float, heard: bool = True
+    ) -> list[bytes]:
+        """What the sensor ``actor`` sends at this tick; no image is made if it is not ``heard``."""
         if self.kind == COLLISION:
             mine = actor.parent
             said = [] if mine is None else [self._collision(mine, hit) for hit in hits]
@@ -82,6 +89,9 @@ class StreamedSensor:
         if self.period:
             late = time - self.due
             self.due = (time if late > self.period else self.due) + self.period
+        if self.body is not None:
+            head = HEADER.pack(BLIND[self.kind].data, frame, time, *actor.transform)
+            return [head + self.body(time)] if heard else []
         if self.kind == GNSS:
             return [_message(_GNSS_TYPE, frame, time, actor, self._position(actor))]
         return [_message(_IMU_TYPE, frame, time, actor, self._inertia(actor))]

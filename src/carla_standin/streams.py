@@ -9,8 +9,10 @@ from typing import Protocol
 from carla_standin.wire import framed
 from carla_standin.world import StreamMessage
 
-# What may wait for a client that does not read [bytes]; beyond, a stream's messages are dropped.
+# What may wait for a client that does not read [bytes]; beyond, a stream's messages are dropped,
+# and large ones where so much waits for all of them.
 MAX_WAITING = 2**20
+_MOST_IN_ALL = 2**26
 # How long a client may take from asking where a stream is to listening to it [s].
 _UNDER_WAY = 10.0
 # Subscriptions under way at once, for each of which so much is kept.
@@ -24,13 +26,22 @@ class Listener(Protocol):
         """Send, or drop."""
         ...
 
+    def waiting(self) -> int:
+        """What has not been read [bytes]."""
+        ...
+
 
 class _Expected:
     """A subscription under way, and what was sent meanwhile."""
 
     def __init__(self, until: float, asker: object) -> None:
         self.until, self.asker = until, asker
-        self.missed = bytearray()
+        self.missed: list[bytes] = []
+
+    @property
+    def size(self) -> int:
+        """Of what was sent meanwhile [bytes]."""
+        return sum(map(len, self.missed))
 
 
 class Streams:
@@ -69,7 +80,7 @@ class Streams:
         if waiting:
             missed = waiting.pop(0).missed
             if missed:
-                listener.send(bytes(missed))
+                listener.send(b"".join(missed))
         self._listeners.setdefault(stream, set()).add(listener)
 
     def leave(self, stream: int, listener: Listener) -> None:
@@ -79,18 +90,34 @@ class Streams:
         if not listeners:
             self._listeners.pop(stream, None)
 
+    def heard(self, stream: int) -> bool:
+        """Whether a stream has listeners, or is going to have one."""
+        return stream in self._listeners or stream in self._expected
+
     def publish(self, message: StreamMessage) -> None:
-        """Send to all listeners, and keep for subscriptions that are under way."""
+        """Send to all listeners, and keep for subscriptions that are under way.
+
+        For each of these one message is kept, however large, or so many as are no longer together
+        than is allowed.
+        """
         listeners = self._listeners.get(message.stream, ())
         waiting = self._expected.get(message.stream, ())
         if not listeners and not waiting:
             return
         data = framed(message.payload)
+        if len(data) > MAX_WAITING and self._full():
+            return
         for listener in listeners:
             listener.send(data)
         for one in waiting:
-            if len(one.missed) + len(data) <= MAX_WAITING:
-                one.missed += data
+            if not one.missed or one.size + len(data) <= MAX_WAITING:
+                one.missed.append(data)
+
+    def _full(self) -> bool:
+        """Whether too much waits for a large message to be added."""
+        late = (one.size for waiting in self._expected.values() for one in waiting)
+        unread = (each.waiting() for those in self._listeners.values() for each in those)
+        return sum(late) + sum(unread) > _MOST_IN_ALL
 
     def _forget_the_late(self) -> None:
         now = self._clock()

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Callable
 from itertools import combinations
 from typing import Any, NamedTuple
 
 from carla_standin.actors import Actor, overlap
-from carla_standin.blueprints import LANE_INVASION, NOISE, SPECTATOR, VehicleBlueprint, check
+from carla_standin.blind import BLIND
+from carla_standin.blueprints import LANE_INVASION, NOISE, SPECTATOR, check
 from carla_standin.car import Car, VehicleControl
+from carla_standin.catalogue import VehicleBlueprint, note
 from carla_standin.maps import WorldMap, default_map
 from carla_standin.sensors import HEADER, Hit, StreamedSensor
 from carla_standin.settings import EpisodeSettings
-from carla_standin.wire import Refused, Transform, read_transform, shaped
+from carla_standin.wire import Refused, Transform, read_transform, shaped, warn_once
 
 # Stream of the snapshots; those of sensors follow.
 SNAPSHOTS = 1
@@ -122,8 +125,9 @@ class StandinWorld:
         if name in self.vehicles:
             if owner is not None:
                 raise Refused("a vehicle cannot be attached to another actor")
+            note(name)
             return self._add_vehicle(shown, where)
-        alone = owner is None and name in NOISE
+        alone = owner is None and (name in NOISE or name in BLIND)
         if not alone and (owner is None or owner.car is None):
             raise Refused(f"{name} has to be attached to a vehicle")
         if name == LANE_INVASION:  # the client works it out by itself: no stream
@@ -133,6 +137,8 @@ class StandinWorld:
         attributes = {key: value for key, _, value in given}
         sensor = StreamedSensor.read(name, self._next_stream, attributes, self.map.origin)
         self._next_stream += 1
+        if name in BLIND:
+            warn_once(f"stand-in: {name} sends {BLIND[name].seen}: nothing is drawn or seen here")
         actor = self._add(shown, where, owner)
         actor.sensor = sensor
         return actor
@@ -181,12 +187,18 @@ class StandinWorld:
 
     # ------------------------------------------------------------------------------- time
 
-    def tick(self, clock: float) -> list[StreamMessage]:
-        """Advance by the period of the settings; what to send, the snapshot first."""
+    def tick(
+        self, clock: float, heard: Callable[[int], bool] = lambda _: True
+    ) -> list[StreamMessage]:
+        """Advance by the period of the settings; what to send, the snapshot first.
+
+        ``heard`` says which streams have listeners.
+        """
         dt, substeps = self.settings.period, self.settings.substeps
         for actor in self.actors.values():
             if actor.car is not None and actor.control is not None:
                 actor.car.command = actor.control.command(actor.car, dt) or actor.car.command
+                actor.car.reverse = actor.control.reverse
                 actor.car.advance(dt, substeps)
         self.frame += 1
         self.elapsed += dt
@@ -196,8 +208,11 @@ class StandinWorld:
         hits = self._hits() if sensors else []
         for actor in sensors:
             assert actor.sensor is not None
-            for payload in actor.sensor.measure(actor, hits, self.frame, self.elapsed):
-                sent.append(StreamMessage(actor.sensor.stream, payload))
+            stream = actor.sensor.stream
+            for payload in actor.sensor.measure(
+                actor, hits, self.frame, self.elapsed, heard(stream)
+            ):
+                sent.append(StreamMessage(stream, payload))
         return sent
 
     def snapshot(self, clock: float) -> bytes:

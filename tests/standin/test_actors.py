@@ -8,6 +8,8 @@ from typing import Any
 
 import pytest
 
+import steersman as sm
+
 from .serving import MODEL3, at, spawn
 
 carla = pytest.importorskip("carla", reason="the wheel 'carla' is not installed")
@@ -17,23 +19,57 @@ def library(world: Any) -> Any:
     return world.get_blueprint_library()
 
 
-def test_the_library_has_two_cars_and_four_sensors(world: Any) -> None:
+def test_patterns_find_what_carlas_would(world: Any) -> None:
+    """The client compares a pattern with the name and with each of its words."""
     names = {blueprint.id for blueprint in library(world)}
-    assert names == {
-        MODEL3,
-        "vehicle.lincoln.mkz_2020",
-        "sensor.other.imu",
-        "sensor.other.gnss",
-        "sensor.other.collision",
-        "sensor.other.lane_invasion",
+    for pattern, least, beginning in (
+        ("vehicle.*", 30, "vehicle."),
+        ("vehicle.tesla.*", 2, "vehicle.tesla."),
+        ("model3", 1, MODEL3),
+        ("*mkz*", 2, "vehicle.lincoln.mkz"),
+        ("sensor.camera.*", 7, "sensor.camera."),
+        ("sensor.lidar.ray_cast", 1, "sensor.lidar.ray_cast"),
+    ):
+        found = [blueprint.id for blueprint in library(world).filter(pattern)]
+        assert len(found) >= least
+        assert all(name.startswith(beginning) for name in found), pattern
+    assert {n for n in names if n.startswith("vehicle.")} == {
+        blueprint.id for blueprint in library(world).filter_by_attribute("number_of_wheels", "4")
     }
-    blueprint = library(world).filter("vehicle.tesla.*")[0]
-    assert int(blueprint.get_attribute("number_of_wheels")) == 4
+    blueprint = library(world).filter("vehicle.tesla.model3")[0]
     blueprint.set_attribute("role_name", "hero")
     blueprint.set_attribute("color", "255,0,0")
     car = world.spawn_actor(blueprint, at(5.0))
     world.tick()
     assert world.get_actor(car.id).attributes["role_name"] == "hero"
+
+
+@pytest.mark.parametrize(
+    ("name", "base", "drives"),
+    [
+        ("vehicle.audi.tt", "car", "bmw_320i"),
+        ("vehicle.audi.etron", "car", "carla_model3"),
+        ("vehicle.dodge.charger_2020", "car", "carla_mkz2020"),
+        ("vehicle.mercedes.sprinter", "van", "vw_t7"),
+    ],
+)
+def test_other_names_are_driven_by_the_nearest_car(
+    world: Any, name: str, base: str, drives: str
+) -> None:
+    car = world.spawn_actor(library(world).find(name), at(30.0))
+    assert (car.type_id, car.attributes["base_type"]) == (name, base)
+    assert car.attributes["stand_in"] == drives
+    ours = sm.make("vehicle", drives)
+    assert car.get_physics_control().mass == pytest.approx(ours.mass)
+    car.set_target_velocity(carla.Vector3D(x=10.0))
+    car.apply_control(carla.VehicleControl(throttle=0.5, steer=0.1))
+    for _ in range(30):
+        world.tick()
+    # It turns about a point beside its rear axle, about as sharply as its wheels are turned.
+    wheel = math.radians(car.get_wheel_steer_angle(carla.VehicleWheelLocation.FL_Wheel))
+    rate = math.radians(car.get_angular_velocity().z)
+    speed = math.hypot(car.get_velocity().x, car.get_velocity().y)
+    assert rate * ours.wheelbase == pytest.approx(speed * math.tan(wheel), rel=0.2)
 
 
 def test_attributes_are_those_of_the_catalogue(world: Any) -> None:
@@ -50,8 +86,6 @@ def test_attributes_are_those_of_the_catalogue(world: Any) -> None:
         assert blueprint.get_attribute("has_dynamic_doors").as_bool() is fittings
         assert blueprint.get_attribute("terramechanics").as_bool() is False
         assert not blueprint.has_attribute("driver_id")
-    cars = library(world).filter("vehicle.*")
-    assert [car.id for car in cars if car.get_attribute("generation").as_int() == 1] == [MODEL3]
 
 
 def test_what_can_be_set_has_recommended_values(world: Any) -> None:

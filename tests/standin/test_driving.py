@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -118,17 +119,59 @@ def test_controls_beyond_their_range_are_limited(world: Any) -> None:
     assert car.get_angular_velocity().z < -10.0
 
 
-def test_the_hand_brake_brakes_and_reverse_does_not_drive(world: Any) -> None:
+def test_the_hand_brake_brakes(world: Any) -> None:
     car = spawn(world)
     car.set_target_velocity(carla.Vector3D(x=10.0))
     car.apply_control(carla.VehicleControl(hand_brake=True))
     for _ in range(80):
         world.tick()
     assert abs(car.get_velocity().x) < 0.1
-    car.apply_control(carla.VehicleControl(throttle=1.0, reverse=True))
-    for _ in range(20):
+
+
+@pytest.mark.parametrize("gear", [{"reverse": True}, {"manual_gear_shift": True, "gear": -1}])
+def test_it_drives_backwards_as_strongly_as_ahead(world: Any, gear: dict[str, Any]) -> None:
+    ahead, back = spawn(world), spawn(world, 10.0, 40.0)
+    ahead.apply_control(carla.VehicleControl(throttle=0.7, steer=0.2))
+    back.apply_control(carla.VehicleControl(throttle=0.7, steer=0.2, **gear))
+    for _ in range(40):
         world.tick()
-    assert abs(car.get_velocity().x) < 0.1
+    assert ahead.get_velocity().x > 4.0 > -4.0 > back.get_velocity().x
+    speeds = [math.hypot(car.get_velocity().x, car.get_velocity().y) for car in (ahead, back)]
+    assert speeds[1] == pytest.approx(speeds[0], rel=0.05)
+    # Steered to the right it turns its front to the left, and ends right of where it began.
+    assert back.get_angular_velocity().z == pytest.approx(-ahead.get_angular_velocity().z, rel=0.1)
+    assert back.get_transform().rotation.yaw < -3.0
+    assert back.get_transform().location.y > 40.3
+    assert back.get_control().reverse is ("reverse" in gear)
+    # The throttle without the gear brakes it, and drives ahead.
+    back.apply_control(carla.VehicleControl(throttle=0.7))
+    for _ in range(90):
+        world.tick()
+    assert back.get_velocity().x > 0.5
+
+
+def test_reverse_against_the_motion_brakes_and_neutral_drives_nowhere(world: Any) -> None:
+    car, idle = spawn(world), spawn(world, 10.0, 40.0)
+    car.set_target_velocity(carla.Vector3D(x=5.0))
+    car.apply_control(carla.VehicleControl(throttle=0.6, reverse=True))
+    idle.apply_control(carla.VehicleControl(throttle=1.0, manual_gear_shift=True, gear=0))
+    seen = []
+    for _ in range(60):
+        world.tick()
+        seen.append(car.get_velocity().x)
+    assert all(b < a for a, b in pairwise(seen))
+    assert seen[-1] < -1.0
+    assert idle.get_velocity().x == 0.0
+    # It stays where the brake has brought it, and an Ackermann control goes back, too.
+    car.apply_control(carla.VehicleControl(brake=1.0))
+    for _ in range(40):
+        world.tick()
+    assert abs(car.get_velocity().x) < 0.05
+    car.apply_ackermann_control(carla.VehicleAckermannControl(speed=-3.0, acceleration=3.0))
+    for _ in range(200):
+        world.tick()
+    assert car.get_velocity().x == pytest.approx(-3.0, abs=0.5)
+    assert car.get_control().reverse
 
 
 @pytest.mark.parametrize("sticky", [True, False])

@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 
 from carla_standin import actor_calls, physics
 from carla_standin.actors import Actor, overlap
-from carla_standin.blueprints import IMU, MODEL3, default_models
+from carla_standin.blueprints import IMU
 from carla_standin.calls import Dispatcher, answered
 from carla_standin.car import Car
+from carla_standin.catalogue import MODEL3, default_models
 from carla_standin.maps import MapLibrary, default_map, read_map
 from carla_standin.settings import EpisodeSettings
 from carla_standin.streams import MAX_WAITING, Streams
@@ -285,6 +286,9 @@ class Ear:
     def send(self, data: bytes) -> None:
         self.heard.append(data)
 
+    def waiting(self) -> int:
+        return 0
+
 
 def test_a_subscription_counts_from_the_question() -> None:
     now = 0.0
@@ -300,7 +304,7 @@ def test_a_subscription_counts_from_the_question() -> None:
     streams.publish(StreamMessage(1, b"d"))
     assert b"".join(early.heard) == b"".join(framed(bytes([c])) for c in b"abcd")
     assert b"".join(late.heard) == b"".join(framed(bytes([c])) for c in b"bcd")
-    # Whoever asks and does not come is forgotten, and never kept more than a limit for.
+    # Who asks and does not come is forgotten, and never kept more than a limit for.
     streams.expect(1)
     for _ in range(3):
         streams.publish(StreamMessage(1, bytes(MAX_WAITING // 2)))

@@ -15,7 +15,7 @@ from typing import Any
 import msgpack
 import pytest
 
-from carla_standin.server import MAX_CLIENTS
+from carla_standin.connections import MAX_FROM_ONE
 from carla_standin.streams import MAX_WAITING
 from carla_standin.wire import MAX_REQUEST
 
@@ -294,7 +294,7 @@ def test_a_stream_that_does_not_exist_stays_silent(server: Serving) -> None:
 
 
 def test_there_is_a_limit_to_connections(server: Serving) -> None:
-    many = [Raw(server.stream_port) for _ in range(MAX_CLIENTS + 2)]
+    many = [Raw(server.stream_port) for _ in range(MAX_FROM_ONE + 2)]
     refused = [raw for raw in many[-2:] if raw.hung_up()]
     assert refused
     for raw in many:
@@ -302,8 +302,29 @@ def test_there_is_a_limit_to_connections(server: Serving) -> None:
     assert well(server)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="needs a second address of the loopback")
+def test_one_address_leaves_room_for_others() -> None:
+    with serving() as server:
+        raws = [Raw(server.port) for _ in range(MAX_FROM_ONE)]
+        assert [raw.call("version")[0][0] for raw in raws] == [1] * MAX_FROM_ONE
+        more = Raw(server.port)
+        assert more.hung_up()
+        with socket.create_connection(
+            ("127.0.0.1", server.port), PATIENCE, ("127.0.0.2", 0)
+        ) as other:
+            other.sendall(msgpack.packb([0, 1, "version", [[False]]]))
+            assert b"stand-in" in other.recv(100)
+        assert raws[0].call("version")[0][0] == 1
+        for raw in (*raws, more):
+            raw.close()
+        _, _, told = server.stop(signal.SIGINT)
+    assert told == (
+        f"stand-in: more than {MAX_FROM_ONE} connections from 127.0.0.1; one was refused\n"
+    )
+
+
 def test_connections_that_say_nothing_make_room_for_others(server: Serving) -> None:
-    mute = [Raw(server.port) for _ in range(MAX_CLIENTS)]
+    mute = [Raw(server.port) for _ in range(MAX_FROM_ONE)]
     assert well(server)
     for raw in mute:
         raw.close()

@@ -126,7 +126,7 @@ def test_serving_ends_with_a_signal() -> None:
 def test_a_fault_of_the_clock_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
     server = StandinServer(port=0)
 
-    def broken(_: float) -> Any:
+    def broken(*_: object) -> Any:
         raise RuntimeError("broken world")
 
     monkeypatch.setattr(server.world, "tick", broken)

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from steersman.kernels import vehicle as kernel
+from steersman.kernels.actuator import slew
 from steersman.kernels.steady_turn import steady_turn
 from steersman.types import Command, Pose
 from steersman.vehicles import LONGEST_STEP, Vehicle
@@ -25,6 +26,7 @@ class VehicleMotion:
         self._row = np.zeros(kernel.N_STATE)
         self._command = np.zeros(3)
         self._work = np.zeros((3, kernel.N_MOTION))
+        self._backwards = 0.0  # position of the pedal that the reverse gear takes
 
     @property
     def vehicle(self) -> Vehicle:
@@ -35,18 +37,46 @@ class VehicleMotion:
     def vehicle(self, vehicle: Vehicle) -> None:
         self._vehicle, self._table = vehicle, vehicle.table
 
-    def advance(self, command: Command, dt: float, steps: int = 1) -> None:
+    def advance(self, command: Command, dt: float, steps: int = 1, reverse: bool = False) -> None:
         """Hold ``command`` for ``dt`` [s].
+
+        In reverse, a throttle accelerates backwards by what the map gives for it beyond an idle
+        one at the same speed, at most by what the tyres' friction allows; the axles' loads and the
+        tyres' sideways grip do not feel that force.
 
         Args:
             command: steering, throttle and brake.
             dt: time [s], above 0.
             steps: least number of integration steps; there are more where these would be longer
                 than the longest stable step.
+            reverse: whether the reverse gear is engaged.
         """
         count = max(steps, math.ceil(dt / LONGEST_STEP - 1e-9))
+        wanted = command.throttle if reverse else 0.0
         self._command[:] = command
-        kernel.advance(self._table, 0, self._row, self._command, dt / count, count, self._work)
+        if not wanted and not self._backwards:
+            kernel.advance(self._table, 0, self._row, self._command, dt / count, count, self._work)
+            return
+        if reverse:
+            self._command[kernel.CMD_THROTTLE] = 0.0
+        self._reverse(wanted, dt / count, count)
+
+    def _reverse(self, wanted: float, h: float, steps: int) -> None:
+        """Steps of ``h`` [s] in which the pedal of the reverse gear moves to ``wanted``."""
+        row, state, back = self._table.rows[0], self._row, 0.0
+        for _ in range(steps):
+            self._backwards = slew(
+                self._backwards, wanted, row[kernel.PEDAL_UP], row[kernel.PEDAL_DOWN], h
+            )
+            speed = min(abs(state[kernel.VX]), self._table.map_speed[-1])
+            driven, idle = (
+                kernel.map_acceleration(self._table, pedal, speed)
+                for pedal in (self._backwards, 0.0)
+            )
+            back = min(max(driven - idle, 0.0), row[kernel.MU] * kernel.GRAVITY)
+            state[kernel.VX] -= h * back
+            kernel.advance(self._table, 0, state, self._command, h, 1, self._work)
+        state[kernel.AX] -= back
 
     def steady_turn(self, speed: float, curvature: float) -> bool:
         """Put it into the steady turn at ``speed`` [m/s]; False where there is none."""
@@ -54,6 +84,7 @@ class VehicleMotion:
 
     def stop(self) -> None:
         """Set velocities and accelerations to zero; pose and actuators stay."""
+        self._backwards = 0.0
         self._row[kernel.VX : kernel.LOAD_AY + 1] = 0.0
         self._row[[kernel.AX, kernel.AY]] = 0.0
 
