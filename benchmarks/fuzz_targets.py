@@ -14,8 +14,8 @@ import numpy as np
 
 import steersman as sm
 from carla_standin import actor_calls, wire
-from carla_standin.catalogue import default_models
 from carla_standin.calls import Dispatcher
+from carla_standin.catalogue import default_models
 from carla_standin.maps import MapLibrary
 from carla_standin.streams import Streams
 from carla_standin.world import StandinWorld

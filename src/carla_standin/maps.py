@@ -17,6 +17,8 @@ from carla_standin.wire import MAX_NAME, Refused, Transform, warn_once
 GENERATED = "OpenDriveMap"
 _DEFAULT = "StandInStraight"
 _FOLDER = "Carla/Maps/"
+# The end of a town's name whose buildings and the like are layers.
+_LAYERED = "_Opt"
 # Distance of a spawn point from the beginning of its lane, and of those that follow [m]. With it,
 # CARLA's Town01 has 246 of them, and in CARLA 255.
 _INTO_THE_LANE, _APART = 5.0, 20.0
@@ -194,17 +196,20 @@ class MapLibrary:
     def load(self, name: str) -> WorldMap:
         """The map of that name, with or without its folder.
 
+        CARLA has its towns twice: ``Town01_Opt`` has the roads of ``Town01``, its file will do.
+
         Raises:
             Refused: there is none, or its file cannot be read.
         """
         stem = name.rpartition("/")[2][:MAX_NAME]
         if stem == _DEFAULT:
             return default_map()
-        if stem not in self._files:
+        file = self._files.get(stem, self._files.get(stem.removesuffix(_LAYERED)))
+        if file is None:
             raise Refused(
                 f"there is no map {stem!r}{sm.suggestion(stem, [_DEFAULT, *self._files])}"
             )
         try:
-            return read_map(stem, self._files[stem].read_text(encoding="utf-8"), math.inf)
+            return read_map(stem, file.read_text(encoding="utf-8"), math.inf)
         except (OSError, UnicodeDecodeError) as error:
-            raise Refused(f"{self._files[stem].name}: {error}") from None
+            raise Refused(f"{file.name}: {error}") from None

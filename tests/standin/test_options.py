@@ -43,6 +43,7 @@ def test_maps_of_a_folder_can_be_loaded(chosen: Serving) -> None:
     names = ["Carla/Maps/Bad", "Carla/Maps/Mine", "Carla/Maps/StandInStraight"]
     assert sorted(client.get_available_maps()) == names
     assert client.load_world("Mine").get_map().name == "Carla/Maps/Mine"
+    assert client.load_world("Mine_Opt").get_map().name == "Carla/Maps/Mine_Opt"
     with pytest.raises(RuntimeError, match=r"stand-in: .*Mien.*did you mean 'Mine'"):
         client.load_world("Mien")
     with pytest.raises(RuntimeError, match=r"stand-in: .*OpenDRIVE: "):
