@@ -9,8 +9,8 @@ in double between floats (mixed), and answers drawn observations, extremes and N
 a drive; the largest distance of its steering from Python's and the number of other statuses are
 recorded, and the largest number of steps of a quadratic program. The first 5000 run under the
 sanitisers, too. A drive in which the C code steers, with a tenth of the observations lost, is
-compared with Python's drive. For a Cortex-M4F, if arm-none-eabi-gcc and qemu-system-arm are there:
-ROM, RAM, stack, and instructions a step, counted by qemu.
+compared with Python's drive, in each precision. For a Cortex-M4F, if arm-none-eabi-gcc and
+qemu-system-arm are there: ROM, RAM, stack, and instructions a step, counted by qemu.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import shutil
 import subprocess
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from itertools import pairwise
 from pathlib import Path
@@ -38,13 +38,14 @@ from steersman.delivery.controller_package import write_controller
 from steersman.delivery.controller_text import TOLERANCE
 from steersman.delivery.observations import Row, drawn, observations, single, with_gaps, with_wishes
 from steersman.delivery.vector_text import answers, counted_steps
+from steersman.episode import Episode
 from steersman.files import write_text
 from steersman.kernels.active_set import MOST_STEPS
 from steersman.learning.config import TrainConfig, load_preset
 from steersman.learning.export import export_policy
 from steersman.learning.networks import view_net
 from steersman.provenance import provenance
-from steersman.rollout import run
+from steersman.rollout import RunConfig, run
 from steersman.types import FloatArray, Status
 from steersman.words import short
 
@@ -115,14 +116,14 @@ def compiled(setting: Setting, folder: Path, words: Sequence[str]) -> CompiledCo
     )
 
 
-def setting_of(word: str, single_: bool = False) -> Setting:
+def setting_of(word: str, precision: str = "double") -> Setting:
     """A controller, with its settings if any, for the default drive's car, sensor and period."""
     name, *more = word.split()
     c = configuration("drive", [f"controller={name}", *more])
     nominal = c.nominal or c.vehicle
     sensor = c.sensor
     return Setting(
-        short(name), c.controller, nominal, c.plant.dt, sensor.count, sensor.spacing, single_
+        short(name), c.controller, nominal, c.plant.dt, sensor.count, sensor.spacing, precision
     )
 
 
@@ -211,12 +212,15 @@ def sanitised(setting: Setting, folder: Path, of: Known) -> Parity:
     return compared(setting, said, of.answers[: len(rows)])
 
 
-def drive_difference(word: str, code: CompiledController, duration: float = 60.0) -> float:
-    """Largest difference of path, heading and steering between a drive by Python and one by C."""
+def drive_of(word: str, duration: float = 60.0) -> RunConfig:
+    """A drive on Monza with noise, in which a tenth of the observations is lost."""
     lost = "disturbances=[{kind: dropouts, share: 0.1}]"
     words = ["path=monza", f"duration={duration}", "sensor.position_noise=0.02", lost]
-    config = configuration("drive", [f"controller={word}".split()[0], *words, *word.split()[1:]])
-    here = run(config)
+    return configuration("drive", [f"controller={word}".split()[0], *words, *word.split()[1:]])
+
+
+def drive_difference(config: RunConfig, here: Episode, code: CompiledController) -> float:
+    """Largest difference of path, heading and steering between a drive by Python and one by C."""
     there = run(config.model_copy(update={"controller": code}))
     names = ("x", "y", "psi", "steer")
     return max(float(np.abs(here.columns[k] - there.columns[k]).max()) for k in names)
@@ -285,11 +289,13 @@ def measured(
         word = " ".join([str(untrained(preset, made)), *settings])
     double = setting_of(word)
     of = known(double, drawn_rows(double, count))
+    config = drive_of(word)
+    here = run(config)
     found: dict[str, Any] = {}
     if of.steps:
         found["qp"] = {"programs": len(of.steps), "steps": max(of.steps), "bound": MOST_STEPS}
     for name in builds:
-        setting = double._replace(single=name == "single", mixed=name == "mixed")
+        setting = double._replace(precision=name)
         with tempfile.TemporaryDirectory() as scratch:
             folder = Path(scratch)
             write_controller(setting, folder)
@@ -300,8 +306,7 @@ def measured(
                 figures[command] = parity(setting, code, of)._asdict()
                 if command == builds[name][0]:
                     figures["us"] = microseconds(code, setting)
-                    if name == "double":
-                        figures[command]["drive"] = drive_difference(word, code)
+                    figures[command]["drive"] = drive_difference(config, here, code)
             if name == "double" and "gcc -O2" in builds[name]:
                 figures["sanitised"] = sanitised(setting, folder, of)._asdict()
             else:
@@ -310,47 +315,57 @@ def measured(
     return found
 
 
-HEADS = (
-    "controller", "lines", "ROM [B]", "RAM [B]", "stack [B]", "instructions a step: float, mixed",
-    "us here: C, Python", "observations", "double from Python", "beyond 1e-9", "drive",
-    "float from Python", "beyond 1e-6", "mixed from Python", "beyond 1e-6",
-    "statuses that differ: double, float, mixed", "QP steps", "commit",
+COSTS = (
+    "size and time", "lines", "ROM [B]", "RAM [B]", "stack [B]", "instructions a step",
+    "us here: C, Python", "QP steps",
 )  # fmt: skip
+_OF_EACH = ("largest", "beyond", "statuses", "in a drive")
+PARITY = (
+    "distance from Python",
+    "observations",
+    *(f"{k}: {what}" for k in ("double", "float", "mixed") for what in _OF_EACH),
+)
 
 
-def table(found: dict[str, dict[str, Any]]) -> str:
-    """The figures as a table: sizes of float on the Cortex-M4F."""
-    lines = [f"| {' | '.join(HEADS)} |", "|---" * len(HEADS) + "|"]
-    lines += [f"| {' | '.join(map(str, _cells(word, each)))} |" for word, each in found.items()]
-    return "\n".join(lines) + "\n"
+def tables(found: Mapping[str, dict[str, Any]]) -> str:
+    """The figures as two tables."""
+    return f"{_table(COSTS, _costs, found)}\n{_table(PARITY, _distances, found)}"
 
 
-def _cells(word: str, of: dict[str, Any]) -> list[Any]:
-    """A row of the table."""
-    none = dict.fromkeys(("rom", "ram", "stack", "instructions"), "-")
-    tried = [k for k in BOUND if k in of]
-    m4, mixed_m4 = (of.get(k, {}).get("cortex_m4") or none for k in ("single", "mixed"))
-    builds = {k: [v for n, v in of[k].items() if "-O" in n] for k in tried}
-    worst, beyond, other = (
-        {k: max(each[what] for each in v) for k, v in builds.items()}
-        for what in ("steering", "beyond", "other_statuses")
-    )
-    drive = max(each.get("drive", 0.0) for each in builds["double"])
-    us = of["double"]["us"]
-    away: list[Any] = []
-    for k in BOUND:
-        away += [f"{worst[k]:.1e}", beyond[k]] if k in tried else ["-", "-"]
-        away += [f"{drive:.1e}"] * (k == "double")
-    return [
-        *(word, of["double"]["lines"], m4["rom"], m4["ram"], m4["stack"]),
-        f"{m4['instructions']}, {mixed_m4['instructions']}",
-        f"{us['c']:.1f}, {us['python']:.0f}",
-        builds["double"][0]["observations"],
-        *away,
-        ", ".join(str(other[k]) for k in tried),
-        f"{of['qp']['steps']} of {of['qp']['bound']}" if "qp" in of else "-",
-        str(of.get("commit", ""))[:7],
+def _table(
+    heads: Sequence[str],
+    cells: Callable[[dict[str, Any]], list[Any]],
+    found: Mapping[str, dict[str, Any]],
+) -> str:
+    rows = [heads, ["---"] * len(heads), *([word, *cells(of)] for word, of in found.items())]
+    return "".join(f"| {' | '.join(map(str, row))} |\n" for row in rows)
+
+
+def _costs(of: dict[str, Any]) -> list[Any]:
+    """Sizes and instructions on the Cortex-M4F in float, mixed; times here in double."""
+    m4 = [of[k].get("cortex_m4") or {} for k in ("single", "mixed")]
+    sizes = [
+        ", ".join(str(each.get(what, "-")) for each in m4)
+        for what in ("rom", "ram", "stack", "instructions")
     ]
+    us, qp = of["double"]["us"], of.get("qp")
+    steps = f"{qp['steps']} of {qp['bound']}" if qp else "-"
+    return [of["double"]["lines"], *sizes, f"{us['c']:.1f}, {us['python']:.0f}", steps]
+
+
+def _distances(of: dict[str, Any]) -> list[Any]:
+    """Of the worst build of each precision."""
+    out: list[Any] = []
+    for k in BOUND:
+        builds = [each for name, each in of[k].items() if "-O" in name]
+        out = out or [builds[0]["observations"]]
+        worst = (
+            max(each[what] for each in builds) for what in ("steering", "beyond", "other_statuses")
+        )
+        drive = next(each["drive"] for each in builds if "drive" in each)
+        away, *counts = worst
+        out += [f"{away:.1e}", *counts, f"{drive:.1e}"]
+    return out
 
 
 def main() -> None:
@@ -366,20 +381,17 @@ def main() -> None:
         for name, those in BUILDS.items()
     }
     found = {}
-    if arguments.out is not None and (arguments.out / "controllers.json").is_file():
-        before = json.loads((arguments.out / "controllers.json").read_text(encoding="utf-8"))
-        found = {k: {"commit": before["commit"], **v} for k, v in before["controllers"].items()}
     count, wanted = arguments.count, arguments.controllers
     with tempfile.TemporaryDirectory() as scratch, ProcessPoolExecutor(arguments.jobs) as pool:
         jobs = {pool.submit(measured, each, count, builds, Path(scratch)): each for each in wanted}
         for job in as_completed(jobs):
-            found[jobs[job]] = job.result() | {"commit": provenance()["commit"]}
+            found[jobs[job]] = job.result()
             print(jobs[job], json.dumps(job.result()), flush=True)  # noqa: T201 - its output
             if arguments.out is not None:  # what is measured is kept, whatever comes after it
-                rows = {k: found[k] for k in CONTROLLERS if k in found}
+                rows = {k: found[k] for k in wanted if k in found}
                 record = {"builds": builds, "controllers": rows, **provenance()}
                 write_text(arguments.out / "controllers.json", json.dumps(record, indent=1) + "\n")
-                write_text(arguments.out / "table.md", table(rows))
+                write_text(arguments.out / "table.md", tables(rows))
 
 
 if __name__ == "__main__":

@@ -11,13 +11,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from steersman.cli import app
 from steersman.delivery.controller import Setting, translated
 from steersman.delivery.controller_package import write_controller
 from steersman.delivery.ros2 import write_package
 from steersman.errors import ConfigError
 from steersman.learning.config import TrainConfig
 from steersman.learning.export import export_policy
+from steersman.rollout import run
 
 from ..learning.problems import problem
 from ..loops import random_net
@@ -28,8 +31,7 @@ bench = script("benchmarks/controllers_in_c.py")
 
 
 def made(word: str, folder: FilePath, precision: str = "double") -> Setting:
-    setting: Setting = bench.setting_of(word, precision == "single")
-    setting = setting._replace(mixed=precision == "mixed")
+    setting: Setting = bench.setting_of(word, precision)
     write_controller(setting, folder)
     return setting
 
@@ -78,6 +80,13 @@ def compared(setting: Setting, folder: FilePath, flag: str, count: int) -> tuple
     return code, found
 
 
+def away_in_a_drive(word: str, code: Any) -> float:
+    """Of the C code from Python, over 5 s."""
+    config = bench.drive_of(word, 5.0)
+    away: float = bench.drive_difference(config, run(config), code)
+    return away
+
+
 @needs_compiler
 @pytest.mark.parametrize("fields", [{}, {"base": {"kind": "stanley"}}], ids=["memory", "residual"])
 def test_a_policy_behind_a_predictor(fields: dict[str, Any], tmp_path: FilePath) -> None:
@@ -118,7 +127,7 @@ def test_a_policy_of_several_actions(fields: dict[str, Any], tmp_path: FilePath)
     assert found.steering <= 1e-12
     assert 300 < found.usable < 390
     # Python's network is in float here, C's in double.
-    assert bench.drive_difference(f"{word} speed=constant_speed", code, duration=5) <= 1e-5
+    assert away_in_a_drive(f"{word} speed=constant_speed", code) <= 1e-5
 
 
 def setting_a_design(tmp_path: FilePath, base: dict[str, Any], **parameters: Any) -> Setting:
@@ -171,6 +180,16 @@ def test_a_horizon_that_a_policy_sets_has_no_c(tmp_path: FilePath) -> None:
         translated(setting)
 
 
+@needs_compiler
+@pytest.mark.parametrize("to", ["c", "fmu"])
+def test_what_float_is_too_coarse_for_is_refused(to: str, tmp_path: FilePath) -> None:
+    words = ["export", "predicted/tuned/pid", "--to", to, "--precision", "single"]
+    result = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "out")])
+    assert result.exit_code == 2
+    assert re.search(r"test vector fails: .*--precision mixed or double", result.stderr)
+    assert not (tmp_path / "out").exists()
+
+
 def test_ros_has_no_speed(tmp_path: FilePath) -> None:
     with pytest.raises(ConfigError, match="limits the speed"):
         write_package(bench.setting_of("grip_speed"), tmp_path)
@@ -180,7 +199,7 @@ def test_ros_has_no_speed(tmp_path: FilePath) -> None:
 @pytest.mark.parametrize(
     ("word", "precision"),
     [
-        ("tuned/lqr", "single"),
+        ("tuned/mpc_pid", "single"),
         ("grip_speed controller.inner=tuned/stanley speed=constant_speed", "mixed"),
         ("tuned/mpc_pid_scheduled", "double"),
         ("estimated/predicted/tuned/stanley_cm", "double"),
@@ -195,4 +214,4 @@ def test_drawn_observations_and_a_drive(word: str, precision: str, tmp_path: Fil
     assert found.steering <= {"single": 1e-6, "mixed": 1e-7, "double": 1e-12}[precision]
     assert (100 if setting.controller.gaps else 300) < found.usable < 490
     if precision == "double":
-        assert bench.drive_difference(word, code, duration=5) <= 1e-12
+        assert away_in_a_drive(word, code) <= 1e-12

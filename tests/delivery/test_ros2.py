@@ -44,9 +44,9 @@ needs_tools = pytest.mark.skipif(
 )
 
 
-def package(folder: FilePath, word: str) -> FilePath:
+def package(folder: FilePath, word: str, precision: str = "double") -> FilePath:
     folder.mkdir()
-    write_package(setting_of(ToExport(word)), folder)
+    write_package(setting_of(ToExport(word, precision=precision)), folder)
     return folder
 
 
@@ -109,8 +109,9 @@ def test_the_node_steers_as_python_does(tmp_path: FilePath) -> None:
         seen = sensor.observe(None, full, place, road, rng)
         decision, state = controller.step(state, seen)
         expected[k] = vehicle.wheel_angle(decision.steer, v_x), numbers[0] - late
+    made = package(tmp_path / "package", word, "mixed")  # in which float meets the node's double
     done = subprocess.run(
-        [built(package(tmp_path / "package", word))], input="\n".join(lines) + "\n",
+        [built(made)], input="\n".join(lines) + "\n",
         capture_output=True, text=True, check=True,
     )  # fmt: skip
     found = [tuple(map(float, each.split())) for each in done.stdout.splitlines()]

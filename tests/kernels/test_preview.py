@@ -40,6 +40,16 @@ def test_point_at_a_distance(radius: float, distance: float) -> None:
     assert math.hypot(x, y) == pytest.approx(distance, abs=1e-7)
 
 
+def test_point_at_a_distance_where_a_waypoint_is_out_of_place() -> None:
+    x = SPACING * np.arange(15.0)
+    x[4] = 0.0  # the road doubles back, so that the distance grows faster than the arc length
+    points = np.stack([x, 0.02 * x], axis=1)
+    there = kernel.at_distance(points, SPACING, -1.4, 0.0, 9.1)
+    assert math.hypot(there[0] + 1.4, there[1]) == pytest.approx(9.1, abs=1e-9)
+    near = kernel.at_distance(points * (1.0 + 1e-7), SPACING, -1.4, 0.0, 9.1)
+    assert near == pytest.approx(there, abs=1e-5)
+
+
 def test_a_distance_that_the_waypoints_do_not_have() -> None:
     points = circle(100.0)
     assert kernel.at_distance(points, SPACING, 0.0, 0.0, 99.0) == pytest.approx(tuple(points[-1]))

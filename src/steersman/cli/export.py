@@ -18,7 +18,7 @@ import typer
 
 from steersman import files
 from steersman.cli.dataset import home as dataset_home
-from steersman.cli.exported import ToExport, model_of, policy_of, setting_of
+from steersman.cli.exported import ToExport, model_of, policy_of, setting_of, unit_of
 from steersman.cli.output import note, write
 from steersman.errors import ConfigError, DataError, SteersmanError, suggestion
 from steersman.words import PARTS, with_parts
@@ -84,7 +84,7 @@ def _fmu(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
 def _ros2(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
     from steersman.delivery.ros2 import write_package
 
-    return write_package(setting_of(wanted), folder, note)
+    return write_package(unit_of(wanted), folder, note)
 
 
 def _onnx(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:

@@ -68,9 +68,8 @@ def setting_of(wanted: ToExport) -> Setting:
         config.plant.dt,
         config.sensor.count,
         config.sensor.spacing,
-        wanted.precision == "single",
+        wanted.precision,
         made,
-        wanted.precision == "mixed",
         frozenset(table),
     )
 
@@ -138,4 +137,19 @@ def model_of(wanted: ToExport) -> FmuModel:
         config = configuration("drive", [f"vehicle={wanted.run}", *wanted.words])
         announce(config.plant, note, [config.vehicle])
         return model.plant_model(translated_plant(wanted.name or words.short(wanted.run), config))
-    return model.controller_model(setting_of(wanted), note)
+    return model.controller_model(unit_of(wanted), note)
+
+
+def unit_of(wanted: ToExport) -> Setting:
+    """A controller for a target without a test vector of its own, which in float runs before.
+
+    Raises:
+        ConfigError: there is no such controller, or a word is unknown or not allowed.
+        DataError: float is too coarse for the controller.
+    """
+    from steersman.delivery.controller_package import check_float
+
+    setting = setting_of(wanted)
+    if setting.single:
+        check_float(setting)
+    return setting

@@ -71,6 +71,13 @@ class MpcProblem:
     free: FloatArray
     forced: FloatArray
     weight: FloatArray
+    """(N, N) what the linear term is of the free response less the reference."""
+    gain: FloatArray
+    """(N, N) and so the optimum without limits [rad/m].
+
+    Neither sum nor number in it is large, so that a plan by it keeps the digits of its observation
+    that the linear term, with the inverse of an ill-conditioned Hessian, loses in float.
+    """
     hessian: FloatArray
     max_angle: float
     max_step: float | None
@@ -88,23 +95,26 @@ class MpcProblem:
 
         ``last_angle`` is the present wheel angle, from which a rate limit counts.
         """
-        linear, ref = self.terms(observation)
+        plan, ref = self._times(self.weight if self.soft is not None else self.gain, observation)
         lower, upper = self.lower, self.upper
         if self.max_step is not None or self.corridor is not None:
             lower, upper = self._limits(last_angle, ref)
         if self.soft is not None:
-            return self.soft.optimum(linear, lower, upper)
-        return within(self.inverse, linear, self.rows, lower, upper)
+            return self.soft.optimum(plan, lower, upper)
+        return within(self.inverse, plan, self.rows, lower, upper)
 
     def terms(self, observation: Observation) -> tuple[FloatArray, FloatArray]:
         """The linear term (N,), and the free response minus the reference (N,) [m]."""
+        return self._times(self.weight, observation)
+
+    def _times(self, matrix: FloatArray, observation: Observation) -> tuple[FloatArray, FloatArray]:
+        """A matrix times the free response minus the reference, and that itself."""
         o, v = observation, max(observation.v_x, 0.5)
-        ref, linear = np.empty(self.horizon), np.empty(self.horizon)
+        ref, out = np.empty(self.horizon), np.empty(self.horizon)
         kernel.gradient(
-            o.preview, o.spacing, v * self.dt, o.v_y / v, o.yaw_rate, self.free, self.weight, ref,
-            linear,
+            o.preview, o.spacing, v * self.dt, o.v_y / v, o.yaw_rate, self.free, matrix, ref, out,
         )  # fmt: skip
-        return linear, ref
+        return out, ref
 
     def turn(self, observation: Observation) -> FloatArray:
         """The wheel angles [rad] of the shortest turn towards the road's direction."""
@@ -168,6 +178,7 @@ def build_problem(  # noqa: PLR0913 - one argument for each term of the optimisa
         np.ascontiguousarray(free[:, 1::2]),
         forced,
         np.ascontiguousarray(weight),
+        -(inverse @ (inverse.T @ weight)),
         hessian,
         vehicle.max_wheel_angle,
         vehicle.steer_rate_up * vehicle.max_wheel_angle * dt if rate_limit else None,

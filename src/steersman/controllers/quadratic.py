@@ -23,17 +23,21 @@ def optimum(
     inverse = np.empty_like(hessian)
     if not active_set.inverse_root(hessian, inverse):
         return None
-    return within(inverse, linear, rows, lower, upper)
+    x, work = np.empty(len(linear)), np.empty(len(linear))
+    active_set.unlimited(inverse, linear, x, work)
+    return within(inverse, x, rows, lower, upper)
 
 
 def within(
-    inverse: FloatArray, linear: FloatArray, rows: FloatArray, lower: FloatArray, upper: FloatArray
+    inverse: FloatArray, x: FloatArray, rows: FloatArray, lower: FloatArray, upper: FloatArray
 ) -> FloatArray | None:
-    """The same from ``active_set.inverse_root`` of the Hessian."""
-    n = len(linear)
-    out = np.empty(n)
+    """The same from the optimum without limits, ``x`` (n,), which becomes that within them.
+
+    ``inverse`` is that of ``active_set.inverse_root`` of the Hessian.
+    """
+    n = len(x)
     work = np.empty((2 * n + active_set.ROWS, n))
-    steps = active_set.solve(inverse, linear, rows, lower, upper, out, work)
+    steps = active_set.solve(inverse, rows, lower, upper, x, work)
     for each in COUNTED:
         each.append(steps)
-    return out if steps >= 0 and all_finite(out) else None
+    return x if steps >= 0 and all_finite(x) else None

@@ -150,7 +150,7 @@ def compiled_controller(setting: Setting) -> CompiledController:
     made, prefix = translated(setting), setting.prefix
     size = f'#include "{prefix}.h"\nint {prefix}_size(void);\n'
     size += f"int {prefix}_size(void)\n{{\n    return (int)sizeof({prefix}_state);\n}}\n"
-    sources = {f"{prefix}.h": text.header(made), f"{prefix}.c": text.source(made), "size.c": size}
+    sources = {**text.sources(made), "size.c": size}
     data = shared_library(sources, [f"{prefix}.c", "size.c"], [*FLAGS, _VISIBLE])
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:  # Windows holds it
         file = FilePath(folder, prefix)

@@ -61,12 +61,10 @@ class Setting(NamedTuple):
     waypoints: int
     spacing: float
     """Distance between waypoints [m]."""
-    single: bool = False
-    """float in place of double."""
+    precision: str = "double"
+    """What --precision says: double, single, or mixed."""
     values: Mapping[str, float] = {}
     """Numbers of the design that are not what the controller makes, by their names."""
-    mixed: bool = False
-    """float in what it is given and answers alone, if not ``single``."""
     table: frozenset[str] = frozenset()
     """Names in the table of parameters that was given; none if no table was."""
 
@@ -84,9 +82,9 @@ class Setting(NamedTuple):
         return _prepared(designed(self.controller, self.vehicle, self.dt), self.values)
 
     @property
-    def precision(self) -> str:
-        """What --precision says."""
-        return "single" if self.single else "mixed" if self.mixed else "double"
+    def single(self) -> bool:
+        """Whether all numbers are float; mixed: what it is given and answers alone."""
+        return self.precision == "single"
 
     @property
     def real(self) -> str:

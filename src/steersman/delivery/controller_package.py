@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import tempfile
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path as FilePath
@@ -15,7 +16,7 @@ from steersman.delivery import controller_text as text
 from steersman.delivery import vector_text
 from steersman.delivery.c_text import identifier
 from steersman.delivery.controller import Setting, Translated, translated
-from steersman.delivery.package import Tell, unsaid
+from steersman.delivery.package import Tell, try_out, unsaid
 from steersman.delivery.parameter_table import COLUMNS, entries, table_text
 from steersman.errors import DataError, suggestion
 from steersman.files import replacing, write_text
@@ -27,8 +28,8 @@ from steersman.provenance import provenance
 _NAMED = 8
 
 
-def write_controller(setting: Setting, folder: FilePath, tell: Tell = unsaid) -> Sequence[FilePath]:
-    """The controller as C99: source, header, test vector and its program, parameters, card.
+def prepared(setting: Setting, tell: Tell) -> tuple[Translated, dict[str, str]]:
+    """A controller in C, with its source and header by the names of their files.
 
     ``tell`` gets sentences on its parameters.
 
@@ -39,13 +40,35 @@ def write_controller(setting: Setting, folder: FilePath, tell: Tell = unsaid) ->
     made = translated(setting)
     check_values(made)
     tell_parameters(made, tell)
+    return made, text.sources(made)
+
+
+def check_float(setting: Setting) -> None:
+    """Where there is a C compiler, refuse a controller that its test vector shows too coarse.
+
+    Raises:
+        DataError: its answers in C are not those of Python.
+    """
+    with tempfile.TemporaryDirectory() as scratch:
+        try_out(write_controller(setting, FilePath(scratch))[0])
+
+
+def write_controller(setting: Setting, folder: FilePath, tell: Tell = unsaid) -> Sequence[FilePath]:
+    """The controller as C99: source, header, test vector and its program, parameters, card.
+
+    ``tell`` gets sentences on its parameters.
+
+    Raises:
+        ConfigError: its Python holds what C cannot be made of.
+        DataError: a number of the design that was given is none of its own.
+    """
+    made, sources = prepared(setting, tell)
     name = identifier(setting.name)
     makefile = files("steersman.delivery.templates").joinpath("Makefile.in")
     with vector_text.counted_steps() as steps:
         vector = vector_text.vector(made)
     contents: dict[str, str | bytes] = {
-        f"{setting.prefix}.c": text.source(made),
-        f"{setting.prefix}.h": text.header(made),
+        **sources,
         f"test_{name}.c": vector_text.program(made),
         f"vector_{name}.h": vector,
         f"{name}.csv": table_text(made),

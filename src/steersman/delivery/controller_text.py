@@ -21,20 +21,10 @@ from steersman.delivery.translate.policies import NETWORK
 from steersman.delivery.translate.program import Parameter
 from steersman.types import Driver, Reason
 
-# How far the steering in C may be from Python's.
 # Limits that are above zero are at least this.
 _SMALLEST = 1e-30
-TOLERANCE = {"double": 1e-9, "mixed": 1e-6, "single": 1e-5}
-
-
-def tolerance(setting: Setting) -> float:
-    """How far the steering in C may be from Python's; a network's float is summed more exactly."""
-    return 1e-6 if alone(setting) and setting.single else TOLERANCE[setting.precision]
-
-
-def alone(setting: Setting) -> bool:
-    """Whether it is a policy that steers without another controller."""
-    return isinstance(setting.controller, Policy) and setting.start().base is None
+TOLERANCE = {"double": 1e-9, "mixed": 1e-6, "single": 1e-6}
+"""How far the steering in C may be from Python's."""
 
 
 def words(made: Translated) -> dict[str, Any]:
@@ -48,9 +38,9 @@ def words(made: Translated) -> dict[str, Any]:
         "version": version("steersman"),
         "real": s.real,
         "handed": s.handed,
-        "precision": f"double between {s.handed}s" if s.mixed else s.real,
+        "precision": f"double between {s.handed}s" if s.precision == "mixed" else s.real,
         "waypoints": s.waypoints,
-        "tolerance": f"{tolerance(s):g}",
+        "tolerance": f"{TOLERANCE[s.precision]:g}",
         **_speeds(s),
     }
 
@@ -87,6 +77,12 @@ _BRIDGED = """\
  * and observations that do not arrive, are bridged for a while by what the supervisor reckons, with
  * ..._SOLVED; then another controller steers, or the steering is held, with ..._FALLBACK. Count
  * faults by the state's driver and reason, not by what step() returns."""
+
+
+def sources(made: Translated) -> dict[str, str]:
+    """Source and header by the names of their files."""
+    prefix = made.setting.prefix
+    return {f"{prefix}.c": source(made), f"{prefix}.h": header(made)}
 
 
 def header(made: Translated) -> str:

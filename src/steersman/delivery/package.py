@@ -117,8 +117,8 @@ def try_out(source: FilePath) -> str:
             return f"not tried: {one_line(str(error))[:160]}; by hand: {by_hand}"
     if said.returncode != 0:
         raise DataError(
-            f"{folder}: the test vector fails: {one_line(said.stdout)[:160]}; float may be too "
-            "coarse for this controller: --precision mixed or double"
+            f"{source.name}: its test vector fails: {one_line(said.stdout)[:160]}; float may be "
+            "too coarse for this controller: --precision mixed or double"
         )
     return f"{one_line(said.stdout)} (again: {by_hand})"
 

@@ -10,12 +10,8 @@ from pathlib import Path as FilePath
 
 from steersman.delivery import controller_text as text
 from steersman.delivery.c_text import fill, identifier
-from steersman.delivery.controller import Setting, Translated, translated
-from steersman.delivery.controller_package import (
-    check_values,
-    controller_card,
-    tell_parameters,
-)
+from steersman.delivery.controller import Setting, Translated
+from steersman.delivery.controller_package import controller_card, prepared
 from steersman.delivery.package import Tell, unsaid
 from steersman.delivery.parameter_table import entries
 from steersman.delivery.translate.lines import indented, without_unused
@@ -43,11 +39,8 @@ def write_package(setting: Setting, folder: FilePath, tell: Tell = unsaid) -> Se
     """
     if setting.limits_speed:
         raise ConfigError(f"{setting.name} limits the speed, which the node of ROS 2 does not do")
-    made = translated(setting)
-    check_values(made)
-    tell_parameters(made, tell)
+    made, sources = prepared(setting, tell)
     prefix, words = setting.prefix, _words(made)
-    sources = {f"{prefix}.c": text.source(made), f"{prefix}.h": text.header(made)}
     card = controller_card(made, sources)
     contents = {
         "package.xml": fill("ros2_package.xml.in", words),

@@ -136,30 +136,51 @@ def _drop(k: int, count: int, root: FloatArray, r: FloatArray, lists: FloatArray
 
 
 @kernel
+def unlimited(inverse: FloatArray, linear: FloatArray, x: FloatArray, work: FloatArray) -> None:
+    """Fill ``x`` (n,) with the minimum of x' H x / 2 + linear' x.
+
+    Args:
+        inverse: (n, n) of ``inverse_root``.
+        linear: (n,).
+        x: (n,) the minimum.
+        work: (n,) scratch.
+    """
+    n = linear.shape[0]
+    for j in range(n):
+        total = 0.0
+        for i in range(j + 1):
+            total += inverse[i, j] * linear[i]
+        work[j] = total
+    for i in range(n):
+        total = 0.0
+        for j in range(i, n):
+            total -= inverse[i, j] * work[j]
+        x[i] = total
+
+
+@kernel
 def solve(  # noqa: C901, PLR0912 - one method, whose steps share their factors
     inverse: FloatArray,
-    linear: FloatArray,
     rows: FloatArray,
     lower: FloatArray,
     upper: FloatArray,
     x: FloatArray,
     work: FloatArray,
 ) -> int:
-    """Minimise x' H x / 2 + linear' x with lower <= [x, rows x] <= upper.
+    """The minimum of a program with lower <= [x, rows x] <= upper, from that without limits.
 
     Args:
         inverse: (n, n) of ``inverse_root``.
-        linear: (n,).
         rows: (m, n).
         lower: (n + m,) of the variables, then of the rows; and so ``upper``.
         upper: (n + m,).
-        x: (n,) the solution.
+        x: (n,) the minimum without limits, in place.
         work: (2 n + ROWS, n) scratch.
 
     Returns the number of steps; -1 if the limits contradict each other or MOST_STEPS are not
     enough, and x is then not within them.
     """
-    n = linear.shape[0]
+    n = x.shape[0]
     root, r = work[:n], work[n : 2 * n]
     d, z, multipliers = work[2 * n], work[2 * n + 1], work[2 * n + 2]
     # Rows: multiplier, limit, its side.
@@ -168,16 +189,6 @@ def solve(  # noqa: C901, PLR0912 - one method, whose steps share their factors
     for i in range(n):
         for j in range(n):
             root[i, j] = inverse[i, j]
-    for j in range(n):
-        total = 0.0
-        for i in range(j + 1):
-            total += root[i, j] * linear[i]
-        d[j] = total
-    for i in range(n):
-        total = 0.0
-        for j in range(i, n):
-            total -= root[i, j] * d[j]
-        x[i] = total
     count, limit, side, own, broken = 0, -1, 1.0, 0.0, 0.0
     for step in range(MOST_STEPS):
         if limit < 0:

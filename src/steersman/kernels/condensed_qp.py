@@ -1,4 +1,4 @@
-"""Arithmetic of the condensed linear MPC: the reference from waypoints, the QP's gradient."""
+"""Arithmetic of the condensed linear MPC: the reference from waypoints, what a plan is made of."""
 
 from __future__ import annotations
 
@@ -73,7 +73,9 @@ def gradient(  # noqa: PLR0917 - numba takes no keyword-only arguments
     ref: FloatArray,
     out: FloatArray,
 ) -> None:
-    """Linear term of the QP: ``weight`` (N, N) times (free response minus reference).
+    """Fill ``ref`` with the free response minus the reference, ``out`` with ``weight`` times that.
+
+    By the QP's weight (N, N) that is its linear term, by its gain its optimum without limits.
 
     ``free`` (N, 2) is the response of y to the initial side-slip and yaw rate; y and yaw start
     at zero because everything is expressed in the vehicle's frame.

@@ -7,6 +7,10 @@ import math
 from steersman.kernels.compiled import kernel
 from steersman.types import FloatArray
 
+# Gap at which a point at a distance counts as not found [m].
+_UNSETTLED = 1e-3
+_HALVINGS = 50
+
 
 @kernel
 def lies_within(points: FloatArray, most: float) -> bool:
@@ -65,16 +69,37 @@ def at_distance(
     If the road begins farther away or the waypoints end nearer, it is the first or the last one.
     """
     end = (preview.shape[0] - 1) * spacing
-    u, p_x, p_y = distance, 0.0, 0.0
+    u, p_x, p_y, gap = min(max(distance, 0.0), end), 0.0, 0.0, 0.0
     for _ in range(12):
-        u = min(max(u, 0.0), end)
         p_x, p_y = point_at(preview, spacing, u)
         gap = distance - math.hypot(p_x - x, p_y - y)
         # The distance grows at most as fast as the arc length, so that this step never overshoots
         # where the road leads away from the point.
-        if abs(gap) < 1e-9:
+        after = min(max(u + gap, 0.0), end)
+        if abs(gap) < 1e-9 or after == u:
+            return p_x, p_y
+        u = after
+    # Where waypoints lie farther apart than along the road it may, and does not settle.
+    return _crossing(preview, spacing, x, y, distance) if abs(gap) > _UNSETTLED else (p_x, p_y)
+
+
+@kernel
+def _crossing(
+    preview: FloatArray, spacing: float, x: float, y: float, distance: float
+) -> tuple[float, float]:
+    """The same by bisection, before the first waypoint that is not nearer."""
+    n, k = preview.shape[0], 1
+    for i in range(1, n):
+        k = i
+        if math.hypot(preview[i, 0] - x, preview[i, 1] - y) >= distance:
             break
-        u += gap
+    near, far, p_x, p_y = (k - 1) * spacing, k * spacing, 0.0, 0.0
+    for _ in range(_HALVINGS):
+        p_x, p_y = point_at(preview, spacing, 0.5 * (near + far))
+        if math.hypot(p_x - x, p_y - y) < distance:
+            near = 0.5 * (near + far)
+        else:
+            far = 0.5 * (near + far)
     return p_x, p_y
 
 

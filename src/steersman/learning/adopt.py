@@ -14,12 +14,11 @@ from steersman.config import Of, Settings, build, dump, merge, param, required
 from steersman.encoding import EncodingComponent, Layout
 from steersman.errors import ConfigError, DataError
 from steersman.files import out_folder, read_bytes
-from steersman.kernels.encode import FEATURE_LIMIT
-from steersman.learning.export import layered, write_policy
+from steersman.learning.export import layered, new_card, write_policy
 from steersman.learning.sb3_file import Layers, described, read_actor
 from steersman.network_file import PolicyNetwork, check_network
-from steersman.policy_file import SIGNS, UNITS, PolicyCard, sha256
-from steersman.provenance import provenance
+from steersman.policy_file import PolicyCard, sha256
+from steersman.types import FloatArray
 
 _MOST = 100_000_000
 _CURE = "give a model of Stable-Baselines3 (*.zip) or a network (*.onnx)"
@@ -143,29 +142,20 @@ def _fitted(layers: Layers, wanted: Adoption, layout: Layout, name: str) -> Laye
 
 
 def _card(
-    name: str, network: bytes, wanted: Adoption, scale: Any, note: dict[str, Any]
+    name: str, network: bytes, wanted: Adoption, scale: FloatArray, note: dict[str, Any]
 ) -> PolicyCard:
-    layout, origin = wanted.layout, provenance()
-    low, high = sorted(wanted.limits)
-    return PolicyCard(
-        files={name: sha256(network)},
+    return new_card(
+        name,
+        network,
+        wanted.layout,
+        scale,
         action=wanted.action,
         rate_limit=wanted.rate_limit if wanted.action == "rate" else None,
         dt=wanted.dt,
-        waypoints=layout.reads,
+        waypoints=wanted.layout.reads,
         spacing=wanted.spacing,
         encoding=dump(wanted.encoding) or {},
-        observation=layout.names,
-        scale=scale.tolist(),
-        units=UNITS,
-        signs=SIGNS,
-        limits={
-            "action": [low, high],
-            "steer": [-1.0, 1.0],
-            "scaled feature": [-FEATURE_LIMIT, FEATURE_LIMIT],
-        },
+        limits={"action": sorted(wanted.limits)},
         seed=0,
         training=note,
-        versions=origin["versions"],
-        commit=origin["commit"],
     )

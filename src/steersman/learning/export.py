@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 
 from steersman.config import dump
+from steersman.encoding import Layout
 from steersman.files import replacing, write_text
 from steersman.kernels.encode import FEATURE_LIMIT
 from steersman.learning.imitation.config import LearningConfig
 from steersman.learning.networks import Net
 from steersman.policy_file import SIGNS, UNITS, PolicyCard, sha256
 from steersman.provenance import provenance
+from steersman.types import FloatArray
 
 _CLIP = "Clip"
 
@@ -104,13 +106,14 @@ def export_policy(
     ``note`` goes into the card, and so does the share of the base's steering that is corrected.
     """
     problem = config.problem
-    layout = problem.layout
-    scale = layout.scale
+    scale = problem.layout.scale
     data = network(net, scale, operators, levels)
-    origin = provenance()
     file = folder / "policy.onnx"
-    card = PolicyCard(
-        files={file.name: sha256(data)},
+    card = new_card(
+        file.name,
+        data,
+        problem.layout,
+        scale,
         action=problem.action,
         joint=problem.joint,
         rate_limit=problem.rate_limit if problem.indirect else None,
@@ -125,21 +128,41 @@ def export_policy(
         spacing=problem.sensor.spacing,
         trim=config.trim,
         encoding=dump(problem.encoding) or {},
+        seed=config.seed,
+        training={**note, "config": dump(config)},
+    )
+    return write_policy(file, data, card)
+
+
+def new_card(
+    name: str, data: bytes, layout: Layout, scale: FloatArray, **particulars: Any
+) -> PolicyCard:
+    """The card of a network in a file ``name``: what is in it, what it reads, where it was made.
+
+    Args:
+        name: of the file beside the card.
+        data: its content.
+        layout: the features that the network reads, in their order.
+        scale: factor on each of them, shape (n,).
+        particulars: the card's other fields; ``limits`` go over those of every policy.
+    """
+    origin = provenance()
+    limits = {
+        "action": [-1.0, 1.0],
+        "steer": [-1.0, 1.0],
+        "scaled feature": [-FEATURE_LIMIT, FEATURE_LIMIT],
+    }
+    return PolicyCard(
+        files={name: sha256(data)},
         observation=layout.names,
         scale=scale.tolist(),
         units=UNITS,
         signs=SIGNS,
-        limits={
-            "action": [-1.0, 1.0],
-            "steer": [-1.0, 1.0],
-            "scaled feature": [-FEATURE_LIMIT, FEATURE_LIMIT],
-        },
-        seed=config.seed,
-        training={**note, "config": dump(config)},
+        limits=limits | particulars.pop("limits", {}),
         versions=origin["versions"],
         commit=origin["commit"],
+        **particulars,
     )
-    return write_policy(file, data, card)
 
 
 def write_policy(file: FilePath, data: bytes, card: PolicyCard) -> FilePath:

@@ -8,13 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from steersman.delivery import c_text
-from steersman.delivery import controller_text as text
-from steersman.delivery.controller import Setting, translated
-from steersman.delivery.controller_package import (
-    check_values,
-    controller_card,
-    tell_parameters,
-)
+from steersman.delivery.controller import Setting
+from steersman.delivery.controller_package import controller_card, prepared
 from steersman.delivery.package import Tell, unsaid
 from steersman.delivery.parameter_limits import limits
 from steersman.delivery.parameter_table import entries, table_text
@@ -138,9 +133,7 @@ def controller_model(setting: Setting, tell: Tell = unsaid) -> FmuModel:
         ConfigError: its Python holds what C cannot be made of.
         DataError: a number of the design that was given is none of its own.
     """
-    made = translated(setting)
-    check_values(made)
-    tell_parameters(made, tell)
+    made, sources = prepared(setting, tell)
     s, real, handed = setting, setting.real, setting.handed
     wishes = s.waypoints if s.limits_speed else 0
     meaning = "Speed wished at the waypoint."
@@ -151,7 +144,6 @@ def controller_model(setting: Setting, tell: Tell = unsaid) -> FmuModel:
         Variable(e.name, e.unit, PARAMETER, e.value, e.meaning, low=e.minimum, high=e.maximum)
         for e in entries(made)
     ]
-    sources = {f"{s.prefix}.c": text.source(made), f"{s.prefix}.h": text.header(made)}
     name = c_text.identifier(s.name)
     card = controller_card(made, sources)
     return FmuModel(
