@@ -19,18 +19,19 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import queue
 import shutil
 import signal
 import statistics
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections import defaultdict
 from collections.abc import Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -49,18 +50,18 @@ SMALL = """problem:
   speeds: [{kind: random_profile, low: 5.0, high: 12.0}]
   episode_time: 4.0
 agent: {hidden: [16, 16], batch: 32, buffer: 4000, vehicles: 4, updates: 1, learning_starts: 200}
-validation: {roads: [{kind: random_road, seed: 1000}], vehicles: 2, interval: 500}
-steps: 4000
-checkpoint_interval: 400
+validation: {roads: [{kind: random_road, seed: 1000}], vehicles: 2, interval: 400}
+steps: 1600
+checkpoint_interval: 200
 """
 COPIED = """problem:
   roads: [{kind: circle, radius: 40.0}]
   speeds: [{kind: random_profile, low: 5.0, high: 12.0}]
   episode_time: 4.0
-fit: {hidden: [16, 16], updates: 2000, batch: 32}
+fit: {hidden: [16, 16], updates: 800, batch: 32}
 validation: {roads: [{kind: random_road, seed: 1000}], vehicles: 2}
-steps: 8000
-rounds: 10
+steps: 3000
+rounds: 8
 """
 SUITE = """courses:
   circle: {path: circle, duration: 10, speeds: {slow: {kind: constant_speed, speed: 8}}}
@@ -112,7 +113,7 @@ COMMANDS = (
     Command("train", ("train", "small.yaml"), ("--resume",), ("resume/*.npz",), ("policy.onnx",)),
     Command(
         "train seeds",
-        ("train", "small.yaml", "seeds=0..1", "steps=3000", "--jobs", "1"),
+        ("train", "small.yaml", "seeds=0..1", "steps=1200", "--jobs", "1"),
         ("--resume",),
         ("seed_*/resume/*.npz", "seed_*/policy.onnx"),
         ("seed_0/policy.onnx", "seed_1/policy.onnx"),
@@ -125,11 +126,11 @@ COMMANDS = (
         (
             "search",
             "small.yaml",
-            "steps=1000",
+            "steps=600",
             "agent.gamma=0.9..0.99",
             "seeds=0",
             "--trials",
-            "6",
+            "4",
             "--jobs",
             "1",
         ),
@@ -139,7 +140,7 @@ COMMANDS = (
     ),
     Command(
         "tune",
-        ("tune", "tuned/pid", "suite=suite.yaml", "--trials", "60", "--jobs", "1"),
+        ("tune", "tuned/pid", "suite=suite.yaml", "--trials", "24", "--jobs", "1"),
         (),
         ("study.jsonl",),
         ("tuned.yaml",),
@@ -170,31 +171,43 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("results/soak"))
     words = parser.parse_args()
     made = {"minutes": words.minutes, "seed": words.seed, **provenance()}
-    record: dict[str, object] = {"made": made}
+    record: dict[str, Any] = {"made": made}
     rng = np.random.default_rng(words.seed)
     share = -(-words.kills // len(COMMANDS))
-    held = True
-    with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor() as pool:
+    found: queue.Queue[tuple[str, Row | None]] = queue.Queue()
+    held, left = True, 2
+    with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for file, text in (("small", SMALL), ("copied", COPIED), ("suite", SUITE)):
             (folder / f"{file}.yaml").write_text(text)
-        watching = pool.submit(watched, begun(folder), 60.0 * words.minutes)
         killing = (kills(command, folder, share, rng) for command in COMMANDS if share)
-        for part, each in (("kills", killing), ("memory", results(watching))):
-            rows: list[Row] = []
-            record[part] = rows
-            for row in each:
-                rows.append(row)
-                held &= bool(row["held"])
-                sys.stdout.write(json.dumps(row) + "\n")
-                sys.stdout.flush()
-                write_text(words.out / "soak.json", json.dumps(record, indent=1) + "\n")
+        watching = watched(begun(folder), 60.0 * words.minutes)
+        for part, rows in (("kills", killing), ("memory", watching)):
+            record[part] = list[Row]()
+            threading.Thread(target=told, args=(found, part, rows), daemon=True).start()
+        while left:
+            part, row = found.get()
+            if row is None:
+                left -= 1
+                continue
+            record[part].append(row)
+            held &= bool(row["held"])
+            sys.stdout.write(json.dumps(row) + "\n")
+            sys.stdout.flush()
+            write_text(words.out / "soak.json", json.dumps(record, indent=1) + "\n")
     raise SystemExit(not held)
 
 
-def results(watching: Future[list[Row]]) -> Iterator[Row]:
-    """The rows of a part that goes on beside, when it is done."""
-    yield from watching.result()
+def told(found: queue.Queue[tuple[str, Row | None]], part: str, rows: Iterator[Row]) -> None:
+    """Put the rows of a part into the queue as they come, and None behind the last."""
+    try:
+        for row in rows:
+            found.put((part, row))
+    except BaseException as error:
+        found.put((part, {"fails": repr(error), "held": False}))
+        raise
+    finally:
+        found.put((part, None))
 
 
 class Job:
@@ -260,19 +273,17 @@ def has_carla() -> bool:
     return not subprocess.run(words, capture_output=True, check=False).returncode
 
 
-def watched(jobs: list[Job], seconds: float) -> list[Row]:
-    """Read the jobs' memory until the time is up or they end by themselves."""
-    rows: list[Row] = []
+def watched(jobs: list[Job], seconds: float) -> Iterator[Row]:
+    """Read the jobs' memory until the time is up or they end by themselves; a row for each."""
     left = jobs
     while left:
         still = [job for job in left if job.running(seconds)]
-        rows += [job.row() for job in left if job not in still]
+        yield from (job.row() for job in left if job not in still)
         left = still
         sizes = resident()
         for job in left:
             job.sizes.append(sizes[job.processes[0].pid])
         time.sleep(0.5)
-    return rows
 
 
 def resident() -> defaultdict[int, float]:
@@ -294,7 +305,10 @@ def kills(command: Command, folder: Path, share: int, rng: np.random.Generator) 
     for out in (whole, cut):
         shutil.rmtree(out, ignore_errors=True)
     started = time.monotonic()
-    done(command, folder, whole)
+    try:
+        done(command, folder, whole)
+    except ChildProcessError:
+        return {"command": command.name, "fails": "by itself", "held": False}
     length = time.monotonic() - started
     spent, kept, ends, differ, failed = 0, 0, 0, 0, []
     while spent < share or cut.exists():
@@ -341,9 +355,13 @@ def line(command: Command, out: Path) -> list[str]:
 
 
 def done(command: Command, folder: Path, out: Path) -> None:
-    """Run a command whole."""
+    """Run a command whole.
+
+    Raises:
+        ChildProcessError: it fails by itself.
+    """
     if start(line(command, out), folder).wait():
-        raise SystemExit(f"{command.name} fails by itself")
+        raise ChildProcessError(command.name)
 
 
 def digest(command: Command, out: Path) -> list[object]:

@@ -70,5 +70,23 @@ def test_no_lane_is_changed_without_need_or_leave(tmp_path: FilePath) -> None:
     with pytest.raises(DataError, match="without a change of lane"):
         _ = OpenDrivePath(file=file, route=("a", "b"), lane=-1, lane_change=0.0).table
     assert OpenDrivePath(file=file, route=("a", "b"), lane=-1).notes() == (
-        "the route changes from lane -1 to lane -2 on road 'a'",
+        "the way changes from lane -1 to lane -2 on road 'a'",
     )
+
+
+def test_a_random_way_changes_lanes_where_it_would_end(tmp_path: FilePath) -> None:
+    """Before the street lies a road that leads to the lane which leads nowhere."""
+    start = Pose(5.0 - 40.0 * math.cos(0.3), 1.0 - 40.0 * math.sin(0.3), 0.3)
+    view, length, _ = maps.plan([Segment(40.0, 0.0, 0.0)], start)
+    before = maps.road("z", view, length, maps.ONE_WAY, maps.to("successor", "road", "a", "start"))
+    file = maps.write(tmp_path / "map.xodr", street().replace("<road ", before + "<road ", 1))
+    for seed in range(3):
+        longest = OpenDrivePath(file=file, random=seed, distance=159.0, lane_change=0.0)
+        same = OpenDrivePath(file=file, random=seed, distance=159.0)
+        assert np.array_equal(same.table.pieces, longest.table.pieces)
+        assert not same.notes()
+        path = OpenDrivePath(file=file, random=seed, distance=195.0)
+        assert path.length == pytest.approx(195.0)
+        assert path.notes() == ("the way changes from lane -1 to lane -2 on road 'a'",)
+        with pytest.raises(DataError, match=r"the longest is 160 m; set path\.distance"):
+            _ = OpenDrivePath(file=file, random=seed, distance=195.0, lane_change=0.0).table

@@ -103,6 +103,78 @@ def test_links_lanes_and_roads_are_left_out_one_by_one(tmp_path: FilePath) -> No
         assert OpenDrivePath(file=file, random=seed, distance=100.0).length == pytest.approx(100.0)
 
 
+@pytest.mark.parametrize(("length", "driven"), [(500.0, 200.0), (150.0, 150.0)])
+def test_a_road_is_as_long_as_its_geometries_at_most(
+    tmp_path: FilePath, length: float, driven: float
+) -> None:
+    lanes = section(0.0, "", lane(-1)) + section(120.0, "", lane(-1)) + section(300.0, "", lane(-1))
+    lanes = lanes.replace("<link></link>", f"<link>{maps.goes_on(-1)}</link>")
+    file = maps.write(tmp_path / "map.xodr", whole(road("1", LINE, length, lanes)))
+    path = OpenDrivePath(file=file, road="1")
+    assert path.length == pytest.approx(driven)
+    assert f"what is beyond {driven:g} m is left out" in path.notes()[0]
+
+
+def test_elements_are_taken_in_the_order_of_s(tmp_path: FilePath) -> None:
+    bends = [Segment(40.0, 0.0, 0.0), Segment(30.0, 0.0, 0.02), Segment(40.0, 0.02, 0.02)]
+    view, length, _ = maps.plan(bends, Pose(1.0, 2.0, 0.3))
+    pieces = re.findall(r"<geometry.*?</geometry>", view)
+    sections = [
+        section(s, "", lane(-1, cubic("width", "sOffset", 0.0, 3.0 + 0.01 * s), maps.goes_on(-1)))
+        for s in (0.0, 5.0, 60.0)
+    ]
+    tables, notes = [], []
+    for order in itertools.permutations(range(3)):
+        text = road(
+            "1", "".join(pieces[i] for i in order), length, "".join(sections[i] for i in order)
+        )
+        path = OpenDrivePath(file=maps.write(tmp_path / f"{order}.xodr", whole(text)), road="1")
+        tables.append(path.table.pieces)
+        notes.append(len(path.notes()))
+    assert all(np.array_equal(table, tables[0]) for table in tables)
+    assert notes == [0, *[2] * 5]  # geometries, sections
+
+
+def test_a_lane_with_several_links_goes_on_where_one_joins(tmp_path: FilePath) -> None:
+    """The inner lane begins without a width; the outer one continues the single lane."""
+    links = '<successor id="-1"/><successor id="-2"/>'
+    grows = lane(-1, cubic("width", "sOffset", 0.0, 0.0, maps.WIDTH / 110.0)) + lane(-2)
+    lanes = section(0.0, "", lane(-1, links=links)) + section(90.0, "", grows)
+    ahead = geometry(0.0, Pose(200.0, -500.0, 0.0), 50.0, "<line/>")
+    pairs = "".join(f'<laneLink from="-2" to="{to}"/>' for to in (-1, -2))
+    attributes = 'id="1" incomingRoad="1" connectingRoad="2" contactPoint="start"'
+    text = whole(
+        road("1", LINE, 200.0, lanes, maps.to("successor", "junction", "j")),
+        road("2", ahead, 50.0, section(0.0, "", lane(-1) + lane(-2))),
+        f'<junction id="j"><connection {attributes}>{pairs}</connection></junction>',
+    )
+    file = maps.write(tmp_path / "map.xodr", text)
+    assert OpenDrivePath(file=file, road="1").length == pytest.approx(200.0, abs=0.5)
+    assert OpenDrivePath(file=file, route=("1", "2"), lane_change=0.0).length == pytest.approx(
+        250.0, abs=0.5
+    )
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_map_whose_every_metre_has_its_kink_is_driven(tmp_path: FilePath, seed: int) -> None:
+    """Short pieces of an arc, each a little turned and a little moved."""
+    rng = np.random.default_rng(seed)
+    radius, step, rows = 9.0, 1.1, []
+    for k in range(20):
+        psi = k * step / radius
+        aside, turned = rng.uniform(-0.02, 0.02), psi + rng.uniform(-0.05, 0.05)
+        x, y = (radius - aside) * math.sin(psi), radius - (radius - aside) * math.cos(psi)
+        shape = f'<arc curvature="{1 / radius}"/>'
+        rows.append(geometry(k * step, Pose(x, y, turned), step, shape))
+    file = maps.write(tmp_path / "map.xodr", whole(road("1", "".join(rows), 20 * step, ONE_WAY)))
+    path = OpenDrivePath(file=file, road="1")
+    outer = radius + 0.5 * maps.WIDTH
+    assert path.length == pytest.approx(20 * step * outer / radius, rel=0.03)
+    at = [path.at(s) for s in np.linspace(0.0, path.length, 50)]
+    away = [math.hypot(point.x, point.y - radius) - outer for point in at]
+    assert np.abs(away).max() < 0.15
+
+
 def _kinked(kink: float, size: float, count: int) -> str:
     """Straight pieces that meet with a kink each."""
     sizes, psi, s, rows = [20.0, *[size] * (count - 1), 20.0], 0.0, 0.0, []

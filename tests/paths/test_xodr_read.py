@@ -66,8 +66,11 @@ def changed(old: str, new: str) -> str:
         (changed('length="20.0"', 'length="-1"'), "<road>: length is -1, not within 0 to 1e+08"),
         (changed('length="20.0"', 'length="1e7"'), "length is 1e+07 m, the most is 1e+06 m"),
         (changed('length="20"', 'length="inf"'), "line 3: <geometry>: length is inf, not within"),
-        (changed('length="20"', 'length="5"'), "its geometries reach from 0 m to 5 m, its length"),
-        (changed('s="0" x', 's="9" x'), "its geometries reach from 9 m to 29 m, its length is 20"),
+        (
+            changed('length="20"', 'length="5"'),
+            "its geometries end at 5 m, its length is 20 m; what is",
+        ),
+        (changed('s="0" x', 's="9" x'), "<road>: its geometries begin at 9 m"),
         (changed("<line/>", "<lime/>"), "<geometry>: holds none of line, arc, spiral, poly3, para"),
         (changed("<line/>", "<arc/>"), "line 3: <arc>: curvature is missing"),
         (changed("<line/>", '<arc curvature="1e99"/>'), "<arc>: curvature is 1e99, not within -1e"),
@@ -97,7 +100,7 @@ def changed(old: str, new: str) -> str:
         ),
         (
             whole(road("1", VIEW, 20.0, section(9.0, "", lane(-1)) + maps.ONE_WAY)),
-            "<laneSection>: s is 0, less than the 9 before it",
+            "<lanes>: its sections are not in the order of s; taken in",
         ),
         (
             whole(*(road(str(i), VIEW.replace('"20"', '"1e6"'), 1e6) for i in range(6))),
@@ -113,6 +116,16 @@ def changed(old: str, new: str) -> str:
 )
 def test_what_is_wrong_is_named(tmp_path: FilePath, text: str, message: str) -> None:
     assert message in named(maps.write(tmp_path / "map.xodr", text))
+
+
+@pytest.mark.parametrize("before", ["\n", " \t\r\n", "<!-- a -->\n<!-- > - b\n-->", "<!---->"])
+def test_a_late_declaration_is_read(tmp_path: FilePath, before: str) -> None:
+    file = maps.write(tmp_path / "map.xodr", before + GOOD)
+    assert list(read_network(file).roads) == ["1"]
+    odd = maps.write(tmp_path / "odd.xodr", before + changed('length="20.0"', 'length="far"'))
+    assert refused(odd).startswith(f"line {before.count(chr(10)) + 3}: <road>: length is 'far'")
+    for text in ("<!--", "<!-- a <?xml?>", "<!-- a --><?xml", f"{before}<?xml "):
+        assert "not valid XML" in refused(maps.write(tmp_path / "cut.xodr", text))
 
 
 def test_what_is_no_file(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:

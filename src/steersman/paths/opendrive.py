@@ -72,7 +72,7 @@ class OpenDrivePath(PathComponent):
     lane_change: float = param(
         50.0,
         "m",
-        "length of a change of lane, made where route cannot do without; 0: none are made",
+        "length of a change of lane, made where route and random cannot do without; 0: none",
         ge=0.0,
         le=1000.0,
     )

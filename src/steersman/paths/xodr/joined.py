@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from steersman.errors import DataError
+from steersman.paths.segments import MAX_TURN
 from steersman.paths.xodr.lane_line import Curve
 from steersman.types import FloatArray
 
@@ -33,6 +34,8 @@ _EXACT = 1e-6
 # A kink of more [rad] cannot stay one; samples of a rounded one, as shares of its arc's half.
 _SHARP = 0.1
 _MARKS = (-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)
+# Pieces beside a step are at most so long [m], and bend less than this share of what is allowed.
+_BRIDGED, _CALM = 1.0, 0.8
 
 
 class Gap(NamedTuple):
@@ -47,8 +50,8 @@ class Gap(NamedTuple):
     def __str__(self) -> str:
         """One line about a joint that is none."""
         return (
-            f"the next piece begins {self.ahead:.2f} m ahead, {self.aside:.2f} m to the left,"
-            f" turned by {self.kink:.2f} rad; the map does not join here"
+            f"the next piece begins {self.ahead:z.2f} m ahead, {self.aside:z.2f} m to the left,"
+            f" turned by {self.kink:z.2f} rad; the map does not join here"
         )
 
     @property
@@ -95,7 +98,7 @@ def joined(curves: Sequence[Curve], closed: bool) -> tuple[FloatArray, FloatArra
         gaps = [gap(rows[i], rows[j]) for i, j in pairs]
         rows = _rounded(rows, kinks, closed)
     steps = {i: found.aside for i, found in enumerate(gaps) if abs(found.aside) > _EXACT}
-    return _thinned(*_nodes(_eased(rows, steps, closed) if steps else rows, closed))
+    return _calmed(*_thinned(*_nodes(_eased(rows, steps, closed) if steps else rows, closed)))
 
 
 def _met(rows: list[Curve], gaps: dict[tuple[int, int], Gap]) -> list[Curve]:
@@ -252,3 +255,35 @@ def _thinned(
         kept.pop()
     kept.append(end)
     return x[kept], y[kept], psi[kept]
+
+
+def _calmed(
+    x: FloatArray, y: FloatArray, psi: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Without samples beside what is left of a step, where a piece would bend to and fro too much.
+
+    Where each metre of a map has its kink, steps of millimetres stay: longer pieces bridge them.
+    """
+    limit, columns = MAX_TURN, (x, y, psi)
+    while True:
+        bends = _bends(*columns)
+        worst, end = int(np.argmax(bends)), len(bends)
+        if bends[worst] <= limit:
+            return columns
+        found = []
+        for i in {worst, worst + 1} - {0, end}:
+            x, y, psi = (np.delete(column, i) for column in columns)
+            chord = math.hypot(x[i] - x[i - 1], y[i] - y[i - 1])
+            if chord <= _BRIDGED and (bend := _bends(x, y, psi)[i - 1]) < bends[worst]:
+                found.append((bend, (x, y, psi)))
+        if not found:
+            return columns
+        limit, columns = _CALM * MAX_TURN, min(found, key=lambda each: each[0])[1]
+
+
+def _bends(x: FloatArray, y: FloatArray, psi: FloatArray) -> FloatArray:
+    """By how much each piece turns at most, to first order, as a clothoid between its samples."""
+    turn = np.diff(np.unwrap(psi))
+    left = np.unwrap(psi)[:-1] - np.arctan2(np.diff(y), np.diff(x))
+    left -= math.tau * np.round(left / math.tau)
+    return np.asarray(np.abs(turn) + np.abs(3.0 * (2.0 * left + turn)))

@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from steersman.paths.xodr.model import LEFT, RIGHT, Lane, LaneSection, RoadNetwork, Side
+from steersman.paths.xodr.model import Lane, LaneSection, RoadNetwork, Side
 
 DRIVABLE = frozenset(
     ("driving", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "slipLane")
@@ -33,8 +33,13 @@ class Place(NamedTuple):
         """A clause about the lane that is taken."""
         if not self.entered:
             return f"lane {self.lane} of road {self.road!r}"
-        return (
-            f"the route changes from lane {self.entered} to lane {self.lane} on road {self.road!r}"
+        return f"the way changes from lane {self.entered} to lane {self.lane} on road {self.road!r}"
+
+    @property
+    def taken(self) -> frozenset[Place]:
+        """The lanes that are driven in its section."""
+        return frozenset(
+            self._replace(lane=lane, entered=0) for lane in (self.lane, self.entered or self.lane)
         )
 
     @property
@@ -97,20 +102,20 @@ class LaneGraph:
         """What can be driven after a place, without a change of lane."""
         road, lane = self.network.roads[place.road], self.lane(place)
         forward = self.forward(place)
-        link = lane.after if forward else lane.before
+        links = lane.after if forward else lane.before
         index = place.section + (1 if forward else -1)
         if 0 <= index <= self._last(place):
-            return self._known(place._replace(section=index, entered=0), link)
+            return self._known(place._replace(section=index, entered=0), *links)
         contact = road.after if forward else road.before
         if contact is None:
             return []
         if not contact.junction:
-            return self._entered(contact.name, contact.at_start, link)
+            return self._entered(contact.name, contact.at_start, links)
         return [
             found
             for way in self.network.junctions.get(contact.name, ())
             if way.incoming == place.road
-            for found in self._entered(way.road, way.at_start, way.lanes.get(place.lane))
+            for found in self._entered(way.road, way.at_start, way.lanes.get(place.lane, ()))
         ]
 
     def beside(self, place: Place, room: float) -> list[Place]:
@@ -126,24 +131,27 @@ class LaneGraph:
                 lane += step
         return out
 
-    def _entered(self, name: str, at_start: bool, number: int | None) -> list[Place]:
-        """The place on another road, if its lane is driven away from the end that is met."""
+    def _entered(self, name: str, at_start: bool, numbers: Sequence[int]) -> list[Place]:
+        """The places on another road whose lanes are driven away from the end that is met."""
         road = self.network.roads.get(name)
-        if road is None or not number:
+        if road is None:
             return []
-        side = RIGHT if number < 0 else LEFT
-        sections = road.sections[side]
-        if not sections or (side == road.forward) != at_start:
-            return []
-        return self._known(Place(name, side, 0 if at_start else len(sections) - 1, number), number)
+        side = road.forward if at_start else -road.forward
+        last = len(road.sections[side]) - 1
+        return (
+            self._known(Place(name, side, 0 if at_start else last, 0), *numbers)
+            if last >= 0
+            else []
+        )
 
-    def _known(self, place: Place, number: int | None) -> list[Place]:
-        """The place with that lane, if there is such a lane and it can be driven."""
-        if not number or (number > 0) != (place.side == LEFT):
-            return []
-        found = place._replace(lane=number)
-        lane = self.section(found).lanes.get(number)
-        return [found] if lane is not None and lane.kind in DRIVABLE else []
+    def _known(self, place: Place, *numbers: int) -> list[Place]:
+        """The place with each of these lanes that is there, on this side, and can be driven."""
+        lanes = self.section(place).lanes
+        return [
+            place._replace(lane=number)
+            for number in numbers
+            if number in lanes and lanes[number].kind in DRIVABLE
+        ]
 
 
 After: TypeAlias = Callable[[Place], Sequence[Place]]
@@ -206,28 +214,33 @@ def wander(
     rng: np.random.Generator,
     most: int,
 ) -> Wandered:
-    """A way of at least ``distance`` [m] from ``start`` that never enters a place twice.
+    """A way of at least ``distance`` [m] from ``start`` that never takes a lane twice.
 
-    Goes on at random; where it cannot go on, it goes back to the last choice that is left.
+    Goes on at random, with a change of lane where it cannot do without; where it cannot go on, it
+    goes back to the last choice that is left.
     """
     way, done, longest, entered = [start], length(start), 0.0, 1
-    choices = [_shuffled(after(start), rng)]
+    choices, taken = [_shuffled(after(start), rng)], set(start.taken)
     while way:
         longest = max(longest, done)
         if done >= distance:
             return Wandered(way, longest, entered)
-        ahead = [place for place in choices[-1] if place not in way]
+        ahead = [place for place in choices[-1] if taken.isdisjoint(place.taken)]
         if ahead and entered < most:
             choices[-1] = ahead[1:]
             way.append(ahead[0])
+            taken |= ahead[0].taken
             done += length(ahead[0])
             entered += 1
             choices.append(_shuffled(after(ahead[0]), rng))
         else:
+            taken -= way[-1].taken
             done -= length(way.pop())
             choices.pop()
     return Wandered(None, longest, entered)
 
 
 def _shuffled(places: Sequence[Place], rng: np.random.Generator) -> list[Place]:
-    return [places[i] for i in rng.permutation(len(places))]
+    """The places in a drawn order, those with a change of lane last."""
+    drawn = [places[i] for i in rng.permutation(len(places))]
+    return sorted(drawn, key=lambda place: place.crossed)

@@ -61,10 +61,10 @@ class Lane(NamedTuple):
     """Width over the section."""
     border: tuple[Cubic, ...]
     """Its outer edge, left positive from the shifted centre, where it has no width."""
-    before: int | None
-    """Number of the lane that it continues towards smaller s."""
-    after: int | None
-    """Number of the lane that continues it towards larger s."""
+    before: tuple[int, ...]
+    """Numbers of the lanes that it continues towards smaller s."""
+    after: tuple[int, ...]
+    """Numbers of the lanes that continue it towards larger s."""
     line: int
 
 
@@ -125,8 +125,8 @@ class Connection(NamedTuple):
     """The road that is entered."""
     at_start: bool
     """Whether it is entered at its start."""
-    lanes: dict[int, int]
-    """Number of the lane that is entered by that of the incoming road."""
+    lanes: dict[int, tuple[int, ...]]
+    """Numbers of the lanes that are entered by that of the incoming road."""
 
 
 class MapFault(NamedTuple):
@@ -154,4 +154,4 @@ class RoadNetwork(NamedTuple):
     roads: dict[str, RoadRecord]
     junctions: dict[str, tuple[Connection, ...]]
     left_out: tuple[MapFault, ...] = ()
-    """Elements that could not be read."""
+    """Elements that could not be read, or not as they stand."""

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path as FilePath
-from typing import Any, TypeVar
 
 from steersman.errors import DataError
-from steersman.paths.segments import MAX_LENGTH
 from steersman.paths.xodr.model import (
     LEFT,
     RIGHT,
@@ -16,50 +14,22 @@ from steersman.paths.xodr.model import (
     Cubic,
     Lane,
     LaneSection,
-    MapFault,
-    ReferencePiece,
     Relief,
     RoadNetwork,
     RoadRecord,
     Side,
 )
+from steersman.paths.xodr.notes import MapNotes
+from steersman.paths.xodr.pieces import reference_pieces
 from steersman.paths.xodr.xml import Node, parse
 
-T = TypeVar("T")
-_SHAPES = ("line", "arc", "spiral", "poly3", "paramPoly3")
-# How far the geometries of a road may end from where its length says [m], and as a share of it.
-_SLACK, _SLACK_SHARE = 0.1, 1e-3
 # All lanes of a file together [m]: more would fill the memory.
 _MOST_LANES = 1e7
-# Lines about what cannot be read.
-_MOST_NOTES = 1000
 _CONTACTS = {"start": True, "end": False}
 _RULES = {"RHT": RIGHT, "LHT": LEFT}
 # Heights [m], superelevation and crossfall [rad] of roads are less.
 _HIGHEST, _STEEPEST = 1e4, 1.5
 _YES = {"true": True, "1": True, "false": False, "0": False}
-
-
-class _Notes:
-    """Elements that cannot be read: each costs itself, and leaves a line."""
-
-    def __init__(self, file: FilePath) -> None:
-        self.file, self.road, self.found, self.more = file, "", list[MapFault](), 0
-
-    def without(self, what: str, read: Callable[..., T], *words: Any, default: T) -> T:
-        """What ``read`` makes of ``words``; if it raises, ``default`` and a line."""
-        try:
-            return read(*words)
-        except DataError as error:
-            self.add(error, what)
-            return default
-
-    def add(self, error: DataError, what: str) -> None:
-        if len(self.found) >= _MOST_NOTES:
-            self.more += 1
-            return
-        text = str(error).removeprefix(f"{self.file}: ")
-        self.found.append(MapFault(self.road, None, f"{text}; {what} left out"))
 
 
 def read_network(file: FilePath) -> RoadNetwork:
@@ -71,7 +41,7 @@ def read_network(file: FilePath) -> RoadNetwork:
     root, sha256 = parse(file)
     if root.tag != "OpenDRIVE":
         raise root.fault("this is no OpenDRIVE file, whose first element is <OpenDRIVE>")
-    notes = _Notes(file)
+    notes = MapNotes(file)
     roads: dict[str, RoadRecord] = {}
     first: DataError | None = None
     for node in root.children("road"):
@@ -84,7 +54,7 @@ def read_network(file: FilePath) -> RoadNetwork:
             roads[road.name] = road
         except DataError as error:
             first = first or error
-            notes.add(error, "this road is")
+            notes.add(error, "this road is left out")
     if not roads:
         raise first or root.fault("holds no road")
     total = sum(_lane_length(road) for road in roads.values())
@@ -99,9 +69,7 @@ def read_network(file: FilePath) -> RoadNetwork:
             for each in node.children("connection")
         )
         junctions[name] = tuple(each for each in found if each is not None)
-    if notes.more:
-        notes.found.append(MapFault("", None, f"{notes.more} more elements left out"))
-    return RoadNetwork(file, sha256, roads, junctions, tuple(notes.found))
+    return RoadNetwork(file, sha256, roads, junctions, notes.found)
 
 
 def _lane_length(road: RoadRecord) -> float:
@@ -109,8 +77,8 @@ def _lane_length(road: RoadRecord) -> float:
     return sum((section.end - section.start) * len(section.lanes) for section in rows)
 
 
-def _road(node: Node, notes: _Notes) -> RoadRecord:
-    length = _length(node)
+def _road(node: Node, notes: MapNotes) -> RoadRecord:
+    pieces, length = reference_pieces(node, notes)
     before, after = (
         notes.without("this link is", _contact, node, name, default=None)
         for name in ("predecessor", "successor")
@@ -123,7 +91,7 @@ def _road(node: Node, notes: _Notes) -> RoadRecord:
         length=length,
         junction=node.get("junction", "-1") != "-1",
         forward=notes.without("it is", node.choice, "rule", _RULES, "RHT", default=RIGHT),
-        geometries=_geometries(node, length),
+        geometries=pieces,
         offset=_cubics(lanes.children("laneOffset"), "s"),
         sections=_sections(lanes, length, notes),
         before=before,
@@ -133,7 +101,7 @@ def _road(node: Node, notes: _Notes) -> RoadRecord:
     )
 
 
-def _relief(road: Node, length: float, notes: _Notes) -> Relief:
+def _relief(road: Node, length: float, notes: MapNotes) -> Relief:
     """Heights and banking; those of a kind in which one cannot be read are left out together."""
 
     def read(what: str, most: float, *names: str, side: str = "both") -> tuple[Cubic, ...]:
@@ -161,13 +129,6 @@ def _bounded(nodes: list[Node], length: float, most: float) -> tuple[Cubic, ...]
     return rows
 
 
-def _length(node: Node) -> float:
-    length = node.number("length", low=0.0)
-    if length > MAX_LENGTH:
-        raise node.fault(f"length is {length:g} m, the most is {MAX_LENGTH:g} m")
-    return length
-
-
 def _contact(road: Node, name: str) -> Contact | None:
     found = next(iter(road.down("link", name)), None)
     if found is None:
@@ -179,47 +140,6 @@ def _contact(road: Node, name: str) -> Contact | None:
     return Contact(junction, found.get("elementId"), at_start)
 
 
-def _geometries(road: Node, length: float) -> tuple[ReferencePiece, ...]:
-    rows: list[ReferencePiece] = []
-    for node in road.down("planView", "geometry"):
-        row = _geometry(node)
-        if rows and row.s < rows[-1].s:
-            raise node.fault(f"s is {row.s:g}, less than the {rows[-1].s:g} before it")
-        if row.length > 0.0:
-            rows.append(row)
-    if not rows:
-        raise road.fault("has no <planView> with a <geometry> that has a length")
-    end = rows[-1].s + rows[-1].length
-    if rows[0].s > _SLACK or abs(end - length) > max(_SLACK, _SLACK_SHARE * length):
-        raise road.fault(
-            f"its geometries reach from {rows[0].s:g} m to {end:g} m, its length is {length:g} m"
-        )
-    return tuple(rows)
-
-
-def _geometry(node: Node) -> ReferencePiece:
-    shape = next(iter(node.children(*_SHAPES)), None)
-    if shape is None:
-        raise node.fault(f"holds none of {', '.join(_SHAPES)}")
-    length = _length(node)
-    x, y, psi = (node.number(name) for name in ("x", "y", "hdg"))
-    s = node.number("s", low=0.0)
-    return ReferencePiece(s, x, y, psi, length, shape.tag, _figures(shape, length), node.line)
-
-
-def _figures(shape: Node, length: float) -> tuple[float, ...]:
-    if shape.tag == "line":
-        return (0.0, 0.0)
-    if shape.tag == "arc":
-        return (shape.number("curvature"),) * 2
-    if shape.tag == "spiral":
-        return (shape.number("curvStart"), shape.number("curvEnd"))
-    if shape.tag == "poly3":
-        return tuple(shape.number(name) for name in "abcd")
-    end = shape.choice("pRange", {"arcLength": length, "normalized": 1.0}, "normalized")
-    return (*(shape.number(f"{name}{axis}") for axis in "UV" for name in "abcd"), end)
-
-
 def _cubics(nodes: Iterable[Node], where: str) -> tuple[Cubic, ...]:
     """Polynomials in the order of where they begin."""
     rows = [
@@ -229,19 +149,16 @@ def _cubics(nodes: Iterable[Node], where: str) -> tuple[Cubic, ...]:
     return tuple(sorted(rows, key=lambda row: row.s))
 
 
-def _sections(lanes: Node, length: float, notes: _Notes) -> dict[Side, tuple[LaneSection, ...]]:
+def _sections(lanes: Node, length: float, notes: MapNotes) -> dict[Side, tuple[LaneSection, ...]]:
     """Lane sections by side; a section may be valid for one side alone."""
     out: dict[Side, tuple[LaneSection, ...]] = {}
     for side, name in ((LEFT, "left"), (RIGHT, "right")):
         found: list[tuple[float, dict[int, Lane]]] = []
-        for node in lanes.children("laneSection"):
+        for node in _in_order(lanes, side, notes):
             here = node.down(name, "lane")
             if not here and node.choice("singleSide", _YES, "false"):
                 continue
-            start = node.number("s", low=0.0)
-            if found and start < found[-1][0]:
-                raise node.fault(f"s is {start:g}, less than the {found[-1][0]:g} before it")
-            found.append((start, _lanes(here, side, notes)))
+            found.append((node.number("s", low=0.0), _lanes(here, side, notes)))
         ends = [*(start for start, _ in found[1:]), length]
         # An empty section stays: the links of its neighbours' lanes go through it.
         out[side] = tuple(
@@ -251,14 +168,23 @@ def _sections(lanes: Node, length: float, notes: _Notes) -> dict[Side, tuple[Lan
     return out
 
 
-def _lanes(nodes: list[Node], side: Side, notes: _Notes) -> dict[int, Lane]:
+def _in_order(lanes: Node, side: Side, notes: MapNotes) -> list[Node]:
+    """The lane sections of a road in the order of s."""
+    nodes = lanes.children("laneSection")
+    ordered = sorted(nodes, key=lambda node: node.number("s", low=0.0))
+    if ordered != nodes and side == LEFT:  # told once
+        notes.add(lanes.fault("its sections are not in the order of s"), "taken in that order")
+    return ordered
+
+
+def _lanes(nodes: list[Node], side: Side, notes: MapNotes) -> dict[int, Lane]:
     """Lanes by their numbers; where one is missing, nothing is known of those beyond it."""
     out: dict[int, Lane] = {}
     for node in nodes:
         lane = notes.without("this lane is", _lane, node, side, notes, default=None)
         if lane is not None and lane.number in out:
             fault = node.fault(f"id {lane.number} is there twice")
-            notes.add(fault, "the second of them is")
+            notes.add(fault, "the second of them is left out")
         elif lane is not None:
             out[lane.number] = lane
     inner = 0
@@ -266,27 +192,27 @@ def _lanes(nodes: list[Node], side: Side, notes: _Notes) -> dict[int, Lane]:
         inner += 1
     for number in [number for number in out if abs(number) > inner]:
         fault = nodes[0].fault(f"lane {number} has no neighbour towards the middle")
-        notes.add(fault, "it is")
+        notes.add(fault, "it is left out")
         del out[number]
     return out
 
 
-def _lane(node: Node, side: Side, notes: _Notes) -> Lane:
+def _lane(node: Node, side: Side, notes: MapNotes) -> Lane:
     number = node.integer("id")
     if number * side <= 0:
         raise node.fault(f"id is {number}, on the wrong side")
     width = _cubics(node.children("width"), "sOffset")
     border = () if width else _cubics(node.children("border"), "sOffset")
     before, after = (
-        notes.without("this link is", _lane_link, node, name, default=None)
+        notes.without("this link is", _lane_links, node, name, default=tuple[int, ...]())
         for name in ("predecessor", "successor")
     )
     return Lane(number, node.get("type", "none"), width, border, before, after, node.line)
 
 
-def _lane_link(lane: Node, name: str) -> int | None:
-    found = next(iter(lane.down("link", name)), None)
-    return None if found is None else found.integer("id")
+def _lane_links(lane: Node, name: str) -> tuple[int, ...]:
+    """Numbers of the lanes at one of its ends: several where it splits, or lanes become one."""
+    return tuple(dict.fromkeys(found.integer("id") for found in lane.down("link", name)))
 
 
 def _connection(node: Node) -> Connection | None:
@@ -295,6 +221,9 @@ def _connection(node: Node) -> Connection | None:
     # Of a virtual junction, one or the other may be missing: it leads nowhere.
     if not road or not incoming:
         return None
-    lanes = {link.integer("from"): link.integer("to") for link in node.children("laneLink")}
+    lanes: dict[int, tuple[int, ...]] = {}
+    for link in node.children("laneLink"):
+        number = link.integer("from")
+        lanes[number] = (*lanes.get(number, ()), link.integer("to"))
     at_start = node.choice("contactPoint", _CONTACTS, "start")
     return Connection(incoming, road, at_start, lanes)

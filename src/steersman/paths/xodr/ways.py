@@ -14,7 +14,7 @@ import numpy as np
 from steersman.errors import DataError
 from steersman.paths.xodr.joined import gap
 from steersman.paths.xodr.lane_line import Curve, changing_line, lane_line
-from steersman.paths.xodr.lanes import LaneGraph, Place, shortest, wander
+from steersman.paths.xodr.lanes import LaneGraph, Place, Wandered, shortest, wander
 from steersman.paths.xodr.model import MapFault, RoadNetwork
 
 # Places that a search for a random way may enter in all before it gives up.
@@ -173,9 +173,26 @@ class Ways:
     def random(self, seed: int, distance: float) -> list[Place]:
         """A way of at least that length [m] that begins on a drawn lane and never comes back.
 
+        Where none is that long, lanes are changed where one would end.
+
         Raises:
             DataError: none was found.
         """
+        found = self._wandered(seed, distance, self.next)
+        if found.way is None and self.change > 0.0:
+            found = self._wandered(seed, distance, self._next_or_beside)
+        if found.way is not None:
+            return found.way
+        sharp = f" and bends nowhere below {self.min_radius:g} m" if self.min_radius > 0.0 else ""
+        raise DataError(
+            f"no way of {distance:g} m was found that takes no lane twice{sharp};"
+            f" the longest is {found.longest:.0f} m; set path.distance"
+        )
+
+    def _wandered(
+        self, seed: int, distance: float, after: Callable[[Place], list[Place]]
+    ) -> Wandered:
+        """The first way that is long enough, from drawn places; else the length of the longest."""
         rng = np.random.default_rng(seed)
         starts = [place for place in self.graph.all() if self.fits(place)]
         left, longest = _MOST_ENTERED, 0.0
@@ -184,17 +201,11 @@ class Ways:
                 continue
             # No start may use up all that is left for the others.
             most = max(left // 2, 1)
-            found = wander(starts[i], distance, self.next, self.length, rng, most)
-            if found.way is not None:
-                return found.way
+            found = wander(starts[i], distance, after, self.length, rng, most)
             longest, left = max(longest, found.longest), left - found.entered
-            if left <= 0:
-                break
-        sharp = f" and bends nowhere below {self.min_radius:g} m" if self.min_radius > 0.0 else ""
-        raise DataError(
-            f"no way of {distance:g} m was found that takes no lane twice{sharp};"
-            f" the longest is {longest:.0f} m"
-        )
+            if found.way is not None or left <= 0:
+                return found._replace(longest=longest)
+        return Wandered(None, longest, 0)
 
     def _known(self, name: str) -> None:
         roads = self.network.roads

@@ -129,8 +129,9 @@ def parse(file: FilePath, cure: str = _CURE) -> tuple[Node, str]:
     data = read_bytes(file, cure, MAX_BYTES)
     if not data.strip():
         raise DataError(f"{file}: is empty; {cure}")
+    digest = hashlib.sha256(data).hexdigest()
     try:
-        root = etree.fromstring(data, parser)
+        root = etree.fromstring(_without_late_declaration(data), parser)
     except etree.XMLSyntaxError as error:
         line, text = error.lineno or 1, str(error.msg).partition(", line ")[0]
         raise DataError(f"{file}: line {line}: not valid XML: {text.strip()}") from None
@@ -141,8 +142,28 @@ def parse(file: FilePath, cure: str = _CURE) -> tuple[Node, str]:
         raise DataError(f"{file}: has a document type (<!DOCTYPE>), which is not read; remove it")
     if sum(1 for _ in root.iter()) > MAX_ELEMENTS:
         raise DataError(f"{file}: has more than {MAX_ELEMENTS} elements")
-    return Node(file, root), hashlib.sha256(data).hexdigest()
+    return Node(file, root), digest
 
 
 def _plain(tag: str) -> str:
     return tag.rpartition("}")[2]
+
+
+def _without_late_declaration(data: bytes) -> bytes:
+    """The file without an XML declaration after blanks or comments, where none is allowed.
+
+    Programs write it there all the same. Without it a file is in UTF-8.
+    """
+    at = 0
+    while True:
+        at = len(data) - len(data[at:].lstrip())
+        if not data.startswith(b"<!--", at):
+            break
+        end = data.find(b"-->", at + 4)
+        if end < 0:
+            return data
+        at = end + 3
+    end = data.find(b"?>", at)
+    if at == 0 or end < 0 or not data.startswith(b"<?xml", at):
+        return data
+    return data[:at] + b" " * (end + 2 - at) + data[end + 2 :]
