@@ -8,6 +8,7 @@ import pytest
 import steersman as sm
 from steersman import tuned
 
+SPEED = {"kind": "constant_speed", "speed": 15.0}
 BIASES = {"v_y": 0.1, "yaw_rate": 0.01, "v_x_scale": 0.05}
 
 
@@ -16,8 +17,8 @@ BIASES = {"v_y": 0.1, "yaw_rate": 0.01, "v_x_scale": 0.05}
 def test_the_road_is_believed(name: str, bias: str) -> None:
     wrong = [{"kind": "sensor_bias", bias: BIASES[bias]}]
     drives = [
-        sm.drive(name, path="circle", speed=15.0, duration=20.0, disturbances=disturbances)
-        for disturbances in ([], wrong)
+        sm.drive(name, path="circle", speed=SPEED, duration=20.0, disturbances=wrongs)
+        for wrongs in ([], wrong)
     ]
     moved = np.abs(drives[1]["lateral_error"] - drives[0]["lateral_error"])
     assert moved.max() < 0.2
