@@ -205,7 +205,7 @@ def noise() -> dict[str, Any]:
             "estimate_over_bound_by_road": [round(rms(row) / least, 2) for row in left],
             "driven_mm": _mm(found[1]),
             "driven_over_bound": round(found[1] / least, 2),
-            "mpc_delay_with_its_own_filter_mm": _mm(found[2]),
+            "mpc_delay_alone_mm": _mm(found[2]),
         }
         sys.stdout.write(f"{half}: {out[f'{half} m']}\n")
     return out
