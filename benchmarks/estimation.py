@@ -81,12 +81,6 @@ class Watched(Kalman):
         return (found - episode["lateral_error"])[episode["time"] > SETTLED]
 
 
-def plain_mpc() -> ControllerComponent:
-    """``mpc_delay`` without its own filter of the road: it has the least error of its own."""
-    found = entrant("tuned/mpc_delay").controller
-    return found.model_copy(update={"filter_road": False})
-
-
 def drive(controller: ControllerComponent, fields: dict[str, Any]) -> Episode:
     """A drive, as far as it went."""
     config = build(RunConfig, fields).model_copy(update={"controller": controller})
@@ -194,7 +188,10 @@ def noise() -> dict[str, Any]:
                 "seed": seed,
             }
             watched = Watched()
-            episode = drive(Estimated(estimator=watched, controller=plain_mpc()), fields)
+            episode = drive(
+                Estimated(estimator=watched, controller=entrant("tuned/mpc_delay").controller),
+                fields,
+            )
             left.append(watched.errors(episode))
             driven.append(episode["lateral_error"][episode["time"] > SETTLED])
             own = drive(entrant("tuned/mpc_delay").controller, fields)

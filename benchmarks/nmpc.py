@@ -172,7 +172,7 @@ def decision_times(rounds: int) -> dict[str, float]:
     path = PosedRoad()
     cars = [beside(path, 5.0 + 0.5 * i, d=0.01, velocity=(10.0, 0.0)) for i in range(100)]
     row = [observe(path, state, 5.0 + 0.5 * i) for i, state in enumerate(cars)]
-    plain = {"filter_road": False, "delay": 0.0}
+    plain = {"delay": 0.0}
     rivals: dict[str, ControllerComponent] = {"nmpc": Nmpc(**plain), "mpc_delay": MpcDelay(**plain)}
     times: dict[str, list[float]] = {name: [] for name in rivals}
     for k in range(rounds + 1):

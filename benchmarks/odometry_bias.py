@@ -69,15 +69,10 @@ class Biased(Wrapper):
 
 
 def controllers() -> dict[str, ControllerComponent]:
-    """As shipped, and what of ``mpc_delay`` has to do with it switched off."""
-    mpc = entrant("tuned/mpc_delay").controller
-    plain = {"filter_road": False}
-    null = {"disturbance_time": None}
+    """``mpc_delay`` alone and behind the estimator, and the shipped policy."""
     return {
-        "mpc_delay": mpc,
-        "mpc_delay, disturbance_time null": mpc.model_copy(update=null),
-        "mpc_delay, filter_road false": mpc.model_copy(update=plain),
-        "mpc_delay, both": mpc.model_copy(update={**null, **plain}),
+        "mpc_delay": entrant("tuned/mpc_delay").controller,
+        "estimated mpc_delay": entrant("estimated/tuned/mpc_delay").controller,
         "policy": entrant("precision").controller,
     }
 

@@ -35,7 +35,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "estimated-predicted": {"kind": "estimated", "predictor": "single_track"},
     "mpc-limits": {"kind": "mpc", "rate_limit": True, "corridor": 0.2, "scheduled": True},
     "mpc_delay-given": {"kind": "mpc_delay", "delay": 0.12},
-    "mpc_delay-plain": {"kind": "mpc_delay", "disturbance_time": None, "filter_road": False},
+    "mpc_delay-plain": {"kind": "mpc_delay", "disturbance_time": None},
     "mpc_pid-limits": {"kind": "mpc_pid", "rate_limit": True, "corridor": 0.2},
     "mpc_pid-scheduled": {"kind": "mpc_pid", "scheduled": True},
     "mpc_pid-wrong": {"kind": "mpc_pid", "model_error": {"mass": 1.3, "c_r": 0.8}},

@@ -195,13 +195,15 @@ def mpc_delay() -> dict[str, Any]:
 
 
 def mpc_delay_noise() -> dict[str, Any]:
-    """What the filter of the road takes out of the steering."""
-    noisy = WaypointSensor(error_range=0.1)
+    """What the estimator takes out of the steering on a noisy road."""
+    noisy, alone = WaypointSensor(error_range=0.1), {"kind": "mpc_delay"}
+    controllers = {
+        "mpc_delay alone": alone,
+        "mpc_delay behind the estimator": {"kind": "estimated", "controller": alone},
+    }
     episodes = {
-        f"filter_road: {str(filtered).lower()}": drive(
-            {"kind": "mpc_delay", "filter_road": filtered}, DoubleLaneChange(), 10.0, sensor=noisy
-        )
-        for filtered in (False, True)
+        name: drive(controller, DoubleLaneChange(), 10.0, sensor=noisy)
+        for name, controller in controllers.items()
     }
     title = "Waypoints shifted by up to 0.1 m: double lane change at 10 m/s"
     return over_time(title, episodes, "steer_command", "steering command [-]")

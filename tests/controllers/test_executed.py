@@ -52,10 +52,7 @@ def test_mpc_delay_predicts_what_was_executed(delay: float) -> None:
 
 
 def test_mpc_delay_finds_the_delay_of_what_was_executed() -> None:
-    found = {
-        told: ridden(MpcDelay(filter_road=False), delay=0.15, told=told).motion.delay
-        for told in (True, False)
-    }
+    found = {told: ridden(MpcDelay(), delay=0.15, told=told).motion.delay for told in (True, False)}
     assert found[True] == pytest.approx(0.15, abs=0.03)
     assert found[False] != pytest.approx(0.15, abs=0.03)
 

@@ -31,7 +31,7 @@ from .test_mpc import least_distance
 
 N, V = 20, 10.0
 WEIGHTS = Weights(1.0, 0.02, 0.3, 0.05, 0.4, 5.0)
-PLAIN = MpcDelay(delay=0.0, disturbance_time=None, filter_road=False)
+PLAIN = MpcDelay(delay=0.0, disturbance_time=None)
 
 
 def problem(seed: int = 0, size: float = 1.0, most: float = 0.5, step: float = 0.1) -> PlanProblem:

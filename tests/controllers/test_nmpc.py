@@ -23,7 +23,7 @@ from ..loops import CAR, DT, Posed, beside, drive, observe
 
 N = 12
 ROW = CAR.table.rows[0]
-PLAIN = {"delay": 0.0, "disturbance_time": None, "filter_road": False, "estimate_friction": False}
+PLAIN = {"delay": 0.0, "disturbance_time": None, "estimate_friction": False}
 
 
 def problem(grips: tuple[float, float] = (9e3, 6e3), v: float = 15.0) -> Nlp:
@@ -167,7 +167,7 @@ def test_a_delay_costs_little(delay: float) -> None:
 
 def test_a_solver_that_fails_goes_on_with_the_last_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(nmpc_plan, "improved", lambda *_: None)
-    path, controller = Posed(), Nmpc(filter_road=False)
+    path, controller = Posed(), Nmpc()
     seen = observe(path, beside(path, 5.0, d=0.1), 5.0)
     decision, state = controller.step(controller.init(CAR, DT), seen)
     assert decision.status is Status.FALLBACK

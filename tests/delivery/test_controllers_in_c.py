@@ -136,8 +136,7 @@ DESIGNS: dict[str, dict[str, Any]] = {
         "model_error.mass": "0.5..2",
     },
     "tyres and weights of a plan": {
-        "base": {"kind": "mpc_delay", "horizon": 4, "filter_road": False,
-                 "estimate_friction": False},
+        "base": {"kind": "mpc_delay", "horizon": 4, "estimate_friction": False},
         "model_error.friction": "0.1..1.2:log", "r_change": "0.1..20:log",
     },
 }  # fmt: skip

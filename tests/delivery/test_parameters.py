@@ -16,7 +16,6 @@ from steersman.delivery.parameter_table import entries, table_text
 
 SMALL = (
     "controller.horizon=3",
-    "controller.filter_road=false",
     "controller.estimate_friction=false",
     "controller.delay=0.1",
 )

@@ -1,8 +1,8 @@
 """The suite ``tuning``, on which gains are tuned, and suites on a user's car and road.
 
 It holds every class of disturbance of the test suite at other values, on roads of a generator that
-neither tests nor trainings use. Each disturbance is met once, on one of the roads: a trial of the
-search drives the whole suite.
+neither tests nor trainings use. Each disturbance is met once, on one of the roads, and every road
+has two drives that slide: a trial of the search drives the whole suite.
 """
 
 from __future__ import annotations
@@ -83,6 +83,13 @@ def disturbances() -> dict[str, Disturbance]:
     }
 
 
+# On the way out of a bend the wheels' drive takes what grip the bend leaves, and the car slides.
+_SLIDES = {
+    "friction_0.75_fast": Disturbance(friction=0.75, used_grip=0.75),
+    "friction_0.65_fast": Disturbance(friction=0.65, used_grip=0.7),
+}
+
+
 def tuning() -> Suite:
     """Gains are tuned here."""
     known, mixed = disturbances(), {"mixed_1": _MIXED, "mixed_2": _MIXED}
@@ -93,12 +100,14 @@ def tuning() -> Suite:
         steady, more = names[k :: 2 * _ROADS], names[k + _ROADS :: 2 * _ROADS]
         speeds: Speeds = {"steady": constant(14.0), "changing": changing(23.0)}
         only = {"steady": (CLEAN, *steady), "changing": (CLEAN, *more)}
+        only["changing"] += tuple(_SLIDES)
         if k < len(_STOPPING):
             speeds["stop_and_go"] = StopAndGo(speed=7.0, hold=6.0, a_lat_max=5.0)
             only["stop_and_go"] = _STOPPING[k]
         road = HarmonicRoad(seed=k, distance=_LENGTH)
         courses[f"harmonic_{k}"] = Course(path=road, speeds=speeds, only=only)
-    return Suite(courses=courses, disturbances={CLEAN: Disturbance(), **known}, mixed=mixed)
+    single = {CLEAN: Disturbance(), **known, **_SLIDES}
+    return Suite(courses=courses, disturbances=single, mixed=mixed)
 
 
 _STOPPING = ((CLEAN, "yaw_rate_bias"), ("delay_160ms", "beside"))

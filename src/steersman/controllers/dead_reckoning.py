@@ -13,7 +13,7 @@ import numpy as np
 from steersman.controllers.mpc_delay_plan import pose
 from steersman.controllers.single_track import steady_wheel_angle
 from steersman.kernels import mpc_delay as kernel
-from steersman.kernels import road_filter
+from steersman.kernels import road_smoother
 from steersman.kernels.grip import NO_LIMIT
 from steersman.kernels.observe import O_PREVIEW
 from steersman.kernels.predict import seen_from
@@ -33,14 +33,14 @@ def quiet(seen: Observation) -> FloatArray:
     """Its waypoints, smoothed as far as their third differences are more than a road's [m].
 
     While no new observation arrives their errors stay the same, and a filter over time would take
-    them for the road. The smoother of ``mpc_delay`` hardly changes exact waypoints.
+    them for the road. Exact waypoints hardly change.
     """
     points = np.ascontiguousarray(seen.preview)
-    noise = road_filter.roughness(points)
+    noise = road_smoother.roughness(points)
     if not 0.0 < noise < math.inf:
         return points
     out, factor = np.empty_like(points), np.empty((len(points), len(points)))
-    road_filter.smooth_points(points, seen.spacing, np.ones(len(points)), noise, factor, out)
+    road_smoother.smooth_points(points, seen.spacing, noise, factor, out)
     return out if np.isfinite(out).all() else points
 
 

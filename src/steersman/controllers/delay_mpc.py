@@ -23,7 +23,6 @@ from steersman.controllers.motion_estimate import (
 from steersman.controllers.mpc_delay_plan import Tables, Weights, build_tables, pose
 from steersman.controllers.nmpc_plan import Ahead, iterated, problem
 from steersman.controllers.plausible import ACROSS, nearer
-from steersman.controllers.road_filter import NOTHING_SEEN, RoadState, first_look, fuse
 from steersman.kernels import grip
 from steersman.kernels import mpc_delay as kernel
 from steersman.kernels.vehicle import L_F
@@ -38,8 +37,6 @@ class DelayMpcState(NamedTuple):
 
     motion: MotionEstimate
     tables: Tables
-    road: RoadState = NOTHING_SEEN
-    """State of the road filter, if there is one."""
     angle: float = 0.0
     """Last commanded wheel angle [rad]."""
     kappa: float = 0.0
@@ -89,10 +86,6 @@ class DelayMpc(ControllerComponent):
     estimate_friction: bool = param(
         True, "-", "Find the friction from the car's motion; else it is the nominal one."
     )
-    filter_road: bool = param(
-        True, "-", "Filter errors and waypoints over time, as far as they are noisy."
-    )
-
     model_error: TyreModelError = param(
         TyreModelError(), "-", "How wrong the model's parameters are."
     )
@@ -124,7 +117,7 @@ class DelayMpc(ControllerComponent):
         self, state: DelayMpcState, observation: Observation
     ) -> tuple[float, Status, DelayMpcState]:
         """Normalised steering, unclipped."""
-        o, state = self._observe(state, observation)
+        o, state = observation, self._watched(state, observation)
         known = state.motion
         delay, motion = known.delay, pose(nearer(o, self.horizon * known.dt))
         kernel.through_delay(
@@ -162,15 +155,12 @@ class DelayMpc(ControllerComponent):
         angle = kernel.wheel_angle(motion.vehicle.table, steer, motion.speed_in(motion.delay))
         return state._replace(motion=motion._replace(commands=commands), angle=angle)
 
-    def _observe(self, state: DelayMpcState, o: Observation) -> tuple[Observation, DelayMpcState]:
-        """The observation, filtered, and the state with its estimates brought up to date."""
+    def _watched(self, state: DelayMpcState, o: Observation) -> DelayMpcState:
+        """The state with its estimates brought up to date."""
         motion = state.motion
         if not motion.begun:
             angle = kernel.wheel_angle(motion.vehicle.table, o.steer, max(o.v_x, SLOWEST))
-            road = first_look(o) if self.filter_road else NOTHING_SEEN
-            return o, state._replace(
-                motion=first_seen(motion, o), road=road, angle=angle, kappa=o.curvature
-            )
+            return state._replace(motion=first_seen(motion, o), angle=angle, kappa=o.curvature)
         motion = watched(
             motion,
             o,
@@ -178,13 +168,7 @@ class DelayMpc(ControllerComponent):
             disturbance_time=self.disturbance_time,
             find_friction=self.estimate_friction,
         )
-        road = state.road
-        if self.filter_road:
-            if road.points.shape != o.preview.shape:
-                road = first_look(o)
-            else:
-                o, road = fuse(road, o, motion.dt)
-        return o, state._replace(motion=motion, road=road)
+        return state._replace(motion=motion)
 
 
 def replanned(
