@@ -65,6 +65,23 @@ def test_all_settings_of_the_table_changed_leave_the_program(word: str) -> None:
     assert text.header(made) == text.header(again)
 
 
+@pytest.mark.parametrize("word", tuned.names())
+def test_what_a_search_may_choose_leaves_as_c(word: str) -> None:
+    """All settings at the lower and at the upper ends of the search, and each switch turned."""
+    setting = exported(word).setting
+    controller = setting.controller
+    low, high = controller, controller
+    for name, ends in controller.search.items():
+        low, high = (
+            replaced(each, name.split("."), end)
+            for each, end in zip((low, high), ends[:2], strict=True)
+        )
+    switches = [name for name, value in controller if isinstance(value, bool)]
+    turned = [replaced(controller, [name], not getattr(controller, name)) for name in switches]
+    for each in (low, high, *turned):
+        translated(setting._replace(controller=each))
+
+
 def test_what_a_design_is_made_of_is_constant() -> None:
     made = exported("tuned/mpc_delay")
     setting = made.setting

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from steersman.kernels import linear_system
-from steersman.kernels.preview import curvature_at
+from steersman.kernels.preview import curvature_at, fitted_curvature
 from steersman.types import FloatArray, Observation
 from steersman.vehicles import Vehicle
 
@@ -136,16 +136,7 @@ def preview_curvature(observation: Observation, distance: float, window: float =
     if count > _THREE:
         centre = round(distance / o.spacing)
         first = min(max(centre - count // 2, 0), len(o.preview) - count)
-        return _fitted_curvature(o.preview[first : first + count], o.spacing)
+        return fitted_curvature(o.preview, first, count, o.spacing)
     if distance <= 0.0:
         return o.curvature
     return curvature_at(o.preview, o.spacing, o.curvature, distance)
-
-
-def _fitted_curvature(points: FloatArray, spacing: float) -> float:
-    """Curvature at the middle of the parabola x(u), y(u) that fits the points best [1/m]."""
-    u = spacing * (np.arange(len(points)) - 0.5 * (len(points) - 1))
-    bend = u * u - (u * u).mean()
-    x_1, y_1 = (u @ points / (u @ u)).tolist()
-    x_2, y_2 = (2.0 * (bend @ points) / (bend @ bend)).tolist()
-    return float((x_1 * y_2 - y_1 * x_2) / max((x_1 * x_1 + y_1 * y_1) ** 1.5, 1e-12))

@@ -125,3 +125,28 @@ def curvature_at(preview: FloatArray, spacing: float, beside: float, u: float) -
     i = min(int(t), preview.shape[0] - 3)
     before = beside if i == 0 else curvature_of(preview, i)
     return float(before + (t - i) * (curvature_of(preview, i + 1) - before))
+
+
+@kernel
+def fitted_curvature(points: FloatArray, first: int, count: int, spacing: float) -> float:
+    """Curvature at the middle of the parabola x(u), y(u) that fits ``count`` points best [1/m].
+
+    The points (n, 2) from ``first`` on, ``spacing`` [m] apart; three at least.
+    """
+    # u is symmetric, so slope and bend have a least-squares fit of their own.
+    mean = spacing * spacing * (count * count - 1.0) / 12.0
+    slopes, bends = 0.0, 0.0
+    x_1, y_1, x_2, y_2 = 0.0, 0.0, 0.0, 0.0
+    for i in range(count):
+        u = spacing * (i - 0.5 * (count - 1))
+        bend = u * u - mean
+        x, y = points[first + i, 0], points[first + i, 1]
+        slopes += u * u
+        bends += bend * bend
+        x_1 += u * x
+        y_1 += u * y
+        x_2 += 2.0 * bend * x
+        y_2 += 2.0 * bend * y
+    x_1, y_1, x_2, y_2 = x_1 / slopes, y_1 / slopes, x_2 / bends, y_2 / bends
+    curvature: float = (x_1 * y_2 - y_1 * x_2) / max((x_1 * x_1 + y_1 * y_1) ** 1.5, 1e-12)
+    return curvature
