@@ -16,7 +16,6 @@ from pathlib import Path as FilePath
 from types import SimpleNamespace
 from typing import Any
 
-import numba
 import pytest
 import typer
 from tests.loops import random_policy
@@ -596,20 +595,6 @@ class TestOutput:
         assert "reward [m] 0.5" in printed.err
         assert "seed 1: reward 0.7" in printed.err
         assert printed.out == ""
-
-    def test_compiling_is_told_once_in_a_terminal(
-        self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-    ) -> None:
-        output.tell_compiling()  # no terminal, no line
-        numba.njit(lambda x: x + 1)(1)
-        assert capsys.readouterr().err == ""
-        monkeypatch.setattr(sys, "stderr", Terminal(sys.stderr))
-        output._listen_for_compiling().told = False  # whatever the tests before compiled
-        output.tell_compiling()
-        output.tell_compiling()  # each bar of a command calls it
-        numba.njit(lambda x: x + 2)(1)
-        numba.njit(lambda x: x + 3)(1)
-        assert capsys.readouterr().err.count("compiling") == 1
 
     def test_numbers_never_break(self, capsys: pytest.CaptureFixture[str]) -> None:
         table = output.table("measured", "unit", "run", "late", right=("run", "late"))

@@ -164,6 +164,10 @@ def test_missing_folder_and_binary(tmp_path: FilePath) -> None:
         ("x,y\n5,5\n5,5\n5,5\n", "holds 1 points"),
         ("x,y\n0,0\n10,0\n5,0.1\n15,0\n", "line 3: the path turns back"),
         ("x,y\n0,0\n1e7,0\n2e7,0\n", "give positions in metres"),
+        ("x,y\n0,0\n2e5,0\n4e5,9e4\n", "if they are in mm, set columns to x_mm=x,y_mm=y"),
+        ("x,y\n0,0\n.2,0\n.4,.1\n", "if in km, to x_km=x,y_km=y"),
+        ("Logger 7\nDate: 2024-05-01, 10:30\na,b\n0,0\n1,0\n2,0\n", "line 3: no column x and y"),
+        ("Logger 7, serial\nx [ft US],y\n0,0\n1,0\n2,0\n", "line 2: x in 'ftus' is not known"),
         ("x,y\n0,0\n.5,0\n.5,.02\n1,.02\n1,.04\n1.5,.04\n1.5,.06\n", "turns with a radius of 0.0"),
     ],
 )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from steersman.cli import settings
-from steersman.cli.output import note, show, show_json, table, tell_compiling, write
+from steersman.cli.output import note, show, show_json, table, write
 from steersman.errors import ConfigError, one_line, suggestion
 
 if TYPE_CHECKING:
@@ -135,7 +135,6 @@ def check_component(
     name, assignments = split(words)
     if name is None:
         raise ConfigError(f"{words[0]!r} is a setting; first comes a name, e.g. controller.lqr")
-    tell_compiling()
     if name in families() and assignments:
         raise ConfigError(f"{assignments[0]}: fields go with one component, e.g. controller.lqr")
     whole = name in families()

@@ -39,6 +39,8 @@ MOST_BYTES = 50_000_000
 _FARTHEST = 1e8
 # A shorter path in "metres" of such numbers is one in degrees [m].
 _TOO_SHORT = 1.0
+# A longer one [m] in even steps is in millimetres; points so far apart [m] are told.
+_TOO_LONG, _FAR_APART = 250_000.0, 100.0
 _PAIR = 2
 # Largest latitude, and longitude as some write it [deg].
 _NORTHMOST, _ROUND = 90.0, 360.0
@@ -107,13 +109,16 @@ def read_points(
     Raises:
         DataError: the file cannot be used; one line says where and what to do.
     """
+    given = dict(columns or {})
+    named = {name: wanted for name, wanted in given.items() if not wanted.title.isdecimal()}
 
     def is_header(titles: list[str]) -> bool:
-        alike = Sheet(file, titles, 0, [], [])
-        return _pair(find(alike, COLUMNS)) is not None
+        try:
+            return _pair(find(Sheet(file, titles, 0, [], []), COLUMNS, named)) is not None
+        except DataError:  # without what the user names; or in another unit, told with its line
+            return not named
 
     sheet = read_sheet(file, _CURE, is_header, MOST_BYTES)
-    given = dict(columns or {})
     notes: tuple[str, ...] = ()
     if not sheet.headed and not given:
         given, notes = _unnamed(sheet)
@@ -210,14 +215,22 @@ def _checked(
     if pair == ("latitude", "longitude"):
         return in_the_plane(points)
     refuse_far(points)
+    x, y = (sheet.titles[found[name].place] for name in pair)
     chords = np.hypot(np.diff(points.x), np.diff(points.y))
-    length = float(np.sum(chords))
+    length, usual = float(np.sum(chords)), float(np.median(chords)) if chords.size else 0.0
     if 0.0 < length < _TOO_SHORT and np.all(np.abs(points.y) <= _NORTHMOST):
-        x, y = (sheet.titles[found[name].place] for name in pair)
         raise DataError(
             f"{points.file}: the path is {length:.2g} m long; if it is in degrees, set"
-            f" columns to longitude={x},latitude={y}"
+            f" columns to longitude={x},latitude={y}, if in km, to x_km={x},y_km={y}"
         )
+    apart = f"the points are {usual:.0f} m apart"
+    if usual * chords.size > _TOO_LONG:
+        raise DataError(
+            f"{points.file}: {apart}, the path {1e-3 * length:.0f} km long; give positions in"
+            f" metres, or if they are in mm, set columns to x_mm={x},y_mm={y}"
+        )
+    if usual > _FAR_APART:
+        points = points.noted(f"{apart}; if they are in cm, set columns to x_cm={x},y_cm={y}")
     return points
 
 
