@@ -273,6 +273,24 @@ def test_ends_that_cross(tmp_path: FilePath) -> None:
     )
 
 
+@pytest.mark.parametrize("closed", [True, False])
+@pytest.mark.parametrize("spacing", [0.5, 2.0])
+def test_what_a_message_says_to_set_cures_it(
+    tmp_path: FilePath, closed: bool, spacing: float
+) -> None:
+    """A recording that stands with noise, then drives a lap or part of one."""
+    rng = np.random.default_rng(1)
+    angle = np.arange(0.0, 2.0 * np.pi if closed else 4.0, spacing / 60.0)
+    angle = np.concatenate((np.zeros(60), angle))
+    place = 60.0 * np.stack((np.cos(angle), np.sin(angle)), axis=1)
+    noisy = place + rng.normal(0.0, 0.03, place.shape)
+    file = write_csv(tmp_path / "stood.csv", [(x, y) for x, y in noisy.tolist()])
+    text = refused(file)
+    assert "set smoothing to auto, which takes it for 0.0" in text
+    assert CsvPath(file=file, smoothing="auto").closed == closed
+    assert "set loop to false" not in text  # as it stands, the points turn back
+
+
 def test_smoothing_needs_points(tmp_path: FilePath) -> None:
     file = write_csv(tmp_path / "short.csv", LINE[:3])
     assert "at least 5 points" in refused(file, smoothing=0.1)

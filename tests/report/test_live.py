@@ -275,6 +275,20 @@ def until(page, words, arg=None):
 
 
 FIRST_TO_LAST = ("pin", "figures", "choose", "replay", "failures")
+# Whether the upper and the lower end of the driver's view have the road's colour.
+ROAD_SHARES = """() => {
+  const canvas = document.getElementById('view');
+  const context = canvas.getContext('2d');
+  context.fillStyle = getComputedStyle(document.documentElement).getPropertyValue('--road');
+  const road = [1, 3, 5].map((k) => parseInt(context.fillStyle.slice(k, k + 2), 16));
+  const all = context.getImageData(0, 0, canvas.width, canvas.height).data;
+  return [0.3, 0.98].map((share) => {
+    const from = 4 * canvas.width * Math.round(share * (canvas.height - 1));
+    const row = all.subarray(from, from + 4 * canvas.width);
+    const same = (i) => road.every((value, k) => Math.abs(row[i + k] - value) < 3);
+    return row.filter((_, i) => i % 4 === 0 && same(i)).length > 20;
+  });
+}"""
 FIGURES = "() => document.querySelector('#figures tbody').textContent"
 
 
@@ -325,6 +339,7 @@ def test_in_a_browser(browser, port, tmp_path):
         page.click("#wheel")
         page.keyboard.down("ArrowRight")
         until(page, "() => parseFloat(document.getElementById('hand-values').textContent) > 0.5")
+        assert page.evaluate(ROAD_SHARES) == [True, True]  # ahead of the car and behind it
         page.keyboard.up("ArrowRight")
         page.keyboard.press("Escape")
         until(page, "() => document.getElementById('kept').textContent.includes('hand_1')")
@@ -332,6 +347,17 @@ def test_in_a_browser(browser, port, tmp_path):
         assert episode.end in {"interrupted", "off_track"}
         assert episode["steer_command"].min() < -0.02  # to the right
         assert len(episode) >= 10
+        assert "By hand: stopped by you, after " in page.text_content("#kept")
+        assert "stopped by you" in page.text_content("#figures")
+        # With a game pad, until the car has left the road.
+        page.evaluate("navigator.getGamepads = () => [null, { axes: [-0.9, 0], buttons: [] }]")
+        page.click("#wheel")
+        until(page, lambda: "game pad" in page.text_content("#hand-values"))
+        until(page, "() => document.getElementById('kept').textContent.includes('hand_2')")
+        assert "By hand: you left the road, after " in page.text_content("#kept")
+        episode = load_episode(tmp_path / "hand_2" / "episode.npz")
+        assert episode["steer_command"].max() > 0.05  # to the left
+        assert episode.end == "off_track"
         assert faults == []
     # The server is gone, and comes back: the page goes on where it was.
     other.locator("select[name=path]").select_option("straight")

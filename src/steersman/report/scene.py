@@ -117,7 +117,7 @@ def _run(
         "completed": episode.completed,
         "dt": episode.dt,
         "kept": len(rows) == len(episode),
-        "car": {**_car(vehicle), "known": known},
+        "car": {**car_of(vehicle), "known": known},
         "columns": {
             **_place(episode, rows, origin, blob),
             **{
@@ -158,7 +158,7 @@ def _rising(values: FloatArray) -> FloatArray:
     return np.where(np.isfinite(top), top, 0.0)
 
 
-def _car(vehicle: Vehicle) -> dict[str, Any]:
+def car_of(vehicle: Vehicle) -> dict[str, Any]:
     """What is drawn of a car [m]; lengths from the centre of mass, the body's middle mid-axle."""
     return {
         "lf": vehicle.l_f,
