@@ -23,6 +23,7 @@ from steersman.live.form import Choices, ChosenPart, chosen, form
 from steersman.live.page import LiveAddress
 from steersman.live.relay import Relay
 from steersman.live.server import reachable
+from steersman.live.training import FollowedTraining, TrainingRequest
 from steersman.policy_file import locate
 from steersman.report import seen
 from steersman.rollout import attempt
@@ -125,6 +126,7 @@ def test_a_map_drives_disturbed(address):
         assert words in json.loads(text)["error"]
 
 
+NEWEST = "Drive the newest policy"
 STATES = "() => document.getElementById('states').textContent"
 
 
@@ -153,6 +155,10 @@ def test_a_training_is_followed(browser, port, tmp_path):
             page.get_by_role("button", name=button, exact=True).click()
             until(page, lambda word=request: asked.is_file() and asked.read_text() == word)
         assert page.get_by_role("button", name="Go on").is_disabled()
+        ended = state.model_copy(update={"state": "ended", "steps": 99})
+        (run / "state.json").write_text(ended.model_dump_json())
+        until(page, "() => document.querySelector('[data-ask=stop]').hidden")
+        assert page.locator("#training button:visible").all_inner_texts()[-1] == NEWEST
         page.check("#validations")
         until(page, "() => document.querySelector('#figures').textContent.includes('seed_0')")
         record(1, 3)
@@ -163,6 +169,20 @@ def test_a_training_is_followed(browser, port, tmp_path):
         page.click("#newest")
         until(page, "() => document.getElementById('command').textContent.includes('policy.onnx')")
         page.close()
+
+
+def test_a_training_alone_has_its_folders_name(tmp_path):
+    run = tmp_path / "mine"
+    run.mkdir()
+    (run / "progress.csv").write_text("steps,validation_error_mm\n1,100\n")
+    (run / "state.json").write_text(
+        TrainingState(state="ended", steps=9, total=9).model_dump_json()
+    )
+    attempt(BASE).episode.save(run / "validation.npz")
+    found = FollowedTraining(run).answer(TrainingRequest(drive=0.0))
+    assert [one["name"] for one in found["training"]["runs"]] == ["mine"]
+    assert [one["words"] for one in found["states"]] == ["mine: ended, 9 of 9 steps"]
+    assert found["drive"]["figures"]["runs"] == ["validation of mine"]
 
 
 def test_a_person_demonstrates_to_a_training(browser, port, tmp_path):

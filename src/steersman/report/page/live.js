@@ -4,8 +4,13 @@ const WAIT = 1000; // until a server that is gone is looked for again [ms]
 const MOST_PINS = 5;
 const SIDE = 11; // cells along a side of the map of failures
 const BATCH = 4; // of its drives in one request
-// A number for a box, without the digits that rounding leaves.
-const short = (value) => (typeof value === "number" ? String(Number(value.toPrecision(4))) : "");
+// A number for a box: four digits, and never a power of ten.
+function short(value) {
+  if (typeof value !== "number") return "";
+  const rounded = Number(value.toPrecision(4));
+  if (!rounded || Math.abs(rounded) >= 1e-6) return String(rounded);
+  return rounded.toFixed(Math.min(3 - Math.floor(Math.log10(Math.abs(rounded))), 20)).replace(/0+$/, "");
+}
 const byId = (id) => document.getElementById(id);
 
 function complain(words) {
@@ -119,8 +124,10 @@ class LiveForm {
       const place = (value) => (log ? Math.log(Math.max(value, low)) : value);
       slider.value = place(given() ?? low);
       slider.addEventListener("input", () => {
-        const value = log ? Math.exp(Number(slider.value)) : Number(slider.value);
-        box.value = whole ? Math.round(value) : Number(value.toPrecision(4));
+        const at = Number(slider.value);
+        // Steps of a range across zero miss it by what rounding leaves.
+        const value = log ? Math.exp(at) : Math.abs(at) < (to - from) / 1e6 ? 0 : at;
+        box.value = whole ? Math.round(value) : short(value);
         write(Number(box.value));
       });
       box.addEventListener("change", () => {
@@ -235,6 +242,9 @@ class LiveTraining {
     const any = (state) => states.some((one) => one.state === state);
     const usable = { pause: any("running"), "go on": any("paused"), stop: any("running") || any("paused") };
     for (const button of this.buttons) button.disabled = !usable[button.dataset.ask];
+    // What has ended is not paused, stopped or shown anything.
+    const over = states.length > 0 && !any("running") && !any("paused");
+    for (const button of [...this.buttons, byId("demonstrate")]) button.hidden = over;
     const rows = states.map(({ words, alarms }) => element("li", {}, words, ...alarms.map((alarm) => element("div", { class: "alarm" }, `⚠ ${alarm}`))));
     byId("states").replaceChildren(...rows);
   }

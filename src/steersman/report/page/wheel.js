@@ -1,6 +1,7 @@
 // The wheel: keys or a game pad steer, and the road as it is driven, from behind and above the car.
 
 const HANDS_ON = 500; // after the last key there are hands on the wheel for so long [ms]
+const HARDEST = 20; // keys steer so far times speed squared: about 4 m/s^2 to the side [m^2/s^2]
 const AHEAD = 4; // seconds of road ahead of the car
 const [NEAREST, FARTHEST_AHEAD] = [35, 130]; // metres of it, at least and at most
 const CAR_AT = 0.72; // of the picture's height, from its top
@@ -180,7 +181,7 @@ class HandAtWheel {
 
   // Keys turn the wheel at a rate, and less far the faster the car is; a pad sets its angle.
   turn(seconds, speed) {
-    const most = clamp(3 / Math.max(speed, 3), 0.08, 0.6);
+    const most = clamp(HARDEST / Math.max(speed, 1) ** 2, 0.03, 0.6);
     const held = (one) => one && (Math.abs(one.axes[0]) > 0.05 || one.buttons.some(({ pressed }) => pressed));
     const pad = [...navigator.getGamepads()].find(held);
     if (pad || this.keys.size) this.held = performance.now();
