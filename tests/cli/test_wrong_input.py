@@ -25,7 +25,9 @@ WRONG = [
     ("show pth circle", "unknown kind of component 'pth'; did you mean 'path'?"),
     ("show path", "show path: which one? names: circle, clothoid_road"),
     ("show path circel", "unknown path 'circel'; did you mean 'circle'?"),
-    ("show drive path", "'path' is too much"),
+    ("show drive path", "'path' is neither a file nor the name of a component"),
+    ("show vehicle typo.yaml", "typo.yaml: holds no vehicle"),
+    ("show bench cor", "did you mean 'core'?"),
     # keys and values
     ("drive contoller=pid", "contoller: unknown field; did you mean 'controller'?"),
     ("drive controller=mpcpid", "controller: unknown controller 'mpcpid'; did you mean 'mpc_pid'?"),

@@ -322,6 +322,32 @@ def slide(page, name, share):
     until(page, f"(before) => ({FIGURES})() !== before", before)
 
 
+def by_hand(page, folder):
+    """With keys, then with a game pad; what was driven is an episode to learn from."""
+    page.click("#wheel")
+    page.keyboard.down("ArrowRight")
+    until(page, "() => parseFloat(document.getElementById('hand-values').textContent) > 0.5")
+    assert page.evaluate(ROAD_SHARES) == [True, True]  # ahead of the car and behind it
+    page.keyboard.up("ArrowRight")
+    page.keyboard.press("Escape")
+    until(page, "() => document.getElementById('kept').textContent.includes('hand_1')")
+    episode = load_episode(folder / "hand_1" / "episode.npz")
+    assert episode.end in {"interrupted", "off_track"}
+    assert episode["steer_command"].min() < -0.02  # to the right
+    assert len(episode) >= 10
+    assert "By hand: stopped by you, after " in page.text_content("#kept")
+    assert "stopped by you" in page.text_content("#figures")
+    # With a game pad, until the car has left the road.
+    page.evaluate("navigator.getGamepads = () => [null, { axes: [-0.9, 0], buttons: [] }]")
+    page.click("#wheel")
+    until(page, lambda: "game pad" in page.text_content("#hand-values"))
+    until(page, "() => document.getElementById('kept').textContent.includes('hand_2')")
+    assert "By hand: you left the road, after " in page.text_content("#kept")
+    episode = load_episode(folder / "hand_2" / "episode.npz")
+    assert episode["steer_command"].max() > 0.05  # to the left
+    assert episode.end == "off_track"
+
+
 def test_in_a_browser(browser, port, tmp_path):
     faults = []
     seen.waypoints(attempt(BASE).episode, BASE.path)  # compiles, which no page has to wait for
@@ -355,29 +381,7 @@ def test_in_a_browser(browser, port, tmp_path):
         assert "mass" in page.locator("#cells span").nth(0).get_attribute("title")
         slide(page, "controller.gains.k_p", 0.2)
         assert page.text_content("#filled") == ""
-        # By hand, with keys; what was driven is an episode to learn from.
-        page.click("#wheel")
-        page.keyboard.down("ArrowRight")
-        until(page, "() => parseFloat(document.getElementById('hand-values').textContent) > 0.5")
-        assert page.evaluate(ROAD_SHARES) == [True, True]  # ahead of the car and behind it
-        page.keyboard.up("ArrowRight")
-        page.keyboard.press("Escape")
-        until(page, "() => document.getElementById('kept').textContent.includes('hand_1')")
-        episode = load_episode(tmp_path / "hand_1" / "episode.npz")
-        assert episode.end in {"interrupted", "off_track"}
-        assert episode["steer_command"].min() < -0.02  # to the right
-        assert len(episode) >= 10
-        assert "By hand: stopped by you, after " in page.text_content("#kept")
-        assert "stopped by you" in page.text_content("#figures")
-        # With a game pad, until the car has left the road.
-        page.evaluate("navigator.getGamepads = () => [null, { axes: [-0.9, 0], buttons: [] }]")
-        page.click("#wheel")
-        until(page, lambda: "game pad" in page.text_content("#hand-values"))
-        until(page, "() => document.getElementById('kept').textContent.includes('hand_2')")
-        assert "By hand: you left the road, after " in page.text_content("#kept")
-        episode = load_episode(tmp_path / "hand_2" / "episode.npz")
-        assert episode["steer_command"].max() > 0.05  # to the left
-        assert episode.end == "off_track"
+        by_hand(page, tmp_path)
         assert faults == []
     # The server is gone, and comes back: the page goes on where it was.
     other.locator("select[name=path]").select_option("straight")
