@@ -25,8 +25,7 @@ WRONG = [
     ("show pth circle", "unknown kind of component 'pth'; did you mean 'path'?"),
     ("show path", "show path: which one? names: circle, clothoid_road"),
     ("show path circel", "unknown path 'circel'; did you mean 'circle'?"),
-    ("show drive path", "'path' is neither a file nor the name of a component"),
-    ("show vehicle typo.yaml", "typo.yaml: holds no vehicle"),
+    ("show vehicle typo.yaml", "typo.yaml: path: unknown field of custom"),
     ("show bench cor", "did you mean 'core'?"),
     # keys and values
     ("drive contoller=pid", "contoller: unknown field; did you mean 'controller'?"),
