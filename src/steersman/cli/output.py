@@ -26,6 +26,8 @@ TOLD = 0.05
 _MINUTE = 60.0
 # Columns that a progress bar takes beside its words, and the least that its words have.
 _BESIDE, _LEAST = 32, 20
+# Letters of a name that stay beside numbers, however many there are.
+_LEAST_NAME = 10
 # Width of tables in files and pipes; a terminal has its own.
 _WIDTH = 80
 
@@ -63,7 +65,8 @@ def table(*columns: str, right: tuple[str, ...] = ()) -> Table:
     for i, name in enumerate(columns):
         justify: Literal["left", "right"] = "right" if name in right else "left"
         whole = name in right or (i == 0 and not right)
-        out.add_column(name, justify=justify, overflow="fold", no_wrap=whole)
+        least = None if name in right else min(len(name), _LEAST_NAME)
+        out.add_column(name, justify=justify, overflow="fold", no_wrap=whole, min_width=least)
     return out
 
 

@@ -43,6 +43,8 @@ class RoadGroup(NamedTuple):
     """Of the corridor [m]."""
     looks: Sequence[int] | None = None
     """The number of each drive's colour and dash; in order where it is not given."""
+    kind: str = ""
+    """By which groups are chosen, where there are several kinds of them."""
 
 
 def scenes(groups: Sequence[RoadGroup], blob: Blob, budget: int = BUDGET) -> list[dict[str, Any]]:
@@ -76,6 +78,7 @@ def _scene(group: RoadGroup, rows: Sequence[int], seen: int, blob: Blob) -> dict
     looks = group.looks or range(len(episodes))
     return {
         "title": group.title,
+        "kind": group.kind,
         "half": group.half_width,
         "closed": bool(path is not None and path.closed),
         "origin": origin,

@@ -340,7 +340,8 @@ class LivePage {
     if (this.player) {
       const { cursor } = this.player.state;
       Object.assign(this.player, { data, columns });
-      fillRoads(this.player.parts.road, data.groups);
+      fillKinds(this.player.parts, data.groups);
+      fillRoads(this.player.parts, data.groups);
       this.player.open(0);
       this.player.seek(cursor);
     } else {
