@@ -64,10 +64,12 @@ class Sheet(NamedTuple):
     """Line of each row in the file, from 1."""
     headed: bool = True
     """Whether a line names the columns; else the titles are their numbers from 1."""
+    counted: str = "line"
+    """What ``lines`` count."""
 
     def fault(self, line: int, text: str) -> DataError:
         """The error to raise about a line."""
-        return DataError(f"{self.file}, line {line}: {text}")
+        return DataError(f"{self.file}, {self.counted} {line}: {text}")
 
     def numbers(self, title: str | int, *, gaps: bool = False) -> FloatArray:
         """A column as one number for each row; a comma may be the decimal mark.

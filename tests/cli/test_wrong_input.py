@@ -99,7 +99,7 @@ WRONG = [
     ("compare pid lqr path=csv", "; write path=NAME.csv"),
     ("drive path.file=x.csv", "path.file: unknown field of circle"),
     ("drive path=csv path.file=no.csv", "no.csv: cannot be read (No such file or directory)"),
-    ("drive path=csv path.file=one.csv", "one.csv: holds 1 points, a path needs at least 3"),
+    ("drive path=csv path.file=one.csv", "one.csv: holds 1 points, a path needs at least 2"),
     ("drive path=csv path.file=folder", "folder: is a folder"),
     ("drive speed=csv speed.file=one.csv", "one.csv, line 1: needs the columns time and speed"),
     ("drive speed=csv speed.file=no.csv", "no.csv: cannot be read"),

@@ -141,7 +141,6 @@ def test_missing_folder_and_binary(tmp_path: FilePath) -> None:
         ("\n \n", "is empty"),
         ("# only a remark\n", "has no header"),
         ("x,z\n0,0\n", "line 1: no column y"),
-        ("0.0,1.0\n2.0,3.0\n", "holds 2 points"),
         ("0,1,2\n2,3,4\n4,5,6\n", "line 1: no header names the 3 columns; set columns to x=NUMBER"),
         (
             "# time; way\n2;3\n4;5\n6;7\n",
@@ -152,7 +151,6 @@ def test_missing_folder_and_binary(tmp_path: FilePath) -> None:
         ("x [furlong],y [m]\n0,0\n", "line 1: x in 'furlong' is not known; its units: m, km"),
         ("X,Y\n11.57,48.13\n11.571,48.13\n11.572,48.13\n", "set columns to longitude=X,latitude=Y"),
         ("x,y\n", "holds 0 points"),
-        ("x,y\n0,0\n1,1\n", "holds 2 points"),
         ("x,y\n0,0\n1,nan\n2,2\n", "line 3: y is 'nan'"),
         ("x,y\n0,0\ninf,1\n2,2\n", "line 3: x is 'inf'"),
         ("x,y\n0,0\n1e300,1\n2,2\n", "line 3: (1e+300, 1) is too far"),
@@ -160,7 +158,6 @@ def test_missing_folder_and_binary(tmp_path: FilePath) -> None:
         ("x,y\n\n0,0\n1\n2,2\n", "line 4: y is missing"),
         ("x,y\n0,0\n1,\n2,2\n", "line 3: y is missing"),
         ("x;y\n1.00,5;1\n2;3\n3;4\n", "line 2: x is '1.00,5', not a finite number"),
-        ("x,y\n0,0\n0,0\n1,1\n1,1\n", "holds 2 points"),
         ("x,y\n5,5\n5,5\n5,5\n", "holds 1 points"),
         ("x,y\n0,0\n10,0\n5,0.1\n15,0\n", "line 3: the path turns back"),
         ("x,y\n0,0\n1e7,0\n2e7,0\n", "give positions in metres"),
@@ -294,3 +291,20 @@ def test_what_a_message_says_to_set_cures_it(
 def test_smoothing_needs_points(tmp_path: FilePath) -> None:
     file = write_csv(tmp_path / "short.csv", LINE[:3])
     assert "at least 5 points" in refused(file, smoothing=0.1)
+
+
+@pytest.mark.parametrize("smoothing", [0.0, "auto"])
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_few_points_are_a_path(tmp_path: FilePath, count: int, smoothing: Any) -> None:
+    points = [(40.0 * k, 3.0 * k * (k - 1)) for k in range(count)]
+    file = write_csv(tmp_path / "few.csv", points)
+    path = CsvPath(file=file, smoothing=smoothing)
+    assert not path.closed
+    for x, y in points:
+        assert path.project(x, y)[1] == pytest.approx(0.0, abs=1e-3)
+    told = f"{count} points show no noise: not smoothed"
+    assert path.notes() == ((told,) if smoothing else ())
+    if count < 3:
+        assert path.length == pytest.approx(40.0)
+        with pytest.raises(DataError, match="a closed path needs at least 3 different points"):
+            _ = CsvPath(file=file, loop=True).table

@@ -18,7 +18,7 @@ from steersman.types import FloatArray
 _SAME, _SAME_AT_MOST = 0.02, 0.05
 # Before smoothing, those nearer than this share, or this [m], are one: a car that stands jitters.
 _JITTER, _JITTER_AT_MOST = 0.5, 0.5
-_LEAST_POINTS = 3
+_LEAST_POINTS, _LEAST_CLOSED = 2, 3
 # A vertex that turns by more goes back where it came from.
 _BACK = math.radians(135.0)
 # Closing a lap whose end runs past its start makes two opposite turns of more than this.
@@ -221,13 +221,15 @@ def _joined(points: Points, near: float = math.inf) -> Points:
     count = len(place)
     while count > 1 and math.dist(place[count - 1], place[0]) < near:
         count -= 1
-    if count < _LEAST_POINTS:
-        raise points.error(f"a closed path needs at least {_LEAST_POINTS} different points")
+    if count < _LEAST_CLOSED and (points.closed or count < len(place)):
+        raise points.error(f"a closed path needs at least {_LEAST_CLOSED} different points")
     return points.rows(np.arange(count))
 
 
 def _smoothed(points: Points, by: Cleaning) -> tuple[Points, float]:
     """The points moved onto a smoothing spline, and their RMS distance from it [m]."""
+    if by.smoothing is None and len(points.x) < spline.LEAST:
+        return points.noted(f"{len(points.x)} points show no noise: not smoothed"), 0.0
     try:
         found = spline.smoothed(points.place, bool(points.closed), by.smoothing)
     except DataError as error:

@@ -27,7 +27,7 @@ _Y = (
     *("north", "northing", "utm_y", "y_utm", "utm_north", "utm_northing", "nordwert", "hochwert"),
 )
 _LATITUDE, _LONGITUDE = ("lat", "breitengrad"), ("lon", "long", "lng", "laengengrad")
-_SPEED = ("vx", "v", "v_x", "velocity", "longitudinal_velocity", "vel", "geschwindigkeit")
+_SPEED = ("vx", "v", "ref_v", "v_x", "velocity", "longitudinal_velocity", "vel", "geschwindigkeit")
 COLUMNS = {
     "x": ExpectedColumn("position to the east, or ahead", LENGTH, _X),
     "y": ExpectedColumn("position to the north, or to the left", LENGTH, _Y),
@@ -118,7 +118,27 @@ def read_points(
         except DataError:  # without what the user names; or in another unit, told with its line
             return not named
 
-    sheet = read_sheet(file, _CURE, is_header, MOST_BYTES)
+    return points_of(read_sheet(file, _CURE, is_header, MOST_BYTES), given, speeds=speeds)
+
+
+def has_positions(sheet: Sheet, columns: Mapping[str, Wanted] | None = None) -> bool:
+    """Whether a table has columns of positions, those that the user names among them."""
+    try:
+        return _pair(find(sheet, COLUMNS, columns)) is not None
+    except DataError:
+        return False
+
+
+def has_speeds(sheet: Sheet, columns: Mapping[str, Wanted] | None = None) -> bool:
+    """Whether a table has a column of speeds as well."""
+    return has_positions(sheet, columns) and "speed" in find(sheet, COLUMNS, columns)
+
+
+def points_of(
+    sheet: Sheet, columns: Mapping[str, Wanted] | None = None, *, speeds: bool = False
+) -> Points:
+    """The points of a table that was read; as ``read_points``."""
+    given = dict(columns or {})
     notes: tuple[str, ...] = ()
     if not sheet.headed and not given:
         given, notes = _unnamed(sheet)
@@ -136,7 +156,7 @@ def read_points(
     if pair == ("latitude", "longitude"):
         empty |= (a == 0.0) & (b == 0.0)  # what receivers write without a fix
     rows = np.flatnonzero(~empty)
-    points = Points(file, a, b, sheet.lines, None, notes=notes)
+    points = Points(sheet.file, a, b, sheet.lines, None, sheet.counted, notes=notes)
     if speeds and "speed" in found:
         points = points._replace(speed=_speeds(sheet, found["speed"]))
     points = points.rows(rows)
