@@ -44,6 +44,9 @@ _POINTS = "".join(f'<trkpt lat="{lat}" lon="{lon}"></trkpt>' for lat, lon in _TU
 _GPX = f'<?xml version="1.0"?><gpx><trk><trkseg>{_POINTS}</trkseg></trk></gpx>'.encode()
 _LINE = {"type": "LineString", "coordinates": [[lon, lat] for lat, lon in _TURN]}
 _GEOJSON = json.dumps({"type": "Feature", "geometry": _LINE}).encode()
+_WAYPOINTS = json.dumps(
+    {"map": {"wpnts": [{"x_m": 3.0 * k, "y_m": 0.1 * k * k, "vx_mps": 5} for k in range(20)]}}
+).encode()
 _TUM = json.dumps(
     {
         "pos_x": [3.0 * k for k in range(20)],
@@ -107,6 +110,7 @@ def targets(place: Path) -> dict[str, Target]:
         "gpx": Target(".gpx", [_GPX], _path("gpx")),
         "geojson": Target(".geojson", [_GEOJSON], _path("geojson")),
         "tum_reference": Target(".json", [_TUM], _path("tum_reference")),
+        "json": Target(".json", [_TUM, _WAYPOINTS], _path("json")),
         "vehicle": Target(".yaml", [_CAR], _car),
         "suite": Target(".yaml", [_SUITE], lambda f: build(Suite, read_yaml(f))),
         "parameters": Target(".csv", [b"name,value,unit\nk_p,0.1,1/m\nk_i,2e-3,-\n"], read_table),

@@ -2,9 +2,13 @@
 
 import sys
 import tempfile
+import zipfile
 
-import fmpy
-from fmpy.simulation import instantiate_fmu
+try:
+    import fmpy
+    from fmpy.simulation import instantiate_fmu
+except ModuleNotFoundError:
+    fmpy = None
 
 
 def begin(file, folder):
@@ -43,7 +47,32 @@ def drive(controller_file, car_file, seconds):
     return rows
 
 
+def arguments(words):
+    """Both files and the seconds; wrong ones end the program with a line."""
+    if fmpy is None:
+        raise SystemExit(told("FMPy is not installed; pip install fmpy"))
+    if len(words) not in {2, 3}:
+        raise SystemExit(told("give two files: CONTROLLER.fmu CAR.fmu [SECONDS]"))
+    for file, role in zip(words, ("output", "input"), strict=False):
+        if not zipfile.is_zipfile(file):
+            raise SystemExit(told(f"{file}: no such FMU; steersman export --to fmu writes one"))
+        found = {v.name: v.causality for v in fmpy.read_model_description(file).modelVariables}
+        if found.get("steer_command") != role:
+            raise SystemExit(told(f"{file}: has no {role} steer_command; the controller is first"))
+    seconds = words[2] if words[2:] else "20"
+    if not seconds.replace(".", "", 1).isdecimal():
+        raise SystemExit(told(f"{seconds!r} is no number of seconds"))
+    return words[0], words[1], float(seconds)
+
+
+def told(line):
+    """The exit code of wrong arguments, after a line about them."""
+    print(f"co_simulation.py: {line}", file=sys.stderr)  # noqa: T201
+    return 2
+
+
 if __name__ == "__main__":
+    given = arguments(sys.argv[1:])
     print("time,lateral_error,steer_command")  # noqa: T201
-    for row in drive(sys.argv[1], sys.argv[2], float((*sys.argv, "20")[3])):
+    for row in drive(*given):
         print(",".join(f"{each:.9g}" for each in row))  # noqa: T201

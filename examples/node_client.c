@@ -22,9 +22,13 @@ int main(int count, char **words)
     struct answer answer = {.status = 255};
     const int asked = count > 2 ? atoi(words[2]) : 1000, line = socket(AF_INET, SOCK_DGRAM, 0);
     const struct timeval patience = {1, 0};
+    const int port = count > 1 ? atoi(words[1]) : 0;
     int i;
 
-    node.sin_port = htons((uint16_t)(count > 1 ? atoi(words[1]) : 0));
+    if (count > 3 || port < 1 || port > 65535 || asked < 1) {
+        return fprintf(stderr, "ask: give the port of a node, and how often to ask: PORT [COUNT]\n"), 2;
+    }
+    node.sin_port = htons((uint16_t)port);
     setsockopt(line, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
     memcpy(seen.mark, "\x02SQ1", 4);
     for (i = 0; i < 15; ++i) {
@@ -37,7 +41,7 @@ int main(int count, char **words)
         seen.executed = seen.steer = answer.status == 255 ? 0.0 : answer.steer; /* NAN: as answered */
         if (connect(line, (struct sockaddr *)&node, sizeof node) || send(line, &seen, sizeof seen, 0) < 0
             || recv(line, &answer, sizeof answer, 0) != (ssize_t)sizeof answer || answer.sequence != (uint32_t)i) {
-            return fprintf(stderr, "no answer\n"), 1;
+            return fprintf(stderr, "ask: no node answers on port %d\n", port), 2;
         }
     }
     printf("%d answers; status %d, steer %.17g\n", asked, answer.status, answer.steer);

@@ -36,8 +36,25 @@ def ask(port, count):
     return times, answer
 
 
-if __name__ == "__main__":
-    found, last = ask(int(sys.argv[1]), int((*sys.argv, "1000")[2]))
+def main(words):
+    """Ask, and print how long answers took; the exit code."""
+    if len(words) not in {1, 2} or not all(w.isdecimal() and int(w) > 0 for w in words):
+        return told("give the port of a node, and how often to ask: PORT [COUNT]")
+    try:
+        found, last = ask(int(words[0]), int((*words, "1000")[1]))
+    except (OSError, OverflowError) as error:
+        return told(f"no node answers on port {words[0]} ({error})")
     found.sort()
     median, p99 = (1e3 * found[int(share * len(found))] for share in (0.5, 0.99))
     print(f"{last}: {median:.3f} ms in half of the round trips, {p99:.3f} ms in 99 %")  # noqa: T201
+    return 0
+
+
+def told(line):
+    """The exit code of wrong arguments, after a line about them."""
+    print(f"node_client.py: {line}", file=sys.stderr)  # noqa: T201
+    return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

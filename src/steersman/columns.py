@@ -16,15 +16,22 @@ from steersman.errors import ConfigError, suggestion
 from steersman.tables import Sheet
 
 _DEG = 0.017453292519943295
-LENGTH = {"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048}
+LENGTH = {
+    **{"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3},
+    **{"ft": 0.3048, "inch": 0.0254, "yd": 0.9144},
+}
 SPEED = {"m_s": 1.0, "km_h": 1.0 / 3.6, "mph": 0.44704, "kn": 1852.0 / 3600.0}
 ANGLE = {"rad": 1.0, "deg": _DEG}
+_PARTS = (("", "m"), ("kilo", "km"), ("centi", "cm"), ("milli", "mm"))
 # Other ways to write the units that are known by their letters, with _ for a division.
 _SPELLINGS = {
-    "meter": "m",
-    "meters": "m",
-    "metre": "m",
-    "metres": "m",
+    **{
+        f"{part}{metre}{s}": unit
+        for metre in ("meter", "metre")
+        for s in ("", "s")
+        for part, unit in _PARTS
+    },
+    **{"feet": "ft", "foot": "ft", "in": "inch", "inches": "inch", "yard": "yd", "yards": "yd"},
     "mps": "m_s",
     "kmh": "km_h",
     "kph": "km_h",

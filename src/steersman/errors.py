@@ -5,6 +5,11 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+# A name is meant if it is so like what was written; what is contained in one has so many letters.
+_CLOSE, _WHOLE_WORD = 0.5, 4
+# Names are listed whole up to so many and letters; of more, so many are.
+_MOST_NAMES, _MOST_LETTERS, _FEW_NAMES = 16, 300, 8
+
 
 class SteersmanError(Exception):
     """Base of every error whose message is meant for the user."""
@@ -87,18 +92,37 @@ def three_digits(value: float) -> str:
 
 
 def suggestion(word: str, allowed: Iterable[str]) -> str:
-    """The end of a message about an unknown ``word``: the nearest match, or all that is allowed.
+    """The end of a message about an unknown ``word``: the nearest match, or what is allowed.
+
+    Of many names the likest come first, and the others are counted.
 
     >>> suggestion("MPC-PID", ["mpc_pid", "stanley"])
     "; did you mean 'mpc_pid'?"
     >>> suggestion("x", ["mpc_pid", "stanley"])
     '; allowed: mpc_pid, stanley'
+    >>> suggestion("mine", ["their_mine_of_steering", "stanley"])
+    "; did you mean 'their_mine_of_steering'?"
+    >>> suggestion("zzx", [f"z{k}" for k in range(30)])
+    '; allowed: z0, z1, z2, z3, z4, z5, z6, z7 and 22 more'
     """
-    names = {_plain(name): name for name in sorted(allowed)}
-    close = difflib.get_close_matches(_plain(word), names, n=1, cutoff=0.5)
-    if close:
-        return f"; did you mean {names[close[0]]!r}?"
-    return f"; allowed: {', '.join(names.values())}" if names else "; there are none"
+    names = sorted(allowed)
+    nearest = sorted(names, key=lambda name: -_likeness(word, name))
+    if not names:
+        return "; there are none"
+    if _likeness(word, nearest[0]) >= _CLOSE:
+        return f"; did you mean {nearest[0]!r}?"
+    if len(names) <= _MOST_NAMES and len(text := ", ".join(names)) <= _MOST_LETTERS:
+        return f"; allowed: {text}"
+    shown = nearest[:_FEW_NAMES]
+    return f"; allowed: {', '.join(shown)} and {len(names) - len(shown)} more"
+
+
+def _likeness(word: str, name: str) -> float:
+    """From 0 to 1; a word that the name contains is like it."""
+    one, other = _plain(word), _plain(name)
+    if len(one) >= _WHOLE_WORD and one in other:
+        return 1.0 - _CLOSE * (1.0 - len(one) / len(other))
+    return difflib.SequenceMatcher(None, other, one).ratio()
 
 
 def _plain(word: str) -> str:

@@ -22,8 +22,8 @@ _LONGEST_SHOWN = 40
 _COMMENT = ("#", "%", "//")
 # What separates cells, the most telling first; None: blanks.
 _SEPARATORS = (";", "\t", "|", ",", None)
-# Rows that are looked at to find the separator.
-_SAMPLE = 50
+# Rows that are looked at to find the separator; those without words, if there are any.
+_SAMPLE, _WORD = 50, re.compile(r"[^\W\d_]{2}|^\W*[^\W\d_]")
 # What tells Excel the separator, which is found without it.
 _EXCEL = re.compile(r"sep=.?$", re.IGNORECASE)
 # Words in a title.
@@ -42,7 +42,13 @@ _GROUPED = {
 }
 # Rows that are looked at to find the mark.
 _MARKED = 1000
-_BLANKS_BEFORE_UNIT = re.compile(r"\s+(?=[\[(])")
+_BLANKS_BEFORE_UNIT = re.compile(r"(?<=\w)\s+(?=[\[(])")
+# What a row beneath the titles holds, if it is one of units.
+_UNITS = re.compile(
+    r"-|1|%|[kcmuµn]?m|ft|feet|inch|in|yd|(centi|milli)?met(re|er)s?|h|min|sec|[mun]?s|deg|rad|°|grad"
+    r"|m?m/s|kmh?|km/h|kph|mph|kn|kt|(rad|deg|°|1)/(s|min|m)|m?m/s\^?[2²]|g|k?n|n?m|k?n/m|m?[va]|bar"
+    r"|k?pa|rpm|u/min|hz|kg"
+)
 # What files begin with that are not UTF-8.
 _MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
 
@@ -58,10 +64,12 @@ class Sheet(NamedTuple):
     """Line of each row in the file, from 1."""
     headed: bool = True
     """Whether a line names the columns; else the titles are their numbers from 1."""
+    counted: str = "line"
+    """What ``lines`` count."""
 
     def fault(self, line: int, text: str) -> DataError:
         """The error to raise about a line."""
-        return DataError(f"{self.file}, line {line}: {text}")
+        return DataError(f"{self.file}, {self.counted} {line}: {text}")
 
     def numbers(self, title: str | int, *, gaps: bool = False) -> FloatArray:
         """A column as one number for each row; a comma may be the decimal mark.
@@ -121,10 +129,10 @@ def read_sheet(
 ) -> Sheet:
     """Read a table; cells are separated by semicolons, tabs, bars, commas or blanks.
 
-    Empty lines, comments (#, %, //) and Excel's first line ``sep=;`` are left out. A comment above
-    the table is its header if ``is_header`` says so of its cells, or if the table has no other and
-    the comment has as many cells as its rows. Without any header the titles are the numbers of the
-    columns.
+    Empty lines, comments (#, %, //), Excel's first line ``sep=;`` and what stands above the header
+    are left out; a row of units beneath it belongs to it. A comment above the table is its header
+    if ``is_header`` says so of its cells, or if the table has no other and the comment has as many
+    cells as its rows. Without any header the titles are the numbers of the columns.
 
     Args:
         file: the file; ~ is the user's home.
@@ -139,19 +147,25 @@ def read_sheet(
     numbered = enumerate((line.strip() for line in lines), 1)
     filled = [(n, line) for n, line in numbered if line and not (n == 1 and _EXCEL.match(line))]
     body = [(number, line) for number, line in filled if not line.startswith(_COMMENT)]
-    begin = body[0][0] if body else math.inf
-    above = [(n, line.lstrip("#%/ ")) for n, line in filled if n < begin]
-    # The first row may be a header, whose words have blanks and commas of their own.
-    separator = _separator([line for _, line in body[1 : _SAMPLE + 1] or body or above])
+    comments = [(n, line.lstrip("#%/ ")) for n, line in filled if line.startswith(_COMMENT)]
+    # Lines of words have blanks and commas of their own.
+    sample = [line for _, line in body if not _WORD.search(line)][:_SAMPLE]
+    separator = _separator(
+        sample or [line for _, line in body[1 : _SAMPLE + 1] or body or comments]
+    )
     rows = [(number, _cells(line, separator)) for number, line in body]
-    width = Counter(len(row) for _, row in rows[1 : _SAMPLE + 1] or rows).most_common(1)
+    some = [_cells(line, separator) for line in sample] or [row for _, row in rows[1:] or rows]
+    width = Counter(map(len, some[:_SAMPLE])).most_common(1)
     count = width[0][0] if width else 0
-    first = rows[0][1] if rows else []
-    numeric = bool(first) and not any(math.isnan(_value(cell)) for cell in first if cell)
+    data = next((k for k, (_, row) in enumerate(rows) if _is_numeric(row, count)), 0)
+    above = [(n, line) for n, line in comments if not body or n < body[data][0]]
     for number, line in above:
         titles = _titles(line, count)
         if is_header(titles):
-            return _sheet(file, titles, number, rows)
+            return _sheet(file, titles, number, rows[data:])
+    first = _first(body, data, count, is_header)
+    numeric = bool(rows) and _is_numeric(rows[first][1], count)
+    body, rows = body[first:], rows[first:]
     if numeric:
         for number, line in reversed(above):
             titles = _titles(line, count)
@@ -160,8 +174,51 @@ def read_sheet(
         numbers = [str(k + 1) for k in range(count)]
         return _sheet(file, numbers, rows[0][0], rows)._replace(headed=False)
     if rows:
-        return _sheet(file, _titles(body[0][1], count), body[0][0], rows[1:])
+        titles, rest = _titles(body[0][1], count), rows[1:]
+        if rest and _are_units(rest[0][1]) and len(rest[0][1]) == len(titles):
+            titles, rest = _with_units(titles, rest[0][1]), rest[1:]
+        return _sheet(file, titles, body[0][0], rest)
     raise DataError(f"{file}: {'has no header' if filled else 'is empty'}; {cure}")
+
+
+def _first(
+    body: Sequence[tuple[int, str]],
+    data: int,
+    count: int,
+    is_header: Callable[[list[str]], bool],
+) -> int:
+    """The row that names the columns, or else holds the first numbers: above are a logger's words.
+
+    It is the first one that ``is_header`` takes, or that as many cells lead from to the numbers.
+    """
+    for k, (_, line) in enumerate(body[: min(data or len(body), _SAMPLE)]):
+        if is_header(_titles(line, count)):
+            return k
+    first = data
+    while first > 0 and len(titles := _titles(body[first - 1][1], count)) == count:
+        first -= 1
+        if not _are_units(titles):
+            break
+    return first
+
+
+def _is_numeric(row: Sequence[str], count: int) -> bool:
+    """Whether a row has so many cells, and no word."""
+    filled = [cell for cell in row if cell]
+    return len(row) == count and not any(math.isnan(_value(cell)) for cell in filled)
+
+
+def _are_units(row: Sequence[str]) -> bool:
+    """Whether a row beneath the titles has a unit for most, and no number."""
+    known = [_UNITS.fullmatch(cell.strip("[]()<> ").lower()) for cell in row if cell]
+    return bool(known) and all(known) and any(cell not in "-1" for cell in row)
+
+
+def _with_units(titles: Sequence[str], units: Sequence[str]) -> list[str]:
+    """Titles with the units that stand beneath them, as if behind them."""
+    bare = [unit.strip("[]()<> ") for unit in units]
+    pairs = zip(titles, bare, strict=True)
+    return [f"{t} [{unit}]" if unit and not set("[(<") & set(t) else t for t, unit in pairs]
 
 
 def _sheet(

@@ -61,6 +61,8 @@ def unknown(family: str, word: str) -> ConfigError:
         return ConfigError(f"unknown {family} {word!r}; write one of {', '.join(tuned.names())}")
     file = near_file(word, _endings(family))
     near = f"; {file}" if file else for_number(family, word) or suggestion(word, known(family))
+    if near.endswith(" more"):
+        near += f" in 'steersman list {family}'"
     return ConfigError(f"unknown {family} {shortened(word)!r}{near}")
 
 
@@ -236,7 +238,11 @@ def _from_yaml(family: str, word: str) -> dict[str, Any]:
         return fields_of(family, found)
     if not isinstance(found, dict) or "kind" not in found:
         raise DataError(f"{word}: holds no {family}; expected {family}: {{kind: ...}}")
-    inner = fields_of(family, str(found["kind"]))
+    kind = str(found["kind"])
+    others = [] if means(family, kind) else [each for each in families() if means(each, kind)]
+    if others:
+        raise DataError(f"{word}: holds a {others[0]}, kind: {kind}; expected a {family}")
+    inner = fields_of(family, kind)
     return {**inner, **{key: value for key, value in found.items() if key != "kind"}}
 
 

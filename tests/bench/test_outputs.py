@@ -13,7 +13,7 @@ import pytest
 from steersman.bench import suites
 from steersman.bench.entrants import Entrant, entrants
 from steersman.bench.parquet import write_table
-from steersman.bench.replay import median_cases, worst_cases
+from steersman.bench.replay import class_cases, median_cases, worst_cases
 from steersman.bench.results import BenchResult, BenchRow
 from steersman.bench.runner import bench
 from steersman.bench.summary import results
@@ -107,7 +107,32 @@ def test_a_controller_has_one_colour_in_all_figures(
         assert colours(read[f"worst_{k}"], "stroke")[0] == expected[order.index(case.controller)]
     groups = replays(found.summary, cases)
     assert [group.looks[0] for group in groups if group.looks] == [0, 1, 2]
-    assert groups[0].title.startswith(f"{order[0]}, worst: ")
+    assert groups[0].title.startswith(f"{order[0]}: ")
+    assert {group.kind for group in groups} == {"worst of each controller"}
+
+
+def test_each_class_has_a_scenario_that_all_controllers_drive(
+    rows: list[BenchRow], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found, cases = result(rows, WHO), class_cases(rows, SCENARIOS, WHO)
+    classes = list(dict.fromkeys(s.disturbance for s in SCENARIOS))
+    assert [group.kind for group in replays(found.summary, cases)] == classes
+    for case in cases:
+        assert sorted(case.episodes) == sorted(one.name for one in WHO)
+        own = {r.controller: r for r in rows if r.scenario == case.scenario}
+        assert case.rms_m == min(row.charged_rms_m for row in own.values())
+        for name, episode in case.episodes.items():
+            most = abs(episode["lateral_error"]).max()
+            assert most == own[name].metrics["max_abs_lateral_error_m"]
+    # Where there is no room for all, the best two stay.
+    monkeypatch.setattr("steersman.bench.replay._MOST", 1)
+    monkeypatch.setattr("steersman.bench.replay.drive", lambda *_: None)
+    (names,) = {frozenset(case.episodes) for case in class_cases(rows, SCENARIOS, WHO)}
+    assert names == set(sorted((one.name for one in WHO), key=lambda n: _rms(rows, n))[:2])
+
+
+def _rms(rows: list[BenchRow], controller: str) -> float:
+    return sum(row.charged_rms_m**2 for row in rows if row.controller == controller)
 
 
 def test_intervals_over_few_paths_come_with_a_warning(rows: list[BenchRow]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Callable
 from pathlib import Path as FilePath
@@ -10,6 +11,8 @@ from typing import Any
 import pytest
 from typer.testing import Result
 
+from steersman.cli.bench import _fitting
+from steersman.cli.output import console, table
 from steersman.engine.journal import Journal
 from steersman.files import only_one
 
@@ -33,6 +36,26 @@ def test_the_table_and_the_files(steersman: Steersman, tmp_path: FilePath) -> No
     assert "Worst cases" in (tmp_path / "b" / "report.html").read_text()
     again = steersman("bench", "b/suite.yaml", "--controllers", "pid", "--out", "c", "--jobs", "1")
     assert again.exit_code == 0  # the suite that was driven, from its file
+
+
+def test_a_narrow_terminal_has_whole_names_and_columns() -> None:
+    row = {"clean": "12\n10..14", "typical": "3.5\n2.37..4.06", "lost": "0", "steer": "4\n5.2"}
+    row |= {"step": "12.3", "regret": "", "ratio": "1.23\n0.283..1.56"}
+    for name, left_out in (("pid", []), ("a" * 45, ["steer", "step", "typical"])):
+        columns, found = _fitting({name: row})
+        assert "regret" not in columns  # no controller has one
+        assert found == left_out
+        shown = table("controller", *columns, right=tuple(columns))
+        shown.add_row(name, *(row[column] for column in columns))
+        lines = _printed(shown)
+        assert any(line.startswith(f"{name} ") for line in lines)
+        assert all("0.283..1.56" in line for line in lines if ".." in line)
+
+
+def _printed(shown: Any) -> list[str]:
+    stream = io.StringIO()
+    console(stream, like=stream).print(shown)
+    return stream.getvalue().splitlines()
 
 
 def test_json_is_what_is_written(steersman: Steersman, tmp_path: FilePath) -> None:

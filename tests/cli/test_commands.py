@@ -16,7 +16,6 @@ from pathlib import Path as FilePath
 from types import SimpleNamespace
 from typing import Any
 
-import numba
 import pytest
 import typer
 from tests.loops import random_policy
@@ -143,6 +142,41 @@ class TestShow:
         result = steersman("show", word)
         assert result.exit_code == 2
         assert hint in result.stderr
+
+    @pytest.mark.parametrize(
+        ("kind", "name", "text", "field", "value"),
+        [
+            ("vehicle", "car.yaml", "base: bmw_320i\nmass: 1234\n", "mass", 1234.0),
+            ("controller", "mine.yaml", "kind: lqr\nr: 3\n", "r", 3.0),
+            (
+                "controller",
+                "tuned.yaml",
+                "controller: {kind: pid, k_heading: 2}\n",
+                "k_heading",
+                2.0,
+            ),
+            ("path", "ring.yaml", "path: {kind: circle, radius: 33}\n", "radius", 33.0),
+            ("path", "line.csv", "x,y\n0,0\n10,0\n20,1\n", "file", "line.csv"),
+            ("sensor", "eye.yaml", "kind: waypoints\ncount: 9\n", "count", 9),
+            ("drive", "drive.yaml", "duration: 7\n", "duration", 7.0),
+            ("train", "mine.yaml", "like: demo\nsteps: 1234\n", "steps", 1234),
+            ("bench", "quick", "", "corridor", 1.5),
+        ],
+    )
+    def test_a_file_is_shown_as_a_name_is(
+        self, steersman: Steersman, kind: str, name: str, text: str, field: str, value: object
+    ) -> None:
+        if text:
+            FilePath(name).write_text(text)
+        shown = json.loads(steersman("show", kind, name, "--json").stdout)
+        assert (shown["kind"], shown["name"]) == (kind, name)
+        assert next(f["default"] for f in shown["fields"] if f["name"] == field) == value
+
+    def test_a_file_of_another_kind_says_what_it_holds(self, steersman: Steersman) -> None:
+        FilePath("mine.yaml").write_text("kind: lqr\n")
+        result = steersman("show", "vehicle", "mine.yaml")
+        assert result.exit_code == 2
+        assert "mine.yaml: holds a controller, kind: lqr; expected a vehicle" in result.stderr
 
     def test_a_component(self, steersman: Steersman) -> None:
         result = steersman("show", "path", "circle")
@@ -596,20 +630,6 @@ class TestOutput:
         assert "reward [m] 0.5" in printed.err
         assert "seed 1: reward 0.7" in printed.err
         assert printed.out == ""
-
-    def test_compiling_is_told_once_in_a_terminal(
-        self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-    ) -> None:
-        output.tell_compiling()  # no terminal, no line
-        numba.njit(lambda x: x + 1)(1)
-        assert capsys.readouterr().err == ""
-        monkeypatch.setattr(sys, "stderr", Terminal(sys.stderr))
-        output._listen_for_compiling().told = False  # whatever the tests before compiled
-        output.tell_compiling()
-        output.tell_compiling()  # each bar of a command calls it
-        numba.njit(lambda x: x + 2)(1)
-        numba.njit(lambda x: x + 3)(1)
-        assert capsys.readouterr().err.count("compiling") == 1
 
     def test_numbers_never_break(self, capsys: pytest.CaptureFixture[str]) -> None:
         table = output.table("measured", "unit", "run", "late", right=("run", "late"))

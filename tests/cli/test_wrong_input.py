@@ -25,7 +25,8 @@ WRONG = [
     ("show pth circle", "unknown kind of component 'pth'; did you mean 'path'?"),
     ("show path", "show path: which one? names: circle, clothoid_road"),
     ("show path circel", "unknown path 'circel'; did you mean 'circle'?"),
-    ("show drive path", "'path' is too much"),
+    ("show vehicle typo.yaml", "typo.yaml: path: unknown field of custom"),
+    ("show bench cor", "did you mean 'core'?"),
     # keys and values
     ("drive contoller=pid", "contoller: unknown field; did you mean 'controller'?"),
     ("drive controller=mpcpid", "controller: unknown controller 'mpcpid'; did you mean 'mpc_pid'?"),
@@ -98,7 +99,7 @@ WRONG = [
     ("compare pid lqr path=csv", "; write path=NAME.csv"),
     ("drive path.file=x.csv", "path.file: unknown field of circle"),
     ("drive path=csv path.file=no.csv", "no.csv: cannot be read (No such file or directory)"),
-    ("drive path=csv path.file=one.csv", "one.csv: holds 1 points, a path needs at least 3"),
+    ("drive path=csv path.file=one.csv", "one.csv: holds 1 points, a path needs at least 2"),
     ("drive path=csv path.file=folder", "folder: is a folder"),
     ("drive speed=csv speed.file=one.csv", "one.csv, line 1: needs the columns time and speed"),
     ("drive speed=csv speed.file=no.csv", "no.csv: cannot be read"),

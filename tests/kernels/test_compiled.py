@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path as FilePath
 from typing import Any
@@ -55,7 +57,8 @@ def test_a_damaged_cache_is_one_line_and_mended(
         cached.write_bytes(content)
     assert _fresh(file)(3.0) == 6.0
     assert [record.message for record in caplog.records] == [
-        f"damaged files in {tmp_path / '__pycache__'} are compiled anew"
+        compiled.COMPILING,
+        f"damaged files in {tmp_path / '__pycache__'} are compiled anew",
     ]
     compiled.tell.cache_clear()
     caplog.clear()
@@ -63,6 +66,18 @@ def test_a_damaged_cache_is_one_line_and_mended(
     assert again(4.0) == 8.0
     assert again.stats.cache_hits
     assert not caplog.records
+
+
+def test_compiling_is_told_once_wherever_standard_error_goes(tmp_path: FilePath) -> None:
+    (tmp_path / "kernels_of_a_test.py").write_text(SOURCE)
+    code = "import kernels_of_a_test; kernels_of_a_test.doubled(2.0)"
+    told = []
+    for _ in range(2):  # the second finds what the first compiled
+        done = subprocess.run(
+            [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
+        )
+        told.append(done.stderr.splitlines())
+    assert told == [[compiled.COMPILING], []]
 
 
 def test_without_a_folder_for_the_cache_it_compiles_at_every_start(

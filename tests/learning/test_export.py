@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from steersman.controllers.policy import Policy
+from steersman.kernels.compiled import COMPILING
 from steersman.kernels.encode import FEATURE_LIMIT
 from steersman.learning.config import TrainConfig
 from steersman.learning.export import export_policy, network
@@ -78,7 +79,7 @@ print([name for name in ("torch", "stable_baselines3", "onnx", "pickle5") if nam
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=120
     )
-    assert done.stderr == ""
+    assert set(done.stderr.splitlines()) <= {COMPILING}  # where nothing was driven before
     assert done.stdout.strip() == "[]"
 
 

@@ -141,7 +141,6 @@ def test_missing_folder_and_binary(tmp_path: FilePath) -> None:
         ("\n \n", "is empty"),
         ("# only a remark\n", "has no header"),
         ("x,z\n0,0\n", "line 1: no column y"),
-        ("0.0,1.0\n2.0,3.0\n", "holds 2 points"),
         ("0,1,2\n2,3,4\n4,5,6\n", "line 1: no header names the 3 columns; set columns to x=NUMBER"),
         (
             "# time; way\n2;3\n4;5\n6;7\n",
@@ -152,7 +151,6 @@ def test_missing_folder_and_binary(tmp_path: FilePath) -> None:
         ("x [furlong],y [m]\n0,0\n", "line 1: x in 'furlong' is not known; its units: m, km"),
         ("X,Y\n11.57,48.13\n11.571,48.13\n11.572,48.13\n", "set columns to longitude=X,latitude=Y"),
         ("x,y\n", "holds 0 points"),
-        ("x,y\n0,0\n1,1\n", "holds 2 points"),
         ("x,y\n0,0\n1,nan\n2,2\n", "line 3: y is 'nan'"),
         ("x,y\n0,0\ninf,1\n2,2\n", "line 3: x is 'inf'"),
         ("x,y\n0,0\n1e300,1\n2,2\n", "line 3: (1e+300, 1) is too far"),
@@ -160,10 +158,13 @@ def test_missing_folder_and_binary(tmp_path: FilePath) -> None:
         ("x,y\n\n0,0\n1\n2,2\n", "line 4: y is missing"),
         ("x,y\n0,0\n1,\n2,2\n", "line 3: y is missing"),
         ("x;y\n1.00,5;1\n2;3\n3;4\n", "line 2: x is '1.00,5', not a finite number"),
-        ("x,y\n0,0\n0,0\n1,1\n1,1\n", "holds 2 points"),
         ("x,y\n5,5\n5,5\n5,5\n", "holds 1 points"),
         ("x,y\n0,0\n10,0\n5,0.1\n15,0\n", "line 3: the path turns back"),
         ("x,y\n0,0\n1e7,0\n2e7,0\n", "give positions in metres"),
+        ("x,y\n0,0\n2e5,0\n4e5,9e4\n", "if they are in mm, set columns to x_mm=x,y_mm=y"),
+        ("x,y\n0,0\n.2,0\n.4,.1\n", "if in km, to x_km=x,y_km=y"),
+        ("Logger 7\nDate: 2024-05-01, 10:30\na,b\n0,0\n1,0\n2,0\n", "line 3: no column x and y"),
+        ("Logger 7, serial\nx [ft US],y\n0,0\n1,0\n2,0\n", "line 2: x in 'ftus' is not known"),
         ("x,y\n0,0\n.5,0\n.5,.02\n1,.02\n1,.04\n1.5,.04\n1.5,.06\n", "turns with a radius of 0.0"),
     ],
 )
@@ -269,6 +270,41 @@ def test_ends_that_cross(tmp_path: FilePath) -> None:
     )
 
 
+@pytest.mark.parametrize("closed", [True, False])
+@pytest.mark.parametrize("spacing", [0.5, 2.0])
+def test_what_a_message_says_to_set_cures_it(
+    tmp_path: FilePath, closed: bool, spacing: float
+) -> None:
+    """A recording that stands with noise, then drives a lap or part of one."""
+    rng = np.random.default_rng(1)
+    angle = np.arange(0.0, 2.0 * np.pi if closed else 4.0, spacing / 60.0)
+    angle = np.concatenate((np.zeros(60), angle))
+    place = 60.0 * np.stack((np.cos(angle), np.sin(angle)), axis=1)
+    noisy = place + rng.normal(0.0, 0.03, place.shape)
+    file = write_csv(tmp_path / "stood.csv", [(x, y) for x, y in noisy.tolist()])
+    text = refused(file)
+    assert "set smoothing to auto, which takes it for 0.0" in text
+    assert CsvPath(file=file, smoothing="auto").closed == closed
+    assert "set loop to false" not in text  # as it stands, the points turn back
+
+
 def test_smoothing_needs_points(tmp_path: FilePath) -> None:
     file = write_csv(tmp_path / "short.csv", LINE[:3])
     assert "at least 5 points" in refused(file, smoothing=0.1)
+
+
+@pytest.mark.parametrize("smoothing", [0.0, "auto"])
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_few_points_are_a_path(tmp_path: FilePath, count: int, smoothing: Any) -> None:
+    points = [(40.0 * k, 3.0 * k * (k - 1)) for k in range(count)]
+    file = write_csv(tmp_path / "few.csv", points)
+    path = CsvPath(file=file, smoothing=smoothing)
+    assert not path.closed
+    for x, y in points:
+        assert path.project(x, y)[1] == pytest.approx(0.0, abs=1e-3)
+    told = f"{count} points show no noise: not smoothed"
+    assert path.notes() == ((told,) if smoothing else ())
+    if count < 3:
+        assert path.length == pytest.approx(40.0)
+        with pytest.raises(DataError, match="a closed path needs at least 3 different points"):
+            _ = CsvPath(file=file, loop=True).table

@@ -20,7 +20,7 @@ FILES = {
     "far": ("tum_reference", json.dumps(REFERENCE), r"point 3: \(1e\+300, 0\) is too far"),
     "deep": ("tum_reference", "[" * 99 + "]" * 99, "nests deeper than 50 levels"),
     "titles": ("log", "time,x,y\n", "no row follows the titles"),
-    "one row": ("log", "time,x,y\n0,1,2\n", "holds 1 points, a path needs at least 3"),
+    "one row": ("log", "time,x,y\n0,1,2\n", "holds 1 points, a path needs at least 2"),
 }
 
 

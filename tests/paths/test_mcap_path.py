@@ -233,8 +233,8 @@ def test_which_topic(tmp_path: FilePath) -> None:
 @pytest.mark.parametrize(
     ("points", "words"),
     [
-        ([], "holds 0 points, a path needs at least 3 (topic /plan"),
-        ([(0.0, 0.0), (1.0, 0.0)], "holds 2 points"),
+        ([], "holds 0 points, a path needs at least 2 (topic /plan"),
+        ([(0.0, 0.0)], "holds 1 points"),
         ([(0.0, 0.0), (1.0, math.nan), (2.0, 0.0)], "/plan: pose 2 lies at [ 1. nan]; positions"),
         ([(0.0, 0.0), (1e9, 0.0), (2.0, 0.0)], "/plan: pose 2 lies at"),
         ([(0.0, 0.0), (9.0, 0.0), (3.0, 0.1), (12.0, 0.0)], "pose 2: the path turns back"),

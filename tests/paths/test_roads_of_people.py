@@ -109,6 +109,8 @@ class Head(NamedTuple):
     columns: str | None = None
     order: tuple[int, ...] = (0, 1)
     """Which column of (x, y, the number of the row) stands where."""
+    units: tuple[str, ...] = ()
+    """A row beneath the titles."""
 
 
 HEADS = {
@@ -125,8 +127,18 @@ HEADS = {
     "own": Head(("rechts", "hoch"), columns="x=rechts,y=hoch"),
     "numbers": Head((), shown="", columns="x=3,y=2", order=(2, 1, 0)),
     "wide": Head(("y", "n", "x"), order=(1, 2, 0)),
+    "feet": Head(("x (feet)", "y (feet)"), 1.0 / 0.3048),
+    "centimetres": Head(("x", "y"), 100.0, 2, columns="x_cm=x,y_cm=y"),
+    "beneath": Head(("x", "n", "y"), 1e3, 1, order=(0, 2, 1), units=("[mm]", "-", "[mm]")),
 }
 FAR = {"utm": np.array([691000.0, 5334000.0]), "gauss": np.array([4468000.0, 5334000.0])}
+# What loggers write above a table.
+ABOVE = (
+    "Test drive on the proving ground",
+    "Logger 1.2;serial 123;;",
+    "Date: 2024-05-01, 10:30",
+    "x and y of the centre line, as it was surveyed",
+)
 # What stands between thousands and before decimals.
 MARKS = {".": ".,", ",": ",.", "'": "'.", " ": "\u00a0,", "": ""}
 
@@ -147,7 +159,10 @@ def written(rng: np.random.Generator, place: Array) -> tuple[bytes, dict[str, An
     cells = [[f"{value:,.{head.digits}f}".translate(both) for value in row] for row in columns.T]
     lines = [separator.join(f"{quote}{cell}{quote}" for cell in row) for row in cells]
     if head.shown:
-        lines.insert(0, head.shown.format(separator.join(head.titles)))
+        titles = [head.titles, head.units] if head.units else [head.titles]
+        lines[:0] = [head.shown.format(separator.join(each)) for each in titles]
+        if rng.integers(3) == 0:
+            lines[:0] = rng.choice(ABOVE, int(rng.integers(1, 4))).tolist()
     if rng.integers(3) == 0:
         lines.insert(0, "# recorded on a Sunday, in the rain")
     if rng.integers(3) == 0:

@@ -6,7 +6,10 @@ import time
 import numpy as np
 import pytest
 
+from steersman.report.article import Section, write_article
 from steersman.report.marks import marks
+from steersman.report.scene import RoadGroup
+from steersman.report.signals import ShownDrive
 
 PHONE = {"width": 390, "height": 844}
 
@@ -260,6 +263,31 @@ def test_an_article_replays_behind_its_first_section(visit, article):
     assert (state(page, "group"), cursor(page)) == ("1", 0.0)
     assert page.locator(".drives li").count() == 1
     assert page.locator("img").count() == 0
+
+
+def test_scenarios_are_chosen_by_class_and_two_drives_of_them(visit, drives, tmp_path):
+    three = [ShownDrive(f"driver {k}", drives["several"][0].episode) for k in range(3)]
+    kinds = ("worst of each controller", "clean", "clean", "wind")
+    groups = [RoadGroup(f"road {k}", three, 1.5, kind=kind) for k, kind in enumerate(kinds)]
+    page = visit(write_article([Section("First")], tmp_path / "r.html", "t", replay=groups), PHONE)
+    assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+    part(page, "kind").select_option("clean")
+    assert part(page, "road").locator("option").all_inner_texts() == ["road 1", "road 2"]
+    assert state(page, "group") == "1"
+
+    def shown():
+        return page.locator(".drives .chip[aria-pressed=true] .name").all_inner_texts()
+
+    assert shown() == ["driver 0", "driver 1"]
+    part(page, "one").select_option(label="driver 2")
+    assert shown() == ["driver 1", "driver 2"]
+    part(page, "kind").select_option("wind")  # the same two drive here
+    assert (state(page, "group"), shown()) == ("3", ["driver 1", "driver 2"])
+    page.keyboard.press("Escape")
+    page.keyboard.press(" ")
+    begun = time.monotonic()
+    while cursor(page) < 0.2:
+        assert time.monotonic() < begun + 20.0
 
 
 def test_everything_that_can_be_operated_has_a_name_and_a_place_in_the_order(visit):

@@ -23,6 +23,7 @@ from steersman.live.form import Choices, ChosenPart, chosen, form
 from steersman.live.page import LiveAddress
 from steersman.live.relay import Relay
 from steersman.live.server import reachable
+from steersman.live.training import FollowedTraining, TrainingRequest
 from steersman.policy_file import locate
 from steersman.report import seen
 from steersman.rollout import attempt
@@ -125,6 +126,7 @@ def test_a_map_drives_disturbed(address):
         assert words in json.loads(text)["error"]
 
 
+NEWEST = "Drive the newest policy"
 STATES = "() => document.getElementById('states').textContent"
 
 
@@ -153,6 +155,10 @@ def test_a_training_is_followed(browser, port, tmp_path):
             page.get_by_role("button", name=button, exact=True).click()
             until(page, lambda word=request: asked.is_file() and asked.read_text() == word)
         assert page.get_by_role("button", name="Go on").is_disabled()
+        ended = state.model_copy(update={"state": "ended", "steps": 99})
+        (run / "state.json").write_text(ended.model_dump_json())
+        until(page, "() => document.querySelector('[data-ask=stop]').hidden")
+        assert page.locator("#training button:visible").all_inner_texts()[-1] == NEWEST
         page.check("#validations")
         until(page, "() => document.querySelector('#figures').textContent.includes('seed_0')")
         record(1, 3)
@@ -163,6 +169,20 @@ def test_a_training_is_followed(browser, port, tmp_path):
         page.click("#newest")
         until(page, "() => document.getElementById('command').textContent.includes('policy.onnx')")
         page.close()
+
+
+def test_a_training_alone_has_its_folders_name(tmp_path):
+    run = tmp_path / "mine"
+    run.mkdir()
+    (run / "progress.csv").write_text("steps,validation_error_mm\n1,100\n")
+    (run / "state.json").write_text(
+        TrainingState(state="ended", steps=9, total=9).model_dump_json()
+    )
+    attempt(BASE).episode.save(run / "validation.npz")
+    found = FollowedTraining(run).answer(TrainingRequest(drive=0.0))
+    assert [one["name"] for one in found["training"]["runs"]] == ["mine"]
+    assert [one["words"] for one in found["states"]] == ["mine: ended, 9 of 9 steps"]
+    assert found["drive"]["figures"]["runs"] == ["validation of mine"]
 
 
 def test_a_person_demonstrates_to_a_training(browser, port, tmp_path):
@@ -275,6 +295,20 @@ def until(page, words, arg=None):
 
 
 FIRST_TO_LAST = ("pin", "figures", "choose", "replay", "failures")
+# Whether the upper and the lower end of the driver's view have the road's colour.
+ROAD_SHARES = """() => {
+  const canvas = document.getElementById('view');
+  const context = canvas.getContext('2d');
+  context.fillStyle = getComputedStyle(document.documentElement).getPropertyValue('--road');
+  const road = [1, 3, 5].map((k) => parseInt(context.fillStyle.slice(k, k + 2), 16));
+  const all = context.getImageData(0, 0, canvas.width, canvas.height).data;
+  return [0.3, 0.98].map((share) => {
+    const from = 4 * canvas.width * Math.round(share * (canvas.height - 1));
+    const row = all.subarray(from, from + 4 * canvas.width);
+    const same = (i) => road.every((value, k) => Math.abs(row[i + k] - value) < 3);
+    return row.filter((_, i) => i % 4 === 0 && same(i)).length > 20;
+  });
+}"""
 FIGURES = "() => document.querySelector('#figures tbody').textContent"
 
 
@@ -286,6 +320,32 @@ def slide(page, name, share):
         share,
     )
     until(page, f"(before) => ({FIGURES})() !== before", before)
+
+
+def by_hand(page, folder):
+    """With keys, then with a game pad; what was driven is an episode to learn from."""
+    page.click("#wheel")
+    page.keyboard.down("ArrowRight")
+    until(page, "() => parseFloat(document.getElementById('hand-values').textContent) > 0.5")
+    assert page.evaluate(ROAD_SHARES) == [True, True]  # ahead of the car and behind it
+    page.keyboard.up("ArrowRight")
+    page.keyboard.press("Escape")
+    until(page, "() => document.getElementById('kept').textContent.includes('hand_1')")
+    episode = load_episode(folder / "hand_1" / "episode.npz")
+    assert episode.end in {"interrupted", "off_track"}
+    assert episode["steer_command"].min() < -0.02  # to the right
+    assert len(episode) >= 10
+    assert "By hand: stopped by you, after " in page.text_content("#kept")
+    assert "stopped by you" in page.text_content("#figures")
+    # With a game pad, until the car has left the road.
+    page.evaluate("navigator.getGamepads = () => [null, { axes: [-0.9, 0], buttons: [] }]")
+    page.click("#wheel")
+    until(page, lambda: "game pad" in page.text_content("#hand-values"))
+    until(page, "() => document.getElementById('kept').textContent.includes('hand_2')")
+    assert "By hand: you left the road, after " in page.text_content("#kept")
+    episode = load_episode(folder / "hand_2" / "episode.npz")
+    assert episode["steer_command"].max() > 0.05  # to the left
+    assert episode.end == "off_track"
 
 
 def test_in_a_browser(browser, port, tmp_path):
@@ -321,17 +381,7 @@ def test_in_a_browser(browser, port, tmp_path):
         assert "mass" in page.locator("#cells span").nth(0).get_attribute("title")
         slide(page, "controller.gains.k_p", 0.2)
         assert page.text_content("#filled") == ""
-        # By hand, with keys; what was driven is an episode to learn from.
-        page.click("#wheel")
-        page.keyboard.down("ArrowRight")
-        until(page, "() => parseFloat(document.getElementById('hand-values').textContent) > 0.5")
-        page.keyboard.up("ArrowRight")
-        page.keyboard.press("Escape")
-        until(page, "() => document.getElementById('kept').textContent.includes('hand_1')")
-        episode = load_episode(tmp_path / "hand_1" / "episode.npz")
-        assert episode.end in {"interrupted", "off_track"}
-        assert episode["steer_command"].min() < -0.02  # to the right
-        assert len(episode) >= 10
+        by_hand(page, tmp_path)
         assert faults == []
     # The server is gone, and comes back: the page goes on where it was.
     other.locator("select[name=path]").select_option("straight")

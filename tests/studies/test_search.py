@@ -162,6 +162,10 @@ def test_words_of_python_and_of_the_command(tmp_path: FilePath, trained: Any) ->
 def test_a_winner_at_the_end_of_a_range_is_told(tmp_path: FilePath, trained: Any) -> None:
     found = search(config(ranges={"agent.gamma": "0.5..0.6"}, trials=24), tmp_path)
     assert found.pressed == ["agent.gamma"]
+    (line,) = found.remarks()
+    end = "high" if float(found.best.settings["agent.gamma"]) > 0.55 else "low"
+    assert line.startswith("agent.gamma: the best value, 0.")
+    assert line.endswith(f" is at the {end} end of 0.5..0.6; a wider range may help")
 
 
 def test_workers_do_not_change_what_is_found(

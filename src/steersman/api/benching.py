@@ -138,14 +138,16 @@ def _write_extras(
 ) -> None:
     """The table and the page, each if its extra is installed."""
     from steersman.bench.parquet import write_table
-    from steersman.bench.replay import median_cases, worst_cases
+    from steersman.bench.replay import class_cases, median_cases, worst_cases
 
     if write_table(rows, folder) is None:
         tell(f"no results.parquet: it needs {how_to_install('bench')}")
     if has_report(tell):
         from steersman.report.benchmark import write_benchmark
 
-        cases = [*worst_cases(rows, scenarios, found), *median_cases(rows, scenarios, found)]
+        tell("driving once more what the page replays")
+        finders = (worst_cases, median_cases, class_cases)
+        cases = [case for finder in finders for case in finder(rows, scenarios, found)]
         write_benchmark(outcome, cases, folder / "report.html")
 
 

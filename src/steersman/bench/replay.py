@@ -1,4 +1,4 @@
-"""The worst and the median drive of every controller, driven once more to be shown."""
+"""What is driven once more to be shown: each controller's worst and median, and each class."""
 
 from __future__ import annotations
 
@@ -14,8 +14,12 @@ from steersman.bench.suite import Scenario
 from steersman.episode import Episode
 from steersman.types import FloatArray
 
+# Drives that a page has of the classes' scenarios, all in all.
+_MOST = 360
 # What is shown of a drive: so far before and behind the place where it went wrong [m].
 _BEFORE, _BEHIND = 90.0, 40.0
+# Errors below this are nothing [m].
+_LEAST_ERROR = 1e-6
 
 
 class DrivenLine(NamedTuple):
@@ -30,10 +34,12 @@ class DrivenLine(NamedTuple):
 
 
 class ShownCase(NamedTuple):
-    """A drive of a benchmark that is shown, beside the best one of the same scenario."""
+    """A drive of a benchmark that is shown, beside others of the same scenario."""
 
-    which: Literal["worst", "median"]
+    which: Literal["worst", "median", "class"]
+    """The controller's worst or median one; or the middle scenario of a class of disturbances."""
     controller: str
+    """Whose case it is; of a class the best one there."""
     scenario: str
     end: str
     rms_m: float
@@ -41,7 +47,7 @@ class ShownCase(NamedTuple):
     """The controller with the least error there."""
     best_rms_m: float
     episodes: dict[str, Episode]
-    """By name, of the controller and of the best one."""
+    """By name: of the controller and of the best one, or of all that are shown of a class."""
 
     def lines(self) -> dict[str, DrivenLine]:
         """Lines around the place where the drive ended early, or where its error was largest.
@@ -77,6 +83,58 @@ def median_cases(
     if not all(scenario.run.plant.computed for scenario in scenarios):
         return []
     return _cases("median", rows, scenarios, entrants)
+
+
+def class_cases(
+    rows: Sequence[BenchRow], scenarios: Sequence[Scenario], entrants: Sequence[Entrant]
+) -> list[ShownCase]:
+    """For each class of disturbances its middle scenario, driven by each controller.
+
+    Middle by the mean of the logarithms of the errors there. Of many controllers those with the
+    smallest errors over all scenarios, as many as the page has room for. None for plants that are
+    not computed here.
+    """
+    if not all(scenario.run.plant.computed for scenario in scenarios):
+        return []
+    by_name = {s.name: s for s in scenarios}
+    classes: dict[str, list[str]] = {}
+    for scenario in scenarios:
+        classes.setdefault(scenario.disturbance, []).append(scenario.name)
+    first = {one.name: one for one in reversed(entrants)}
+    known = {(row.scenario, row.controller): row for row in reversed(rows)}
+    order = sorted(first, key=lambda name: _mean_square(rows, name))
+    shown = order[: max(_MOST // len(classes), 2)]
+    cases = []
+    for names in classes.values():
+        ranked = sorted(names, key=lambda name: _mean_log(rows, name))
+        name = ranked[(len(ranked) - 1) // 2]
+        own = [known[name, who] for who in shown if (name, who) in known]
+        own.sort(key=lambda row: row.charged_rms_m)
+        best = own[0]
+        cases.append(
+            ShownCase(
+                which="class",
+                controller=best.controller,
+                scenario=name,
+                end=best.end,
+                rms_m=best.charged_rms_m,
+                best=best.controller,
+                best_rms_m=best.charged_rms_m,
+                episodes={
+                    row.controller: drive(by_name[name], first[row.controller]) for row in own
+                },
+            )
+        )
+    return cases
+
+
+def _mean_square(rows: Sequence[BenchRow], controller: str) -> float:
+    return float(np.mean([r.charged_rms_m**2 for r in rows if r.controller == controller]))
+
+
+def _mean_log(rows: Sequence[BenchRow], scenario: str) -> float:
+    errors = [r.charged_rms_m for r in rows if r.scenario == scenario]
+    return float(np.mean(np.log(np.maximum(errors, _LEAST_ERROR))))
 
 
 def _cases(

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from steersman.cli import settings
 from steersman.cli.outcome import goes_on
-from steersman.cli.output import note, show, show_json, suite_progress, table
+from steersman.cli.output import console, note, show, show_json, suite_progress, table
 from steersman.errors import three_digits
 
 if TYPE_CHECKING:
@@ -28,6 +30,9 @@ EXAMPLES = (
     "The same command goes on where an interrupted one stopped; in the same folder, further\n"
     "controllers cost only their own runs."
 )
+
+# Columns that are left out where a terminal is too narrow, the first first.
+_LAST = ("steer", "step", "typical", "regret")
 
 
 def bench(  # noqa: PLR0913, PLR0917 - typer's options
@@ -110,21 +115,11 @@ def bench(  # noqa: PLR0913, PLR0917 - typer's options
 def _show(outcome: BenchResult, folder: str) -> None:
     summary = outcome.summary
     best = summary.best_classical
-    columns = ("clean", "disturbed", "typical", "lost", "steer", "step", "regret", "ratio")
-    out = table("controller", *columns, right=columns)
-    for name, found in summary.controllers.items():
-        ratio = None if found.ratio is None else found.ratio["all"].rms
-        out.add_row(
-            name,
-            _interval(found.clean.rms_m, 1e3),
-            _interval(found.disturbed.rms_m, 1e3),
-            _interval(found.disturbed.typical_m, 1e3),
-            _lost(found),
-            _steering(found),
-            _number(found.control_time_us_p50),
-            "" if found.regret is None else _interval(found.regret.median_m, 1e3),
-            "" if ratio is None else _interval(ratio),
-        )
+    cells = {name: _cells(found) for name, found in summary.controllers.items()}
+    columns, left_out = _fitting(cells)
+    out = table("controller", *columns, right=tuple(columns))
+    for name, row in cells.items():
+        out.add_row(name, *(row[column] for column in columns))
     notes = (
         f"{_counted(summary.scenarios, 'scenario')} on {_counted(summary.paths, 'path')}; 95 %"
         " intervals of a bootstrap over paths, none over one path, and over seeds where a"
@@ -141,7 +136,38 @@ def _show(outcome: BenchResult, folder: str) -> None:
     if beyond:
         runs = beyond[0].runs
         notes += f" With a +: lost of {runs} runs beyond grip, which no other column counts."
+    if left_out:
+        notes += f" A wider terminal has {', '.join(left_out)}, too; so has the page."
     show(out, "", notes, f"written to {folder}")
+
+
+def _cells(found: ControllerSummary) -> dict[str, str]:
+    """A controller's row by column."""
+    return {
+        "clean": _interval(found.clean.rms_m, 1e3),
+        "disturbed": _interval(found.disturbed.rms_m, 1e3),
+        "typical": _interval(found.disturbed.typical_m, 1e3),
+        "lost": _lost(found),
+        "steer": _steering(found),
+        "step": _number(found.control_time_us_p50),
+        "regret": "" if found.regret is None else _interval(found.regret.median_m, 1e3),
+        "ratio": "" if found.ratio is None else _interval(found.ratio["all"].rms),
+    }
+
+
+def _fitting(cells: Mapping[str, Mapping[str, str]]) -> tuple[list[str], list[str]]:
+    """The columns that have something and room beside the names, and those without room."""
+    rows = list(cells.values())
+    columns = [name for name in rows[0] if any(row[name] for row in rows)]
+    lines = {c: [c, *(line for row in rows for line in row[c].splitlines())] for c in columns}
+    widths = {name: 1 + max(map(len, of)) for name, of in lines.items()}
+    room = console(sys.stdout, like=sys.stdout).width - 1 - max(map(len, ["controller", *cells]))
+    left_out: list[str] = []
+    for name in _LAST:
+        if sum(widths[c] for c in columns) > room and name in columns:
+            columns.remove(name)
+            left_out.append(name)
+    return columns, left_out
 
 
 def _counted(number: int, of: str) -> str:
@@ -158,7 +184,7 @@ def _interval(found: IntervalEstimate | None, factor: float = 1.0) -> str:
     if found is None:
         return "-"
     value, low, high = (_number(v, factor) for v in (found.value, found.low, found.high))
-    return value if found.low is None else f"{value}\n{low}..{high}"
+    return value if found.low is None or low == high else f"{value}\n{low}..{high}"
 
 
 def _lost(found: ControllerSummary) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from steersman.cli import settings
-from steersman.cli.output import note, show, show_json, table, tell_compiling, write
+from steersman.cli.output import note, show, show_json, table, write
 from steersman.errors import ConfigError, one_line, suggestion
 
 if TYPE_CHECKING:
@@ -24,8 +24,9 @@ SHOW_EXAMPLES = (
     "  steersman show controller mpc_pid\n"
     "  steersman show tuned/mpc_pid\n"
     "  steersman show path circle --json\n"
+    "  steersman show vehicle my_car.yaml\n"
     "  steersman show drive\n"
-    "  steersman show train"
+    "  steersman show train apg"
 )
 CHECK_EXAMPLES = (
     "\b\nExamples:\n"
@@ -135,7 +136,6 @@ def check_component(
     name, assignments = split(words)
     if name is None:
         raise ConfigError(f"{words[0]!r} is a setting; first comes a name, e.g. controller.lqr")
-    tell_compiling()
     if name in families() and assignments:
         raise ConfigError(f"{assignments[0]}: fields go with one component, e.g. controller.lqr")
     whole = name in families()
@@ -152,14 +152,17 @@ def check_component(
 
 
 def _find(kind: str, name: str | None) -> tuple[type[BaseModel], BaseModel | None]:
-    """The class; and the component itself, of a word that is not just its kind."""
+    """The class; and the component or settings themselves, of a word that is not just its kind."""
+    from steersman.bench.suites import suite
     from steersman.command_table import settings_of
+    from steersman.commands import configuration
     from steersman.config import components, families, lookup, resolve
 
     if kind in _COMMANDS:
-        if name is not None:
-            raise ConfigError(f"{name!r} is too much; 'steersman show {kind}' takes no name")
-        return settings_of(kind), None
+        if name is None:
+            return settings_of(kind), None
+        found = suite(name) if kind == "bench" else configuration(kind, [name])
+        return type(found), found
     if kind not in families():
         known = [*families(), *_COMMANDS]
         raise ConfigError(f"unknown kind of component {kind!r}{suggestion(kind, known)}")
@@ -168,9 +171,9 @@ def _find(kind: str, name: str | None) -> tuple[type[BaseModel], BaseModel | Non
         raise ConfigError(f"show {kind}: which one? names: {names}")
     if name in components(kind):
         return lookup(kind, name), None
-    found = resolve(kind, name)
-    assert found is not None
-    return type(found), found
+    component = resolve(kind, name)
+    assert component is not None
+    return type(component), component
 
 
 def paragraphs(cls: type) -> list[str]:

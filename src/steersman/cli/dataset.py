@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from steersman.cli.output import note, share_bar, tell_compiling
+from steersman.cli.output import note, share_bar
 from steersman.cli.recording import EPISODE
 from steersman.errors import DataError
 
@@ -81,7 +81,6 @@ def _of_training(source: str, place: FilePath) -> Stored:
     imitated = place.is_dir() and "fit" in read_yaml(name)
     problem = sm.configure("imitate" if imitated else "train", name, notify=note).problem
     kind = (dump(problem.demonstration.controller) or {})["kind"]
-    tell_compiling()
     with share_bar("demonstrating") as progress:
         drives = demonstrate(problem, STEPS, 0, tick=progress)
     return store.Stored(problem, drives, f"{kind} with noise of {SIGMA:g} on what is executed")

@@ -10,7 +10,7 @@ import typer
 from steersman import files
 from steersman.cli import settings, train
 from steersman.cli.outcome import INTERRUPTED
-from steersman.cli.output import note, show, table, tell_compiling
+from steersman.cli.output import note, show, table
 
 EXAMPLES = (
     "\b\n"
@@ -72,7 +72,6 @@ def demo(
 
     given = existing(policy) if policy else None
     folder = files.out_folder(out)
-    tell_compiling()
     try:
         file = given or _train(preset, words or [], folder)
         rows = _drive(file, folder)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from steersman.cli import settings
-from steersman.cli.output import note, show, show_json, table, tell_compiling
+from steersman.cli.output import note, show, show_json, table
 
 if TYPE_CHECKING:
     from steersman.studies.identify.identification import Identified
@@ -83,7 +83,6 @@ def identify(  # noqa: PLR0913, PLR0917 - an argument is an option of the comman
 
     file = None if out is None else out_file(out, "--out", YAML)
     shown = None if page is None else out_file(page, "--report", HTML)
-    tell_compiling()
     found = sm.identify(
         log,
         vehicle,

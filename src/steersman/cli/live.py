@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from steersman.cli import settings
-from steersman.cli.output import note, tell_compiling
+from steersman.cli.output import note
 
 EXAMPLES = (
     "\b\n"
@@ -54,7 +54,6 @@ def live(
     driving.announce_drive(config, words or [], note)
     address = LiveAddress(server.free_port(port), token or server.new_token())
     note(f"{address.url}\nCtrl-C ends it")
-    tell_compiling()
     if browser:
         webbrowser.open(address.url)
     server.serve(config, address, out, None if training is None else FilePath(training))

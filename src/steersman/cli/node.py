@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from steersman.cli.exported import loop_of
-from steersman.cli.output import note, tell_compiling
+from steersman.cli.output import note
 from steersman.errors import ConfigError
 
 EXAMPLES = (
@@ -73,7 +73,6 @@ def node(
     from steersman.files import write_text
 
     config, vehicle = loop_of(run, words or ())
-    tell_compiling()
     sensor, dt = config.sensor, config.plant.dt
     steers = whole = in_front(config.controller, config.estimator, config.predictor)
     if compiled:

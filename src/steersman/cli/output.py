@@ -8,7 +8,6 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import cache
 from textwrap import fill
 from typing import TYPE_CHECKING, Any, Literal, TextIO
 
@@ -27,6 +26,8 @@ TOLD = 0.05
 _MINUTE = 60.0
 # Columns that a progress bar takes beside its words, and the least that its words have.
 _BESIDE, _LEAST = 32, 20
+# Letters of a name that stay beside numbers, however many there are.
+_LEAST_NAME = 10
 # Width of tables in files and pipes; a terminal has its own.
 _WIDTH = 80
 
@@ -64,7 +65,8 @@ def table(*columns: str, right: tuple[str, ...] = ()) -> Table:
     for i, name in enumerate(columns):
         justify: Literal["left", "right"] = "right" if name in right else "left"
         whole = name in right or (i == 0 and not right)
-        out.add_column(name, justify=justify, overflow="fold", no_wrap=whole)
+        least = None if name in right else min(len(name), _LEAST_NAME)
+        out.add_column(name, justify=justify, overflow="fold", no_wrap=whole, min_width=least)
     return out
 
 
@@ -130,33 +132,6 @@ def folded(text: str, stream: TextIO) -> str:
     )
 
 
-def tell_compiling() -> None:
-    """From now on say so, once, if kernels have to be compiled: nothing else shows meanwhile."""
-    if sys.stderr.isatty():
-        _listen_for_compiling()
-
-
-@cache
-def _listen_for_compiling() -> Any:
-    """The one listener of this process, registered with Numba."""
-    from numba.core import event
-
-    class Teller(event.Listener):
-        told = False
-
-        def on_start(self, _: Any) -> None:
-            if not self.told and sys.stderr.isatty():
-                self.told = True
-                note("compiling, once for this version: up to a minute")
-
-        def on_end(self, _: Any) -> None:
-            pass
-
-    teller = Teller()
-    event.register("numba:compile", teller)  # type: ignore[no-untyped-call]
-    return teller
-
-
 def animated() -> bool:
     """Whether stderr is a terminal in which bars can move."""
     return sys.stderr.isatty() and os.environ.get("TERM", "") not in {"dumb", "unknown"}
@@ -165,7 +140,6 @@ def animated() -> bool:
 @contextmanager
 def share_bar(title: str) -> Iterator[Callable[[float], None] | None]:
     """A progress bar on stderr, called with the share done; None where bars cannot move."""
-    tell_compiling()
     if not animated():
         yield None
         return
@@ -206,7 +180,6 @@ def suite_progress() -> Iterator[Callable[[float, float], None]]:
             assert update is not None  # it is where stderr is a terminal
             yield lambda done, total: update(done / max(total, 1.0))
         return
-    tell_compiling()
     shown = 0.0
 
     def line(done: float, total: float) -> None:
@@ -229,7 +202,6 @@ def steps_bar(
 
     Elsewhere a line each time, but no sooner than a share ``every`` of the steps after the last.
     """
-    tell_compiling()
     if not animated():
         due = 0.0
 
@@ -254,7 +226,6 @@ def steps_bars(
 
     Elsewhere than in a terminal, a line for whatever is new.
     """
-    tell_compiling()
     if not animated():
 
         def line(title: str, done: float, text: str, new: bool) -> None:

@@ -64,6 +64,8 @@ def search(
         show_json(result.plain())
     else:
         _show(result, out)
+    for remark in result.remarks():
+        note(remark)
 
 
 def _show(result: SearchResult, out: str) -> None:
@@ -76,10 +78,6 @@ def _show(result: SearchResult, out: str) -> None:
     show(rows)
     if len(order) > _SHOWN:
         show(f"and {len(order) - _SHOWN} more in search.json")
-    for name in result.pressed:
-        note(
-            f"{name}: the best value is at an end of {result.ranges[name]}; a wider range may help"
-        )
     seeds = ", ".join(map(str, result.seeds))
     show(
         "",

@@ -15,6 +15,8 @@ os.environ.setdefault("NUMBA_OPT", "2")
 
 from numba import njit
 
+COMPILING = "compiling kernels, once for this version and machine: up to a minute"
+
 F = TypeVar("F", bound=Callable[..., Any])
 # numba's own option without a promise; its type stubs do not know it.
 _WITHOUT_RUN_TIME: dict[str, Any] = {"_nrt": False}
@@ -68,7 +70,10 @@ def tell(line: str) -> None:
 
 
 class _MendedCache:
-    """numba's cache of one function, of which a damaged file counts as missing."""
+    """numba's cache of one function, of which a damaged file counts as missing.
+
+    What is missing is compiled next; that is told, since nothing else shows meanwhile.
+    """
 
     def __init__(self, inner: Any) -> None:
         self._inner = inner
@@ -76,12 +81,15 @@ class _MendedCache:
     def load_overload(self, *key: Any) -> Any:
         """The compiled function; None if it is not there, or cannot be read."""
         try:
-            return self._inner.load_overload(*key)
+            found = self._inner.load_overload(*key)
         except Exception:  # noqa: BLE001 - for damaged bytes pickle raises errors of any class
             tell(f"damaged files in {self._inner.cache_path} are compiled anew")
             with suppress(OSError):
                 self._inner.flush()
-            return None
+            found = None
+        if found is None:
+            tell(COMPILING)
+        return found
 
     def save_overload(self, *entry: Any) -> None:
         """Keep a compiled function, if that is possible."""

@@ -25,7 +25,7 @@ from llvmlite import ir  # type: ignore[import-untyped]
 from numba import cfunc, types
 from numba.extending import intrinsic, overload
 
-from steersman.errors import ConfigError, shortened
+from steersman.errors import ConfigError, shortened, suggestion
 from steersman.types import FloatArray
 
 _NUMBERS = types.CPointer(types.float64)
@@ -83,8 +83,8 @@ class _Columns(ast.NodeTransformer):
             return node
         if node.attr not in group.columns:
             name = cast("ast.Name", node.value).id
-            known = ", ".join(group.columns) or "nothing"
-            raise ConfigError(f"{self.where}: there is no {name}.{node.attr}; it has {known}")
+            near = suggestion(node.attr, group.columns)
+            raise ConfigError(f"{self.where}: there is no {name}.{node.attr}{near}")
         place = ast.Constant(group.columns[node.attr])
         number = ast.Subscript(node.value, place, ast.Load())
         if node.attr in group.whole:

@@ -25,6 +25,7 @@ class TrainingQuestion(BaseModel):
     time: float = _Number
     v_x: float = _Number
     v_y: float = _Number
+    yaw_rate: float = _Number
     lateral_error: float = _Number
     steer: float = _Number
     preview: list[tuple[float, float]]
@@ -63,5 +64,5 @@ class TrainingWheel:
         seen = self._seen
         if seen is None:
             return {"ended": False}
-        shown = seen.model_dump(include={"time", "lateral_error", "steer", "preview"})
+        shown = seen.model_dump(exclude={"drive", "dt"})
         return {"ended": False, "speed": math.hypot(seen.v_x, seen.v_y), **shown}

@@ -102,10 +102,13 @@ def _run_of(name: str, episode: Episode) -> ReportRun:
     return ReportRun(name, episode, summarise(episode), config=dict(episode.meta))
 
 
-def answer_of(name: str, episode: Episode) -> dict[str, Any]:
-    """Figures and scene of one drive."""
+def answer_of(name: str, episode: Episode, end: str | None = None) -> dict[str, Any]:
+    """Figures and scene of one drive, with other words for its end where some are given."""
     shown = [_run_of(name, episode)]
-    return {**scene(shown), "figures": _figures(shown)}
+    figures = _figures(shown)
+    if end is not None:
+        figures["rows"][0]["cells"][0]["text"] = end
+    return {**scene(shown), "figures": figures}
 
 
 def scene(runs: Sequence[ReportRun]) -> dict[str, Any]:

@@ -35,7 +35,7 @@ def live_page(
         address: port, and the token that its requests carry.
         training: folder of the training that is followed; empty: none.
     """
-    script = web.script("live")
+    script = web.script("wheel", "live")
     given = {"form": offered, "first": first.model_dump(), "token": address.token}
     given["training"] = training
     given["again"] = f"steersman live --port {address.port} --token {address.token}"

@@ -66,7 +66,9 @@ class FollowedTraining:
         }
 
     def _name(self, file: FilePath) -> str:
-        return str(file.parent.relative_to(self._folder))
+        """The training's folder: below the one that is followed, or its own name."""
+        inner = str(file.parent.relative_to(self._folder))
+        return self._folder.resolve().name if inner == "." else inner
 
     def _ask(self, what: Literal["pause", "go on", "stop"]) -> None:
         for file in self._folder.rglob(running.STATE):
@@ -81,9 +83,7 @@ class FollowedTraining:
             state = read_state(file.parent)
             if state is None:
                 continue
-            name = self._name(file)
-            steps = f"{state.steps} of {state.total} steps"
-            words = f"{'' if name == '.' else f'{name}: '}{state.state}, {steps}"
+            words = f"{self._name(file)}: {state.state}, {state.steps} of {state.total} steps"
             why = [state.why] * bool(state.why)
             out.append({"state": state.state, "words": words, "alarms": [*why, *state.alarms]})
         return out
@@ -93,9 +93,8 @@ class FollowedTraining:
         file = max(self._folder.rglob(running.DRIVE), key=_stamp, default=None)
         if file is None or (stamp := _stamp(file)) <= shown:
             return None
-        name = self._name(file)
-        where = "" if name == "." else f" of {name}"
-        return {"stamp": stamp, **answer_of(f"validation{where}", load_episode(file))}
+        title = f"validation of {self._name(file)}"
+        return {"stamp": stamp, **answer_of(title, load_episode(file))}
 
 
 def _stamp(file: FilePath) -> float:

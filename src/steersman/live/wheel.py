@@ -7,6 +7,7 @@ last. What is kept is an episode, which ``steersman imitate method=bc data=FOLDE
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from dataclasses import dataclass, field, replace
@@ -18,19 +19,28 @@ import numpy as np
 from pydantic import BaseModel, Field
 
 from steersman.controllers.base import ControllerComponent
-from steersman.errors import SteersmanError
+from steersman.episode import END_OF_PATH, INTERRUPTED, OFF_TRACK, ROLL_OVER
+from steersman.errors import PlantError, SteersmanError
 from steersman.files import make_folder
 from steersman.live.drives import LONGEST, answer_of
 from steersman.live.form import Choices
-from steersman.outcome import Interrupted
-from steersman.rollout import RunConfig, attempt
+from steersman.rendering import road_line
+from steersman.report.scene import car_of
+from steersman.rollout import RunConfig, RunningDrive
+from steersman.sensing import Tracking, to_state
 from steersman.types import Observation, Status
 from steersman.vehicles import Vehicle
 
 PATIENCE = 2.0
 """Without a message from the page for so long the drive ends [s]."""
-# What a person sees and may leave at least: waypoints, half width of the corridor [m].
-_WAYPOINTS, _CORRIDOR = 25, 3.0
+# Half width of the corridor that a person has at least [m].
+_CORRIDOR = 3.0
+# How a drive ended, for the person who drove.
+_ENDS = {
+    OFF_TRACK: "you left the road",
+    ROLL_OVER: "the car rolled over",
+    END_OF_PATH: "finished, at the end of the road",
+}
 
 
 class WheelInput(BaseModel):
@@ -51,7 +61,8 @@ class Hand:
     heard: float = field(default_factory=time.monotonic)
     """When the page sent something [s]."""
     began: float | None = None
-    seen: Observation | None = None
+    drive: RunningDrive | None = None
+    """What is driven."""
     stop: bool = False
 
 
@@ -76,7 +87,6 @@ class HandController(ControllerComponent):
         if observation.time <= 0.0 or state.began is None:
             state.began = now - observation.time
         time.sleep(max(state.began + observation.time - now, 0.0))
-        state.seen = observation
         if state.stop or time.monotonic() - state.heard > PATIENCE:
             raise KeyboardInterrupt
         return state.steer, Status.SOLVED, state
@@ -114,37 +124,39 @@ class WheelDrive:
         thread = self._thread
         if thread is None:
             raise SteersmanError("nothing is driven by hand; start first")
-        return self._seen() if thread.is_alive() else {"ended": True, **self._answer}
+        if not thread.is_alive():
+            return {"ended": True, **self._answer}
+        return {**self._seen(), **({"road": self._road()} if given.act == "start" else {})}
 
     def _start(self, choices: Choices) -> None:
         config = choices.config(self._base)
         self._hand = hand = Hand()
-        sensor = config.sensor
         parts = {
             "controller": HandController(hand=hand),
             "estimator": None,
             "predictor": None,
-            "sensor": sensor.model_copy(update={"count": max(sensor.count, _WAYPOINTS)}),
             "corridor": max(config.corridor, _CORRIDOR),
             "duration": min(config.duration or LONGEST, LONGEST),
             "laps": None,
         }
         config = config.model_copy(update=parts)
         make_folder(self._folder)
-        self._answer = {}
-        self._thread = threading.Thread(target=self._drive, args=(config,), daemon=True)
+        hand.drive, self._answer = RunningDrive(config), {}
+        self._thread = threading.Thread(target=self._drive, args=(hand.drive,), daemon=True)
         self._thread.start()
 
-    def _drive(self, config: RunConfig) -> None:
+    def _drive(self, drive: RunningDrive) -> None:
         try:
-            episode = attempt(config).episode
-        except Interrupted as stopped:
-            episode = stopped.episode
-        except SteersmanError as error:
-            self._answer = {"error": str(error)}
-            return
-        if not len(episode):
-            self._answer = {"error": "stopped before the first step"}
+            end, error = drive.run(None)
+        except KeyboardInterrupt:
+            end, error = INTERRUPTED, None
+        except SteersmanError as fault:
+            end, error = INTERRUPTED, PlantError(str(fault))
+        finally:
+            drive.simulation.close()
+        episode = drive.episode(end)
+        if error is not None or not len(episode):
+            self._answer = {"error": str(error or "stopped before the first step")}
             return
         waited = np.zeros(len(episode))  # nothing was computed
         episode = replace(episode, columns={**episode.columns, "control_time": waited})
@@ -152,21 +164,44 @@ class WheelDrive:
         place = next(name for name in names if not name.exists())
         try:
             episode.save(make_folder(place) / "episode.npz")
-            self._answer = {"kept": str(place), **answer_of("by hand", episode)}
-        except SteersmanError as error:
-            self._answer = {"error": str(error)}
+            shown = answer_of("by hand", episode, self._words(end))
+            how = f"{self._words(end)}, after {len(episode) * episode.dt:.1f} s"
+            self._answer = {"kept": str(place), "how": how, **shown}
+        except SteersmanError as fault:
+            self._answer = {"error": str(fault)}
+
+    def _words(self, end: str) -> str:
+        """How the drive ended."""
+        if end == INTERRUPTED:
+            return "stopped by you" if self._hand.stop else "stopped, as the page was away"
+        return _ENDS.get(end, "finished, at the end of its time")
+
+    def _road(self) -> dict[str, Any]:
+        """The line to follow from its start [m], the corridor's half width [m], and the car."""
+        assert self._hand.drive is not None  # it has begun
+        config = self._hand.drive.config
+        x, y = road_line(config.path)
+        return {
+            "x": np.round(x - x[0], 2).tolist(),
+            "y": np.round(y - y[0], 2).tolist(),
+            "half": config.corridor,
+            "car": car_of(config.vehicle),
+        }
 
     def _seen(self) -> dict[str, Any]:
-        """What a person sees, in the vehicle's frame; empty before the first step."""
-        seen = self._hand.seen
-        if seen is None:
-            return {"ended": False}
+        """Where the car is in the frame of the road, how fast, and how far beside its line."""
+        drive = self._hand.drive
+        assert drive is not None  # it has begun
+        simulation, start = drive.simulation, drive.config.path.at(0.0)
+        state = to_state(simulation.fleet.state[0], simulation.time(0))
         return {
             "ended": False,
-            "time": seen.time,
-            "speed": seen.speed,
-            "lateral_error": seen.lateral_error,
-            "heading_error": seen.heading_error,
-            "steer": seen.steer,
-            "preview": seen.preview.tolist(),
+            "time": state.time,
+            "x": state.x - start.x,
+            "y": state.y - start.y,
+            "psi": state.psi,
+            "wheel": state.wheel_angle,
+            "speed": math.hypot(state.v_x, state.v_y),
+            "lateral_error": float(Tracking(*simulation.fleet.tracking[0]).lateral_error),
+            "steer": state.steer,
         }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from steersman.types import FloatArray
 _SAME, _SAME_AT_MOST = 0.02, 0.05
 # Before smoothing, those nearer than this share, or this [m], are one: a car that stands jitters.
 _JITTER, _JITTER_AT_MOST = 0.5, 0.5
-_LEAST_POINTS = 3
+_LEAST_POINTS, _LEAST_CLOSED = 2, 3
 # A vertex that turns by more goes back where it came from.
 _BACK = math.radians(135.0)
 # Closing a lap whose end runs past its start makes two opposite turns of more than this.
@@ -56,6 +57,33 @@ def cleaned(points: Points, by: Cleaning) -> Points:
     Raises:
         DataError: there are too few, or their course cannot be used.
     """
+    found, _ = _made(points, by)
+    fault = _course_fault(found)
+    if fault is None:
+        return found
+    raise found.fault(fault.row, f"{fault.text}; {', or '.join((*_cures(points, by), fault.cure))}")
+
+
+def _cures(points: Points, by: Cleaning) -> Iterator[str]:
+    """The settings with which the course of these points has no fault."""
+    noise = _noise(points, by._replace(smoothing=None))
+    if by.smoothing == 0.0 and noise is not None:
+        yield f"set smoothing to auto, which takes it for {noise:.2g} m of noise"
+    if by.loop is None and _noise(points, by._replace(loop=False)) is not None:
+        yield "set loop to false"
+
+
+def _noise(points: Points, by: Cleaning) -> float | None:
+    """What smoothing takes from points [m]; None if their course then has a fault."""
+    try:
+        found, noise = _made(points, by)
+    except DataError:
+        return None
+    return noise if _course_fault(found) is None else None
+
+
+def _made(points: Points, by: Cleaning) -> tuple[Points, float]:
+    """The points of the curve before they are checked, and their noise, where smoothed [m]."""
     _enough(points)
     refuse_far(points)
     points = _apart(points, by)
@@ -69,10 +97,7 @@ def cleaned(points: Points, by: Cleaning) -> Points:
     points = points._replace(closed=closed)
     if closed:
         points = _joined(points)
-    if by.smoothing != 0.0:
-        points = _smoothed(points, by)
-    _check_course(points, smooth=by.smoothing != 0.0)
-    return points
+    return _smoothed(points, by) if by.smoothing != 0.0 else (points, 0.0)
 
 
 def _enough(points: Points) -> None:
@@ -196,22 +221,33 @@ def _joined(points: Points, near: float = math.inf) -> Points:
     count = len(place)
     while count > 1 and math.dist(place[count - 1], place[0]) < near:
         count -= 1
-    if count < _LEAST_POINTS:
-        raise points.error(f"a closed path needs at least {_LEAST_POINTS} different points")
+    if count < _LEAST_CLOSED and (points.closed or count < len(place)):
+        raise points.error(f"a closed path needs at least {_LEAST_CLOSED} different points")
     return points.rows(np.arange(count))
 
 
-def _smoothed(points: Points, by: Cleaning) -> Points:
-    """The points moved onto a smoothing spline."""
+def _smoothed(points: Points, by: Cleaning) -> tuple[Points, float]:
+    """The points moved onto a smoothing spline, and their RMS distance from it [m]."""
+    if by.smoothing is None and len(points.x) < spline.LEAST:
+        return points.noted(f"{len(points.x)} points show no noise: not smoothed"), 0.0
     try:
         found = spline.smoothed(points.place, bool(points.closed), by.smoothing)
     except DataError as error:
         raise points.error(str(error)) from None
     points = points.moved(found.place, np.arange(len(points.x)))
-    return points.noted(f"smoothed: {found.noise:.2g} m of noise (RMS)")
+    return points.noted(f"smoothed: {found.noise:.2g} m of noise (RMS)"), found.noise
 
 
-def _check_course(points: Points, *, smooth: bool) -> None:
+class _Fault(NamedTuple):
+    """What is wrong with a course."""
+
+    row: int
+    text: str
+    cure: str
+
+
+def _course_fault(points: Points) -> _Fault | None:
+    """Where a course turns back, or its ends do not join; None for a good one."""
     dx, dy = np.diff(points.place, axis=0, append=points.place[:1]).T
     if not points.closed:
         dx, dy = dx[:-1], dy[:-1]
@@ -221,25 +257,21 @@ def _check_course(points: Points, *, smooth: bool) -> None:
         dx, dy = np.append(dx, dx[0]), np.append(dy, dy[0])
     cross = dx[before] * dy[ahead] - dy[before] * dx[ahead]
     turn = np.arctan2(cross, dx[before] * dx[ahead] + dy[before] * dy[ahead])
-    if points.closed:
-        _check_joint(points, float(turn[-2]), float(turn[-1]))
+    if points.closed and not _joins(points, float(turn[-2]), float(turn[-1])):
+        text = f"the end overlaps or crosses the start ({points.counted} {points.lines[0]})"
+        return _Fault(-1, text, "cut the surplus points off")
     back = np.flatnonzero(np.abs(turn) > _BACK)
     if back.size:
-        order = "put the points into driving order"
-        cure = order if smooth else f"set smoothing to auto if that is noise, else {order}"
-        raise points.fault(int(back[0]) + 1, f"the path turns back on itself; {cure}")
+        row, cure = int(back[0]) + 1, "put the points into driving order"
+        return _Fault(row, "the path turns back on itself", cure)
+    return None
 
 
-def _check_joint(points: Points, turn_last: float, turn_first: float) -> None:
-    """The chord that closes the path must lead on, and the ends must not cross."""
+def _joins(points: Points, turn_last: float, turn_first: float) -> bool:
+    """Whether the chord that closes the path leads on, and the ends do not cross."""
     turns_back = max(abs(turn_last), abs(turn_first)) > _BACK
     kink = turn_last * turn_first < 0.0 and min(abs(turn_last), abs(turn_first)) > _KINK
-    if turns_back or kink or _ends_cross(points):
-        raise points.fault(
-            -1,
-            f"the end overlaps or crosses the start ({points.counted} {points.lines[0]});"
-            f" cut the surplus points off, or set loop to false",
-        )
+    return not (turns_back or kink or _ends_cross(points))
 
 
 def _ends_cross(points: Points) -> bool:

@@ -13,17 +13,8 @@ from steersman.paths.point_path import PointPath
 from steersman.paths.points import COLUMNS, Points, read_points
 
 
-@register("path", "csv")
-class CsvPath(PointPath):
-    """A cubic spline through the points of a table: a CSV file, or a text file.
-
-    Columns are separated by commas, semicolons, tabs, bars or blanks; commas may be decimal marks.
-    A header names x and y, easting and northing (UTM), or latitude and longitude, perhaps with
-    their units; it may be a comment, as numpy.savetxt and TUM's race tracks have it. A column of
-    speeds (``vx_mps``, ``v``, ``speed``, ...) is what ``speed=path`` drives.
-    """
-
-    suffixes: ClassVar[tuple[str, ...]] = (".csv", ".txt", ".tsv", ".dat")
+class TablePath(PointPath):
+    """A cubic spline through the rows of a table in a file."""
 
     file: FilePath = required("-", "table of positions, with a header or two columns x and y")
     columns: str | None = param(
@@ -42,7 +33,23 @@ class CsvPath(PointPath):
             titles.parse(value, COLUMNS)
         return value
 
+    def given(self) -> dict[str, titles.Wanted]:
+        """What the user says of the columns."""
+        return titles.parse(self.columns or "", COLUMNS)
+
+
+@register("path", "csv")
+class CsvPath(TablePath):
+    """A cubic spline through the points of a table: a CSV file, or a text file.
+
+    Columns are separated by commas, semicolons, tabs, bars or blanks; commas may be decimal marks.
+    A header names x and y, easting and northing (UTM), or latitude and longitude, perhaps with
+    their units; it may be a comment, as numpy.savetxt and TUM's race tracks have it. A column of
+    speeds (``vx_mps``, ``v``, ``speed``, ...) is what ``speed=path`` drives.
+    """
+
+    suffixes: ClassVar[tuple[str, ...]] = (".csv", ".txt", ".tsv", ".dat")
+
     def recorded(self, *, speeds: bool = False) -> Points:
         """The points of the table."""
-        given = titles.parse(self.columns or "", COLUMNS)
-        return read_points(self.file, given, speeds=speeds)
+        return read_points(self.file, self.given(), speeds=speeds)

@@ -27,7 +27,7 @@ _Y = (
     *("north", "northing", "utm_y", "y_utm", "utm_north", "utm_northing", "nordwert", "hochwert"),
 )
 _LATITUDE, _LONGITUDE = ("lat", "breitengrad"), ("lon", "long", "lng", "laengengrad")
-_SPEED = ("vx", "v", "v_x", "velocity", "longitudinal_velocity", "vel", "geschwindigkeit")
+_SPEED = ("vx", "v", "ref_v", "v_x", "velocity", "longitudinal_velocity", "vel", "geschwindigkeit")
 COLUMNS = {
     "x": ExpectedColumn("position to the east, or ahead", LENGTH, _X),
     "y": ExpectedColumn("position to the north, or to the left", LENGTH, _Y),
@@ -39,6 +39,8 @@ MOST_BYTES = 50_000_000
 _FARTHEST = 1e8
 # A shorter path in "metres" of such numbers is one in degrees [m].
 _TOO_SHORT = 1.0
+# A longer one [m] in even steps is in millimetres; points so far apart [m] are told.
+_TOO_LONG, _FAR_APART = 250_000.0, 100.0
 _PAIR = 2
 # Largest latitude, and longitude as some write it [deg].
 _NORTHMOST, _ROUND = 90.0, 360.0
@@ -107,12 +109,35 @@ def read_points(
     Raises:
         DataError: the file cannot be used; one line says where and what to do.
     """
+    given = dict(columns or {})
+    named = {name: wanted for name, wanted in given.items() if not wanted.title.isdecimal()}
 
     def is_header(titles: list[str]) -> bool:
-        alike = Sheet(file, titles, 0, [], [])
-        return _pair(find(alike, COLUMNS)) is not None
+        try:
+            return _pair(find(Sheet(file, titles, 0, [], []), COLUMNS, named)) is not None
+        except DataError:  # without what the user names; or in another unit, told with its line
+            return not named
 
-    sheet = read_sheet(file, _CURE, is_header, MOST_BYTES)
+    return points_of(read_sheet(file, _CURE, is_header, MOST_BYTES), given, speeds=speeds)
+
+
+def has_positions(sheet: Sheet, columns: Mapping[str, Wanted] | None = None) -> bool:
+    """Whether a table has columns of positions, those that the user names among them."""
+    try:
+        return _pair(find(sheet, COLUMNS, columns)) is not None
+    except DataError:
+        return False
+
+
+def has_speeds(sheet: Sheet, columns: Mapping[str, Wanted] | None = None) -> bool:
+    """Whether a table has a column of speeds as well."""
+    return has_positions(sheet, columns) and "speed" in find(sheet, COLUMNS, columns)
+
+
+def points_of(
+    sheet: Sheet, columns: Mapping[str, Wanted] | None = None, *, speeds: bool = False
+) -> Points:
+    """The points of a table that was read; as ``read_points``."""
     given = dict(columns or {})
     notes: tuple[str, ...] = ()
     if not sheet.headed and not given:
@@ -131,7 +156,7 @@ def read_points(
     if pair == ("latitude", "longitude"):
         empty |= (a == 0.0) & (b == 0.0)  # what receivers write without a fix
     rows = np.flatnonzero(~empty)
-    points = Points(file, a, b, sheet.lines, None, notes=notes)
+    points = Points(sheet.file, a, b, sheet.lines, None, sheet.counted, notes=notes)
     if speeds and "speed" in found:
         points = points._replace(speed=_speeds(sheet, found["speed"]))
     points = points.rows(rows)
@@ -210,14 +235,22 @@ def _checked(
     if pair == ("latitude", "longitude"):
         return in_the_plane(points)
     refuse_far(points)
+    x, y = (sheet.titles[found[name].place] for name in pair)
     chords = np.hypot(np.diff(points.x), np.diff(points.y))
-    length = float(np.sum(chords))
+    length, usual = float(np.sum(chords)), float(np.median(chords)) if chords.size else 0.0
     if 0.0 < length < _TOO_SHORT and np.all(np.abs(points.y) <= _NORTHMOST):
-        x, y = (sheet.titles[found[name].place] for name in pair)
         raise DataError(
             f"{points.file}: the path is {length:.2g} m long; if it is in degrees, set"
-            f" columns to longitude={x},latitude={y}"
+            f" columns to longitude={x},latitude={y}, if in km, to x_km={x},y_km={y}"
         )
+    apart = f"the points are {usual:.0f} m apart"
+    if usual * chords.size > _TOO_LONG:
+        raise DataError(
+            f"{points.file}: {apart}, the path {1e-3 * length:.0f} km long; give positions in"
+            f" metres, or if they are in mm, set columns to x_mm={x},y_mm={y}"
+        )
+    if usual > _FAR_APART:
+        points = points.noted(f"{apart}; if they are in cm, set columns to x_cm={x},y_cm={y}")
     return points
 
 

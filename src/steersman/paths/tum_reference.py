@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path as FilePath
-from typing import ClassVar
 
 import numpy as np
 
@@ -18,9 +17,10 @@ _COLUMNS = ("pos_x", "pos_y", "ref_v")
 
 @register("path", "tum_reference")
 class TumReference(PointPath):
-    """A cubic spline through the points of such a file; ``speed=path`` drives its speeds."""
+    """A cubic spline through the points of such a file; ``speed=path`` drives its speeds.
 
-    suffixes: ClassVar[tuple[str, ...]] = (".json",)
+    Of files by any names ``json`` reads the points.
+    """
 
     file: FilePath = required("-", "JSON file with lists pos_x, pos_y [m] and ref_v [m/s]")
 

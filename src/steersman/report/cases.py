@@ -1,4 +1,4 @@
-"""Single drives of a benchmark: every controller's worst and median one, beside the best there."""
+"""Single drives of a benchmark: each controller's worst and median one, and those of each class."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from steersman.report.seen import recorded
 from steersman.report.signals import GREY_DOTS, ShownDrive
 
 _MM = 1e3
+# What the cases of a kind are called where one chooses among them.
+_KINDS = {"worst": "worst of each controller", "median": "median of each controller"}
 
 
 def places(summary: Summary) -> dict[str, int]:
@@ -21,21 +23,25 @@ def places(summary: Summary) -> dict[str, int]:
 
 
 def replays(summary: Summary, cases: Sequence[ShownCase]) -> list[RoadGroup]:
-    """The drives to replay: those of the best controller first, its worst before its median."""
-    rank = places(summary)
-    order = sorted(cases, key=lambda case: rank[case.controller])
-    return [_group(case, rank) for case in order]
+    """The drives to replay: each controller's worst and median, the best one's first; classes."""
+    rank, order = places(summary), list(_KINDS)
+    of_one = [case for case in cases if case.which in _KINDS]
+    of_one.sort(key=lambda case: (order.index(case.which), rank[case.controller]))
+    of_class = [case for case in cases if case.which not in _KINDS]
+    return [_group(case, rank) for case in (*of_one, *of_class)]
 
 
 def _group(case: ShownCase, rank: Mapping[str, int]) -> RoadGroup:
     episodes = case.episodes
+    alone = case.which in _KINDS
     drives = [
-        ShownDrive(name if name == case.controller else f"best there: {name}", episode)
+        ShownDrive(f"best there: {name}" if alone and name != case.controller else name, episode)
         for name, episode in episodes.items()
     ]
-    width = recorded(drives[0].episode).get("corridor", CORRIDOR)
-    title = f"{case.controller}, {case.which}: {case.scenario}"
-    return RoadGroup(title, drives, float(width), [rank[name] for name in episodes])
+    width = float(recorded(drives[0].episode).get("corridor", CORRIDOR))
+    title = f"{case.controller}: {case.scenario}" if alone else case.scenario
+    kind = _KINDS[case.which] if alone else case.scenario.rsplit("/", 3)[1]
+    return RoadGroup(title, drives, width, [rank[name] for name in episodes], kind)
 
 
 def worst(summary: Summary, cases: Sequence[ShownCase]) -> list[Section]:

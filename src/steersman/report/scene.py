@@ -43,6 +43,8 @@ class RoadGroup(NamedTuple):
     """Of the corridor [m]."""
     looks: Sequence[int] | None = None
     """The number of each drive's colour and dash; in order where it is not given."""
+    kind: str = ""
+    """By which groups are chosen, where there are several kinds of them."""
 
 
 def scenes(groups: Sequence[RoadGroup], blob: Blob, budget: int = BUDGET) -> list[dict[str, Any]]:
@@ -76,6 +78,7 @@ def _scene(group: RoadGroup, rows: Sequence[int], seen: int, blob: Blob) -> dict
     looks = group.looks or range(len(episodes))
     return {
         "title": group.title,
+        "kind": group.kind,
         "half": group.half_width,
         "closed": bool(path is not None and path.closed),
         "origin": origin,
@@ -117,7 +120,7 @@ def _run(
         "completed": episode.completed,
         "dt": episode.dt,
         "kept": len(rows) == len(episode),
-        "car": {**_car(vehicle), "known": known},
+        "car": {**car_of(vehicle), "known": known},
         "columns": {
             **_place(episode, rows, origin, blob),
             **{
@@ -158,7 +161,7 @@ def _rising(values: FloatArray) -> FloatArray:
     return np.where(np.isfinite(top), top, 0.0)
 
 
-def _car(vehicle: Vehicle) -> dict[str, Any]:
+def car_of(vehicle: Vehicle) -> dict[str, Any]:
     """What is drawn of a car [m]; lengths from the centre of mass, the body's middle mid-axle."""
     return {
         "lf": vehicle.l_f,

@@ -99,5 +99,7 @@ def shown_search(result: SearchResult) -> ResultView:
     scores = [scaled(trial.score_m, _MM) for trial in result.trials]
     line = PlotLine("trials", [trial.number for trial in result.trials], scores, dots=4.0)
     figure = LinePlot("scores", "Score of each trial", "trial", "score [mm]", [line], log=True)
-    section = Section("Trials", tables=[Table("Best first", rows)], figures=[figure])
+    section = Section(
+        "Trials", result.remarks(), tables=[Table("Best first", rows)], figures=[figure]
+    )
     return article_view([section], "Search of hyper-parameters")

@@ -203,12 +203,21 @@ class Grid(NamedTuple):
 
 
 def grid(table: Table) -> Grid:
-    """The cells of a table made elsewhere; a column with a number is set to the right."""
+    """The cells of a table made elsewhere; a column with a number is set to the right.
+
+    Columns in which no row has anything are left out.
+    """
     decimals = table.decimals or {}
-    rows = [[cell(row.get(key), decimals.get(key)) for key in table.headers] for row in table.rows]
+    shown = [
+        key for key in table.headers if any(row.get(key) not in {None, ""} for row in table.rows)
+    ]
+    rows = [[cell(row.get(key), decimals.get(key)) for key in shown] for row in table.rows]
     headers = [
-        Cell(header, number=any(row[k].number and row[k].text != NOTHING for row in rows))
-        for k, header in enumerate(table.headers.values())
+        Cell(
+            table.headers[key],
+            number=any(row[k].number and row[k].text != NOTHING for row in rows),
+        )
+        for k, key in enumerate(shown)
     ]
     rows = [[c._replace(number=h.number) for c, h in zip(r, headers, strict=True)] for r in rows]
     return Grid(table.title, headers, rows, table.about)

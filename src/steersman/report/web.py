@@ -40,9 +40,9 @@ def resource(name: str) -> str:
 
 
 @cache
-def script(start: str = "main") -> str:
-    """The page's script: its files behind each other, ``start`` last, in a scope of their own."""
-    parts = "\n".join(resource(f"{name}.js") for name in (*SCRIPTS, start))
+def script(*last: str) -> str:
+    """The page's script: its files behind each other, ``last`` ones in a scope of their own."""
+    parts = "\n".join(resource(f"{name}.js") for name in (*SCRIPTS, *(last or ("main",))))
     return f'"use strict";\n(() => {{\n{parts}}})();\n'
 
 

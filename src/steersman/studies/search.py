@@ -25,9 +25,10 @@ from steersman.learning import checkpoint
 from steersman.learning.config import TrainConfig
 from steersman.learning.parallel import TRAINING
 from steersman.provenance import provenance
-from steersman.ranges import SettingRange
+from steersman.ranges import SettingRange, search_range
 from steersman.stored import ShownResult, SourcedResult, StoredResult
 from steersman.studies.folder import open_study, same_study, sampler
+from steersman.studies.ranges import GainRange
 from steersman.studies.search_space import SearchConfig, applied
 from steersman.table_file import Columns, columns_of
 
@@ -61,7 +62,17 @@ class SearchResult(ShownResult, SourcedResult):
     rungs: list[int]
     ranges: dict[str, str]
     pressed: list[str]
-    """Settings whose best value lies within 2 % of an end of its range."""
+    """Settings whose best value lies within a twentieth of an end of its range, as of a tuning."""
+
+    def remarks(self) -> list[str]:
+        """Which best values lie at an end of their ranges, a line each."""
+        best = self.best.settings
+        ends = {n: _pressed(search_range(n, self.ranges[n]), best[n]) for n in self.pressed}
+        return [
+            f"{name}: the best value, {float(best[name]):.4g}, is at the {end} end of"
+            f" {self.ranges[name]}; a wider range may help"
+            for name, end in ends.items()
+        ]
 
     def line(self) -> str:
         """The best trial."""
@@ -277,10 +288,8 @@ def _texts(searched: Mapping[str, SettingRange]) -> dict[str, str]:
     return {name: str(span) for name, span in searched.items()}
 
 
-def _pressed(span: SettingRange, value: str) -> bool:
-    """Whether a value lies within 2 % of an end of its range."""
+def _pressed(span: SettingRange, value: str) -> str:
+    """The end of its range at which a value lies, ``low`` or ``high``; or nothing."""
     if span.choices:
-        return False
-    ends = (span.low, span.high, float(value))
-    low, high, at = map(math.log, ends) if span.log else ends
-    return not 0.02 <= (at - low) / (high - low) <= 0.98  # noqa: PLR2004
+        return ""
+    return GainRange(span.low, span.high, span.log).pressed(float(value))

@@ -7,9 +7,31 @@ function partsOf(section) {
   return parts;
 }
 
-function fillRoads(select, groups) {
-  select.replaceChildren(...groups.map((group, k) => element("option", { value: String(k) }, group.title)));
-  select.closest("label").hidden = groups.length < 2;
+const options = (pairs) => pairs.map(([value, words]) => element("option", { value: String(value) }, words));
+
+// Kinds of groups to choose from, where there are several.
+function fillKinds({ kind }, groups) {
+  const kinds = [...new Set(groups.map((group) => group.kind))];
+  kind.replaceChildren(...options(kinds.map((name) => [name, name])));
+  kind.closest("label").hidden = kinds.length < 2;
+}
+
+// The groups of the kind that is chosen.
+function fillRoads({ road, kind }, groups) {
+  const all = groups.map((group, k) => [k, group]).filter(([, group]) => group.kind === kind.value);
+  road.replaceChildren(...options(all.map(([k, { title }]) => [k, title])));
+  road.closest("label").hidden = groups.length < 2;
+}
+
+// Two of several drives to see beside each other: those with these names, or the first two.
+function fillPair({ one, two }, drives, names) {
+  const all = options(drives.map(({ name }, k) => [k, name]));
+  one.replaceChildren(...all);
+  two.replaceChildren(...all.map((option) => option.cloneNode(true)));
+  const places = names.map((name) => drives.findIndex((drive) => drive.name === name));
+  const [first, second] = places.length === 2 && !places.includes(-1) ? places : [0, 1];
+  Object.assign(one, { value: String(first) });
+  Object.assign(two, { value: String(second) });
 }
 
 // A row for each drive: shown or not, followed or not, and what it does at the cursor.

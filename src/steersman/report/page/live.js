@@ -3,10 +3,14 @@
 const WAIT = 1000; // until a server that is gone is looked for again [ms]
 const MOST_PINS = 5;
 const SIDE = 11; // cells along a side of the map of failures
-const HANDS_ON = 500; // after the last key there are hands on the wheel for so long [ms]
 const BATCH = 4; // of its drives in one request
-// A number for a box, without the digits that rounding leaves.
-const short = (value) => (typeof value === "number" ? String(Number(value.toPrecision(4))) : "");
+// A number for a box: four digits, and never a power of ten.
+function short(value) {
+  if (typeof value !== "number") return "";
+  const rounded = Number(value.toPrecision(4));
+  if (!rounded || Math.abs(rounded) >= 1e-6) return String(rounded);
+  return rounded.toFixed(Math.min(3 - Math.floor(Math.log10(Math.abs(rounded))), 20)).replace(/0+$/, "");
+}
 const byId = (id) => document.getElementById(id);
 
 function complain(words) {
@@ -120,8 +124,10 @@ class LiveForm {
       const place = (value) => (log ? Math.log(Math.max(value, low)) : value);
       slider.value = place(given() ?? low);
       slider.addEventListener("input", () => {
-        const value = log ? Math.exp(Number(slider.value)) : Number(slider.value);
-        box.value = whole ? Math.round(value) : Number(value.toPrecision(4));
+        const at = Number(slider.value);
+        // Steps of a range across zero miss it by what rounding leaves.
+        const value = log ? Math.exp(at) : Math.abs(at) < (to - from) / 1e6 ? 0 : at;
+        box.value = whole ? Math.round(value) : short(value);
         write(Number(box.value));
       });
       box.addEventListener("change", () => {
@@ -132,88 +138,6 @@ class LiveForm {
       row.append(box, slider);
     }
     return row;
-  }
-}
-
-// Takes the wheel: keys and game pad to the server, and what the driver sees from it.
-class HandAtWheel {
-  constructor(token, ended) {
-    Object.assign(this, { token, ended, steer: 0, keys: new Set(), canvas: byId("view") });
-    const known = { ArrowLeft: 1, a: 1, A: 1, ArrowRight: -1, d: -1, D: -1, " ": 0, ArrowUp: 0 };
-    this.down = (event) => {
-      if (event.key === "Escape") this.stopping = true;
-      if (!(event.key in known)) return;
-      this.keys.add(known[event.key]);
-      event.preventDefault();
-      event.stopPropagation();
-    };
-    this.up = (event) => this.keys.delete(known[event.key]);
-  }
-
-  // A drive of its own from its choices, or without them the car of the training.
-  async drive(choices) {
-    const place = choices ? "/wheel" : "/demonstrate";
-    byId("hand-note").textContent = choices
-      ? "The drive is recorded as a demonstration."
-      : "Steering, or the space bar for straight on, demonstrates; hands off, the agent drives. The training waits for its moment while this is open.";
-    byId("hand-values").textContent = choices ? "" : "The training has not asked yet.";
-    byId("hand").hidden = false;
-    this.canvas.focus();
-    window.addEventListener("keydown", this.down, true);
-    window.addEventListener("keyup", this.up, true);
-    Object.assign(this, { steer: 0, stopping: false, held: -Infinity });
-    let found = await send(this.token, place, choices ? { act: "start", choices } : { act: "steer", steer: null });
-    let before = performance.now();
-    while (!found.error && !found.ended) {
-      await new Promise((next) => setTimeout(next, 33));
-      const now = performance.now();
-      this.turn((now - before) / 1000, found.speed || 0);
-      before = now;
-      const hands = choices || now - this.held < HANDS_ON;
-      found = await send(this.token, place, { act: this.stopping ? "stop" : "steer", steer: hands ? this.steer : null });
-      if (found.preview) this.draw(found, choices ? "" : hands ? ", you demonstrate" : ", the agent drives");
-    }
-    window.removeEventListener("keydown", this.down, true);
-    window.removeEventListener("keyup", this.up, true);
-    byId("hand").hidden = true;
-    if (choices || found.error) this.ended(found);
-  }
-
-  // Keys turn the wheel at a rate, and less far the faster the car is; a pad sets its angle.
-  turn(seconds, speed) {
-    const most = clamp(3 / Math.max(speed, 3), 0.08, 0.6);
-    const pad = [...navigator.getGamepads()].find((one) => one && Math.abs(one.axes[0]) > 0.05);
-    if (pad || this.keys.size) this.held = performance.now();
-    const wanted = pad ? -pad.axes[0] * most : [...this.keys].reduce((sum, key) => sum + key, 0) * most;
-    this.steer += clamp(wanted - this.steer, -1.5 * most * seconds, 1.5 * most * seconds);
-    if (pad) this.steer = wanted;
-  }
-
-  // The road ahead, the car at the bottom pointing up.
-  draw({ preview, time, speed, lateral_error, steer }, who) {
-    const { canvas } = this;
-    const [width, height] = [canvas.clientWidth, canvas.clientHeight];
-    const ratio = window.devicePixelRatio || 1;
-    Object.assign(canvas, { width: width * ratio, height: height * ratio });
-    const context = canvas.getContext("2d");
-    context.scale(ratio, ratio);
-    const scale = (height - 60) / Math.max(...preview.map(([x]) => x), 20);
-    const at = ([x, y]) => [width / 2 - y * scale, height - 40 - x * scale];
-    const line = (style, wide, dash = []) => {
-      context.beginPath();
-      preview.forEach((point) => context.lineTo(...at(point)));
-      Object.assign(context, { strokeStyle: style, lineWidth: wide, lineCap: "round", lineJoin: "round" });
-      context.setLineDash(dash);
-      context.stroke();
-    };
-    line(theme.colors.edge, 6 * scale + 3);
-    line(theme.colors.road, 6 * scale);
-    line(theme.colors.soft, 1.5, [8, 8]);
-    context.setLineDash([]);
-    context.fillStyle = theme.colors.accent;
-    context.fillRect(width / 2 - 1 * scale, height - 40 - 2.4 * scale, 2 * scale, 4.8 * scale);
-    const side = lateral_error > 0 ? "left" : "right";
-    byId("hand-values").textContent = `${time.toFixed(1)} s, ${speed.toFixed(1)} m/s, ${(100 * Math.abs(lateral_error)).toFixed(0)} cm ${side} of the path, steering ${steer.toFixed(3)}${who}`;
   }
 }
 
@@ -318,6 +242,9 @@ class LiveTraining {
     const any = (state) => states.some((one) => one.state === state);
     const usable = { pause: any("running"), "go on": any("paused"), stop: any("running") || any("paused") };
     for (const button of this.buttons) button.disabled = !usable[button.dataset.ask];
+    // What has ended is not paused, stopped or shown anything.
+    const over = states.length > 0 && !any("running") && !any("paused");
+    for (const button of [...this.buttons, byId("demonstrate")]) button.hidden = over;
     const rows = states.map(({ words, alarms }) => element("li", {}, words, ...alarms.map((alarm) => element("div", { class: "alarm" }, `⚠ ${alarm}`))));
     byId("states").replaceChildren(...rows);
   }
@@ -413,7 +340,8 @@ class LivePage {
     if (this.player) {
       const { cursor } = this.player.state;
       Object.assign(this.player, { data, columns });
-      fillRoads(this.player.parts.road, data.groups);
+      fillKinds(this.player.parts, data.groups);
+      fillRoads(this.player.parts, data.groups);
       this.player.open(0);
       this.player.seek(cursor);
     } else {
@@ -435,7 +363,7 @@ class LivePage {
   async handed(found) {
     complain(found.error || "");
     if (found.error) return;
-    byId("kept").textContent = `Driven by hand: ${found.kept}. To learn from it: steersman imitate demo method=bc data=${found.kept} --out runs/like_me`;
+    byId("kept").textContent = `By hand: ${found.how}. Kept in ${found.kept}; to learn from it: steersman imitate demo method=bc data=${found.kept} --out runs/like_me`;
     await this.show(found);
   }
 }

@@ -74,7 +74,7 @@ class RoadMap {
     context.fillStyle = theme.colors.ground;
     context.fillRect(0, 0, width, height);
     grid(context, view);
-    this.drawRoad(context, view, ratio);
+    drawRoad(context, view, ratio, this);
     const shown = this.drives.filter((drive) => !state.hidden.has(drive) && drive.length);
     const rows = new Map(shown.map((drive) => [drive, drive.row(state.axis, state.cursor)]));
     for (const drive of shown) this.drawLine(context, view, ratio, drive, rows.get(drive));
@@ -88,33 +88,6 @@ class RoadMap {
       context.font = `600 12px ${theme.font}`;
       context.fillText(`lateral errors drawn ×${this.factor}`, 12, 20);
     }
-  }
-
-  drawRoad(context, view, ratio) {
-    context.save();
-    context.setTransform(...view.matrix(ratio));
-    context.lineJoin = "round";
-    const pixel = 1 / view.scale;
-    const stroke = (color, width, dash = []) => {
-      context.strokeStyle = color;
-      context.lineWidth = width;
-      context.setLineDash(dash);
-      context.stroke(this.road);
-    };
-    stroke(theme.colors.edge, Math.max(2 * this.half, 3 * pixel) + 3 * pixel);
-    stroke(theme.colors.road, Math.max(2 * this.half, 3 * pixel));
-    if (view.scale > 1.5) stroke(theme.colors.soft, 1.2 * pixel, [7 * pixel, 7 * pixel]);
-    context.restore();
-    if (!this.start || view.scale < 1) return;
-    const [x, y, ahead, side] = this.start;
-    const size = Math.hypot(ahead - x, side - y) || 1;
-    const normal = [(-this.half * (side - y)) / size, (this.half * (ahead - x)) / size];
-    context.beginPath();
-    context.moveTo(...view.toScreen(x + normal[0], y + normal[1]));
-    context.lineTo(...view.toScreen(x - normal[0], y - normal[1]));
-    context.lineWidth = 3;
-    context.strokeStyle = theme.colors.soft;
-    context.stroke();
   }
 
   drawLine(context, view, ratio, drive, row) {
@@ -175,6 +148,34 @@ class RoadMap {
     const off = Math.max(0.5 * drive.car.width * view.scale, 10) + 14;
     drawNumber(context, px + 20 * (drive.number - 1), py - off, drive);
   }
+}
+
+// A road as a path in metres with the half width of its corridor, and where it starts, if it is known.
+function drawRoad(context, view, ratio, { road, half, start }) {
+  context.save();
+  context.setTransform(...view.matrix(ratio));
+  context.lineJoin = "round";
+  const pixel = 1 / view.scale;
+  const stroke = (color, width, dash = []) => {
+    context.strokeStyle = color;
+    context.lineWidth = width;
+    context.setLineDash(dash);
+    context.stroke(road);
+  };
+  stroke(theme.colors.edge, Math.max(2 * half, 3 * pixel) + 3 * pixel);
+  stroke(theme.colors.road, Math.max(2 * half, 3 * pixel));
+  if (view.scale > 1.5) stroke(theme.colors.soft, 1.2 * pixel, [7 * pixel, 7 * pixel]);
+  context.restore();
+  if (!start || view.scale < 1) return;
+  const [x, y, ahead, side] = start;
+  const size = Math.hypot(ahead - x, side - y) || 1;
+  const normal = [(-half * (side - y)) / size, (half * (ahead - x)) / size];
+  context.beginPath();
+  context.moveTo(...view.toScreen(x + normal[0], y + normal[1]));
+  context.lineTo(...view.toScreen(x - normal[0], y - normal[1]));
+  context.lineWidth = 3;
+  context.strokeStyle = theme.colors.soft;
+  context.stroke();
 }
 
 function drawWaypoint(context, px, py, drive) {

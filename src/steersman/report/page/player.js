@@ -14,7 +14,9 @@ class Player {
     this.lane = new Lane(lane, (mark) => this.jump(mark));
     moveByPointers(map, this.view, (how) => this.moved(how));
     fillSignals(this.parts.choose, data.signals, shown, () => this.layout());
-    fillRoads(this.parts.road, data.groups);
+    fillKinds(this.parts, data.groups);
+    fillRoads(this.parts, data.groups);
+    this.pair = [];
     this.connect();
     this.open(0);
     new ResizeObserver(() => this.layout()).observe(section);
@@ -25,7 +27,7 @@ class Player {
   }
 
   connect() {
-    const { play, slider, rate, road, axis, span, magnify } = this.parts;
+    const { play, slider, rate, kind, road, one, two, axis, span, magnify } = this.parts;
     const on = (name, act) => this.parts[name].addEventListener("click", act);
     on("play", () => this.toggle());
     on("next", () => this.step(1));
@@ -39,6 +41,11 @@ class Player {
     rate.replaceChildren(...RATES.map((value) => element("option", { value: String(value) }, `${value}×`)));
     rate.addEventListener("change", () => this.setRate(Number(rate.value)));
     road.addEventListener("change", () => this.open(Number(road.value)));
+    kind.addEventListener("change", () => {
+      fillRoads(this.parts, this.data.groups);
+      this.open(Number(road.value));
+    });
+    for (const select of [one, two]) select.addEventListener("change", () => this.showPair());
     axis.addEventListener("change", () => this.setAxis(axis.value));
     span.addEventListener("change", () => this.setSpan());
     magnify.addEventListener("change", () => {
@@ -57,6 +64,8 @@ class Player {
     const lead = this.drives.find((drive) => drive.length) || this.drives[0];
     // Of a crowd on one road, the first are seen until others are asked for.
     const hidden = new Set(this.drives.length > CROWD ? this.drives.slice(CROWD) : []);
+    const paired = Boolean(group.kind) && this.drives.length > 2;
+    this.parts.one.closest(".pair").hidden = !paired;
     Object.assign(this.state, { hidden, lead, playing: false });
     this.lists();
     this.parts.note.textContent = remarks(group, this.drives, hidden);
@@ -68,6 +77,21 @@ class Player {
     this.view.resize(this.parts.map.clientWidth, this.parts.map.clientHeight);
     this.view.scale = clamp(this.view.width / NEAR, 3, 14);
     this.setLead(lead);
+    if (paired) {
+      fillPair(this.parts, this.drives, this.pair);
+      this.showPair(false);
+    }
+  }
+
+  // Show two drives and no other; the choice holds for the next group where it was a person's.
+  showPair(chosen = true) {
+    const pair = [this.parts.one, this.parts.two].map((select) => this.drives[Number(select.value)]);
+    if (chosen) this.pair = pair.map(({ name }) => name);
+    this.state.hidden = new Set(this.drives.filter((drive) => !pair.includes(drive)));
+    this.range();
+    this.press();
+    this.setLead(pair[0]);
+    this.redraw();
   }
 
   // What HTML shows of drives and marks; anew where colours change.

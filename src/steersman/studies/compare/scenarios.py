@@ -10,7 +10,7 @@ from steersman.bench import drive
 from steersman.bench.disturbance import Disturbance
 from steersman.bench.entrants import Entrant
 from steersman.bench.pairs import FEW_PATHS, against
-from steersman.bench.replay import ShownCase, median_cases, worst_cases
+from steersman.bench.replay import ShownCase, class_cases, median_cases, worst_cases
 from steersman.bench.results import BenchRow
 from steersman.bench.runner import bench
 from steersman.bench.suite import CLEAN, Course, Scenario, Suite
@@ -171,7 +171,7 @@ def compare_scenarios(
     shown = [_shown(one, runs[one.name]) for one in found if one.drivers]
     if len(shown) < len(found):
         return result, []
-    finders = (worst_cases, median_cases)
+    finders = (worst_cases, median_cases, class_cases)
     return result, [case for find in finders for case in find(every, over.scenarios, shown)]
 
 
