@@ -419,7 +419,7 @@ def test_only_what_was_not_planned_is_a_timeout(
     monkeypatch: pytest.MonkeyPatch, length: dict[str, float], end: str
 ) -> None:
     """Also where the planned time is that from which a lap is given up."""
-    monkeypatch.setattr("steersman.rollout.LONGEST", 1.0)
+    monkeypatch.setattr("steersman.run_length.LONGEST", 1.0)
     episode = run(RunConfig(controller=GOOD, path=Circle(), **length))
     assert (episode.end, episode.completed) == (end, "duration" in length)
 

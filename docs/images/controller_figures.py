@@ -8,12 +8,14 @@ from typing import Any, ClassVar
 import numpy as np
 from closed_loops import back_to_the_road, drive, responses
 
+from steersman.config import build
 from steersman.controllers.adjustment import Adjuster, adjustments
 from steersman.controllers.base import ControllerComponent
 from steersman.controllers.lqr import Lqr
 from steersman.controllers.supervisor import Supervisor
 from steersman.paths.analytic import Circle, DoubleLaneChange, FigureEight
 from steersman.paths.generated import ClothoidRoad
+from steersman.rollout import RunConfig, attempt
 from steersman.sensing import WaypointSensor
 from steersman.speed import ConstantSpeed
 from steersman.types import Observation, Status
@@ -335,7 +337,33 @@ def grip_speed() -> dict[str, Any]:
     return {"title": title, "x": "arc length [m]", "y": "speed [m/s]", "lines": lines}
 
 
+def time_gap() -> dict[str, Any]:
+    """Behind a car that brakes and speeds up, with two sets of gains."""
+    trace = {
+        "kind": "random_profile", "low": 3.0, "high": 25.0, "interval": 4.0, "change": 2.5,
+        "seed": 3,
+    }  # fmt: skip
+    lines = []
+    for k_gap, k_speed in ((0.2, 0.7), (0.05, 0.3)):
+        words = {
+            "controller": {"kind": "time_gap", "k_gap": k_gap, "k_speed": k_speed},
+            "path": {"kind": "circle", "radius": 400.0},
+            "speed": {"kind": "constant_speed", "speed": 33.0},
+            "lead": {"speed": trace},
+            "duration": 60.0,
+        }
+        found = attempt(build(RunConfig, words)).episode
+        name, error = (
+            f"k_gap {k_gap:g}, k_speed {k_speed:g}",
+            found["gap"] - 3.0 - 1.5 * found["v_x"],
+        )
+        lines.append({"name": name, "x": found["time"], "y": error})
+    title = "Gap less the wished one, behind a car whose speed changes by up to 2.5 m/s^2"
+    return {"title": title, "x": "time [s]", "y": "error of the gap [m]", "lines": lines}
+
+
 FIGURES = {
+    "time_gap": time_gap,
     "grip_speed": grip_speed,
     "pid": pid,
     "pid_feedforward": pid_feedforward,

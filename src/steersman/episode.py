@@ -56,12 +56,15 @@ COLUMNS: dict[str, str] = {
     "driver": "-",
     "reason": "-",
 }
+# Those of a drive behind another car, bumper to bumper, and their units.
+LEAD_COLUMNS: dict[str, str] = {"gap": "m", "lead_speed": "m/s"}
 # Columns that episodes did not always have; without them there was no intervention.
 _LATER = ("driver", "reason")
 _REASONS = {float(reason): reason.name.lower() for reason in Reason}
 # Ways a run can end.
 DURATION, LAPS, END_OF_PATH = "duration", "laps", "end_of_path"
 OFF_TRACK, ROLL_OVER, TIMEOUT = "off_track", "roll_over", "timeout"
+COLLISION = "collision"
 ERROR, INTERRUPTED = "error", "interrupted"
 COMPLETED = frozenset({DURATION, LAPS, END_OF_PATH})
 
@@ -86,7 +89,8 @@ class Episode(Shown):
     What shows and saves it is in :class:`steersman.shown.Shown`.
 
     Attributes:
-        columns: one float64 array for each name of ``COLUMNS``, all of the same length.
+        columns: one float64 array for each name of ``COLUMNS``, all of the same length; behind
+            another car also for those of ``LEAD_COLUMNS``.
         end: why the run ended, e.g. ``"laps"`` or ``"off_track"``.
         distance: distance driven along the path [m].
         dt: control period [s].
@@ -165,7 +169,8 @@ class Episode(Shown):
 
     def units(self) -> Mapping[str, str]:
         """The unit of each column."""
-        return {name: COLUMNS[name] for name in self.columns if name in COLUMNS}
+        known = COLUMNS | LEAD_COLUMNS
+        return {name: known[name] for name in self.columns if name in known}
 
     def savers(self) -> Mapping[str, Callable[[FilePath], None]]:
         """``.npz`` for :func:`load_episode`, recordings ``.mcap``, videos ``.mp4`` and ``.gif``.
@@ -248,8 +253,8 @@ def load_episode(file: FilePath) -> Episode:
         head = from_json(bytes(data["head"]))
         columns = {
             name: np.asarray(data[name], dtype=np.float64)
-            for name in COLUMNS
-            if name in data or name not in _LATER
+            for name in (*COLUMNS, *LEAD_COLUMNS)
+            if name in data or name not in (*_LATER, *LEAD_COLUMNS)
         }
         for name in _LATER:
             columns.setdefault(name, np.zeros_like(columns["time"]))

@@ -8,15 +8,25 @@ from typing import Literal, TypeAlias
 from steersman import episode as ending
 from steersman.episode import Episode
 from steersman.errors import ControllerError, PlantError
+from steersman.kernels import world as kernel
 
 Outcome: TypeAlias = Literal[
-    "finished", "left_road", "rolled_over", "timed_out", "controller_failed", "plant_failed"
-]
+    "finished", "left_road", "rolled_over", "collided", "timed_out", "controller_failed",
+    "plant_failed",
+]  # fmt: skip
 # Outcomes by the end that an episode names; of all others a run is finished.
 OUTCOMES: dict[str, Outcome] = {
     ending.OFF_TRACK: "left_road",
     ending.ROLL_OVER: "rolled_over",
+    ending.COLLISION: "collided",
     ending.TIMEOUT: "timed_out",
+}
+# Ends by the kernel's reason, but for those that depend on what was planned.
+ENDS = {
+    kernel.LEFT_CORRIDOR: ending.OFF_TRACK,
+    kernel.ROLLED: ending.ROLL_OVER,
+    kernel.COLLIDED: ending.COLLISION,
+    kernel.GOAL_REACHED: ending.END_OF_PATH,
 }
 
 

@@ -152,10 +152,17 @@ def write_profile(
         profile.k_i,
         profile.cap_scale,
     )
-    k = len(profile.times)
-    times[i, :k], speeds[i, :k] = profile.times, profile.speeds
-    times[i, k:] = profile.times[-1] + 1.0 + np.arange(times.shape[1] - k)
-    speeds[i, k:] = profile.speeds[-1]
+    write_points(profile.times, profile.speeds, times[i], speeds[i])
+
+
+def write_points(
+    times: FloatArray, speeds: FloatArray, to_times: FloatArray, to_speeds: FloatArray
+) -> None:
+    """Put breakpoints into rows of a table; unused ones repeat the last speed."""
+    k = len(times)
+    to_times[:k], to_speeds[:k] = times, speeds
+    to_times[k:] = times[-1] + 1.0 + np.arange(len(to_times) - k)
+    to_speeds[k:] = speeds[-1]
 
 
 def read_profile(file: FilePath) -> tuple[FloatArray, FloatArray]:

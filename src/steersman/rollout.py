@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from tempfile import SpooledTemporaryFile
 from typing import Annotated
@@ -17,31 +16,31 @@ from steersman.controllers.estimated import in_front
 from steersman.controllers.mpc_pid import MpcPid
 from steersman.disturbances import DisturbanceComponent
 from steersman.episode import Episode
+from steersman.episode_rows import N_MORE, columns_of
 from steersman.errors import ConfigError, ControllerError, PlantError
 from steersman.estimators.base import EstimatorComponent, PredictorComponent
 from steersman.faults import Fault
 from steersman.kernels.world import (
     CLOCK_DISTANCE,
     GOAL_REACHED,
-    LEFT_CORRIDOR,
     RUNNING,
     TIME_UP,
     find_end,
 )
-from steersman.outcome import OUTCOMES, Attempt, Interrupted, PlantFailure, RunError
+from steersman.lead import Lead
+from steersman.outcome import ENDS, OUTCOMES, Attempt, Interrupted, PlantFailure, RunError
 from steersman.paths.base import PathComponent, Start
 from steersman.plants.base import PlantComponent
 from steersman.plants.simulator import SimulatorConfig
 from steersman.profiles import stack_profiles
 from steersman.provenance import provenance
+from steersman.run_length import goal
 from steersman.sensing import WaypointSensor
 from steersman.speed import ConstantThrottle, SpeedComponent
 from steersman.types import Decision, FloatArray
 from steersman.vehicles import CarlaModel3, Vehicle
-from steersman.world import N_MORE, Simulation, columns_of
+from steersman.world import Simulation
 
-# A run that is to end after laps or at the end of the road may take at most this long [s].
-LONGEST = 7200.0
 # Bytes of a drive's record that are kept in memory (a longer one waits in a temporary file), and
 # steps of it that are read at once.
 IN_MEMORY, BLOCK = 8_000_000, 10_000
@@ -71,6 +70,7 @@ class RunConfig(Settings):
     )
     plant: Annotated[PlantComponent, Of("plant")] = param(SimulatorConfig(), "-", "Plant.")
     sensor: Annotated[WaypointSensor, Of("sensor")] = param(WaypointSensor(), "-", "Sensor.")
+    lead: Lead | None = param(None, "-", "A car ahead in the own lane; null: none.")
     fault: Fault | None = param(None, "-", "What breaks on the way; null: nothing.")
     disturbances: tuple[Annotated[DisturbanceComponent, Of("disturbance")], ...] = param(
         (), "-", "Further disturbances."
@@ -170,6 +170,7 @@ class RunningDrive:
         self.config, path = config, config.path
         self.goal, self.limit = goal(path, config.start.s, config.duration, config.laps)
         profile = config.speed.profile()
+        lead = config.lead.start() if config.lead else None
         more = () if config.fault is None else (config.fault,)
         disturbances = [one.make(1, config.seed) for one in (*config.disturbances, *more)]
         self.simulation = simulation = Simulation(
@@ -183,11 +184,12 @@ class RunningDrive:
             seed=config.seed,
             fine=isinstance(config.plant, SimulatorConfig) and config.plant.record,
             wishes=True,
+            lead=len(lead.times) if lead else 0,
         )
         try:
             start = config.start
             speed = config.speed.start_speed(path, start.s)
-            simulation.begin(0, 0, start.s, start.pose(path), speed, profile)
+            simulation.begin(0, 0, start.s, start.pose(path), speed, profile, lead)
             simulation.limit(0, self.limit, self.goal)
         except BaseException:
             simulation.close()
@@ -225,7 +227,7 @@ class RunningDrive:
                 failed.__cause__ = error.__cause__
                 return ending.ERROR, failed
             fleet.speed_limit[0] = decision.speed_limit
-            row = np.concatenate((fleet.state[0], fleet.tracking[0]))
+            row = np.concatenate((fleet.state[0], fleet.tracking[0], fleet.lead[0]))
             try:
                 simulation.step(np.array([decision.steer]))
             except PlantError as error:
@@ -251,12 +253,12 @@ class RunningDrive:
 
     def _end(self, code: int) -> str:
         """Name of the kernel's reason."""
-        if code == GOAL_REACHED:
-            return ending.LAPS if self.config.path.closed else ending.END_OF_PATH
+        if code == GOAL_REACHED and self.config.path.closed:
+            return ending.LAPS
         if code == TIME_UP:
             planned = self.config.laps is None and (self.config.duration or self.config.path.closed)
             return ending.DURATION if planned else ending.TIMEOUT
-        return ending.OFF_TRACK if code == LEFT_CORRIDOR else ending.ROLL_OVER
+        return ENDS[code]
 
     def episode(self, end: str) -> Episode:
         """The record, with the configuration inside."""
@@ -272,29 +274,13 @@ class RunningDrive:
     def _read(self) -> tuple[dict[str, FloatArray], FloatArray]:
         """The columns, and the accelerations of the integration steps (k, 2)."""
         fleet = self.simulation.fleet
-        state = fleet.state[0].size + fleet.tracking[0].size
-        width = state + N_MORE + fleet.fine[0].size
+        state, lead = fleet.state[0].size + fleet.tracking[0].size, fleet.lead[0].size
+        width = state + lead + N_MORE + fleet.fine[0].size
         table, done = np.empty((width, self._record.tell() // (8 * width))), 0
         self._record.seek(0)
         while block := self._record.read(8 * width * BLOCK):
             rows = np.frombuffer(block).reshape(-1, width)
             table[:, done : done + len(rows)] = rows.T
             done += len(rows)
-        more = state + N_MORE
-        return columns_of(table[:state].T, table[state:more].T), table[more:].T.reshape(-1, 2)
-
-
-def goal(
-    path: PathComponent, start: float, duration: float | None, laps: float | None
-) -> tuple[float, float]:
-    """Distance to drive [m] and time limit [s] of a run."""
-    if start >= path.length:
-        end = "a lap has" if path.closed else "the path ends at"
-        raise ConfigError(f"{start:g} is not allowed; {end} {path.length:g} [m]", ("start",))
-    if laps is not None:
-        if not path.closed:
-            raise ConfigError(f"path {path.kind!r} is not closed; give a duration", ("laps",))
-        return laps * path.length, LONGEST
-    if not path.closed:
-        return path.length - start, LONGEST if duration is None else duration
-    return math.inf, 60.0 if duration is None else duration
+        rows, ahead, more, fine = np.split(table, np.cumsum([state, lead, N_MORE]))
+        return columns_of(rows.T, more.T, ahead.T), fine.T.reshape(-1, 2)

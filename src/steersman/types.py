@@ -20,6 +20,17 @@ FloatArray: TypeAlias = NDArray[np.float64]
 NO_WISH: FloatArray = np.zeros(0)
 
 
+class CarAhead(NamedTuple):
+    """What is known of a car ahead in the own lane."""
+
+    gap: float
+    """Distance to it along the road, bumper to bumper [m]."""
+    relative_speed: float
+    """Its speed less the own one [m/s]; negative while the gap closes."""
+    wished_gap: float
+    """Gap that is wished at the own speed [m]."""
+
+
 class VehicleState(NamedTuple):
     """State of the vehicle at its centre of mass."""
 
@@ -76,6 +87,8 @@ class Observation(NamedTuple):
     """Distance between waypoints along the path [m]."""
     wished: FloatArray = NO_WISH
     """Speeds wished now at the waypoints [m/s], shape (n,); (0,) where no speed is wished."""
+    ahead: CarAhead | None = None
+    """The car ahead; None where there is none."""
 
     @property
     def speed(self) -> float:

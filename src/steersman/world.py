@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from steersman.disturbances import Disturber
-from steersman.episode import COLUMNS
 from steersman.errors import ConfigError
+from steersman.kernels import lead as ahead
 from steersman.kernels import observe
 from steersman.kernels import path as paths
 from steersman.kernels import vehicle as car
@@ -22,40 +22,16 @@ from steersman.kernels import world as kernel
 from steersman.kernels.fleet import Fleet, World, empty_fleet
 from steersman.kernels.speed import SpeedTable
 from steersman.kernels.step import Lesson
+from steersman.lead import LeadStart
 from steersman.paths.base import PathComponent
 from steersman.paths.segments import stack
 from steersman.plants.banking import Banking
 from steersman.plants.base import PlantComponent
 from steersman.plants.mover import Mover, Shared, make_mover
-from steersman.profiles import Profile, write_profile
-from steersman.sensing import Tracking, WaypointSensor, to_observation
-from steersman.types import FloatArray, Observation, Pose
+from steersman.profiles import Profile, write_points, write_profile
+from steersman.sensing import WaypointSensor, to_observation
+from steersman.types import CarAhead, FloatArray, Observation, Pose
 from steersman.vehicles import Vehicle
-
-# Names of what a state row, a tracking row and a step hold, as the columns of an episode have them.
-_ROW = (
-    *("x", "y", "psi", "v_x", "v_y", "yaw_rate", "load_a_x", "load_a_y"),
-    *("steer", "throttle_position", "brake_position", "a_x", "a_y", "wheel_angle"),
-    *Tracking._fields,
-)
-_MORE = (
-    *("time", "steer_command", "throttle", "brake"),
-    *("control_time", "status", "driver", "reason"),
-)
-N_MORE = len(_MORE)
-
-
-def columns_of(rows: FloatArray, more: FloatArray) -> dict[str, FloatArray]:
-    """An episode's columns.
-
-    Args:
-        rows: state and tracking before each step, (steps, N_STATE + N_TRACKING).
-        more: time, command, computing time, status, driver and reason of each, (steps, 8).
-    """
-    found: dict[str, FloatArray] = {}
-    for names, table in ((_ROW, rows), (_MORE, more)):
-        found |= zip(names, table.reshape(-1, len(names)).T, strict=True)
-    return {name: np.ascontiguousarray(found[name]) for name in COLUMNS}
 
 
 class Simulation:
@@ -85,6 +61,7 @@ class Simulation:
         lesson: Lesson | None = None,
         memory: int = 0,
         wishes: bool = False,
+        lead: int = 0,
     ) -> None:
         """Prepare ``n`` vehicles; :meth:`begin` each before the first step.
 
@@ -104,6 +81,7 @@ class Simulation:
                 commands.
             memory: width of the learner's memory.
             wishes: observations have the speeds wished ahead.
+            lead: most breakpoints of the speed of a car ahead; 0: there is none.
 
         Raises:
             ConfigError: the plant drives one vehicle, and more are wanted; the sensor's latency
@@ -131,6 +109,8 @@ class Simulation:
             substeps=plant.substeps(),
             dt=plant.dt,
             corridor=corridor,
+            lead_times=np.zeros((n, lead)),
+            lead_speeds=np.zeros((n, lead)),
         )
         errors, late = any(one.errors for one in self._disturbers), sensor.periods(plant.dt)
         self.fleet: Fleet = empty_fleet(
@@ -140,6 +120,7 @@ class Simulation:
             shifts=sensor.count if sensor.error_range > 0.0 else 0,
             late=late + 1 if late else 0,
             wishes=sensor.count if wishes else 0,
+            lead=ahead.N_LEAD if lead else 0,
             fine=self.world.substeps if fine else 0,
             memory=memory,
             features=0 if lesson is None else len(lesson.scale),
@@ -151,7 +132,16 @@ class Simulation:
         self._times = np.zeros((n, late + 1))  # of the measurements on their way, newest first
         self.mover: Mover = make_mover(plant, vehicle, roads, n, shared)
 
-    def begin(self, i: int, road: int, s: float, pose: Pose, v: float, profile: Profile) -> None:
+    def begin(
+        self,
+        i: int,
+        road: int,
+        s: float,
+        pose: Pose,
+        v: float,
+        profile: Profile,
+        lead: LeadStart | None = None,
+    ) -> None:
         """Put vehicle ``i`` at the start of a drive and measure there.
 
         Args:
@@ -162,8 +152,10 @@ class Simulation:
                 curvature at ``s``.
             v: its speed [m/s].
             profile: its demand of speed.
+            lead: the car ahead, where the fleet has them; the own one starts no faster.
         """
         world, fleet, rng = self.world, self.fleet, self.rngs[i]
+        v = v if lead is None else min(v, float(lead.speeds[0]))
         fleet.path[i] = road
         write_profile(profile, i, world.speed.rows, world.speed.times, world.speed.speeds)
         kappa = paths.at(world.paths, road, s)[3]
@@ -176,9 +168,21 @@ class Simulation:
         fleet.memory[i], fleet.inputs[i] = 0.0, 0.0
         fleet.sent[i], fleet.speed_limit[i] = 0.0, np.nan
         fleet.ended[i] = kernel.RUNNING
+        if lead is not None:
+            self._begin_lead(i, lead, v)
         self._times[i] = self.dt * -np.arange(self._times.shape[1])
         for one in self._disturbers:
             one.begin(world, fleet, i, rng)
+
+    def _begin_lead(self, i: int, given: LeadStart, v: float) -> None:
+        """Put a car ahead of vehicle ``i``, which is at its start with speed ``v`` [m/s]."""
+        world, fleet, row = self.world, self.fleet, self.fleet.lead[i]
+        write_points(given.times, given.speeds, world.lead_times[i], world.lead_speeds[i])
+        row[[ahead.LENGTH, ahead.STANDSTILL]] = given.length, given.standstill
+        row[ahead.HEADWAY], row[ahead.SURGE] = given.headway, fleet.state[i, car.AX]
+        row[ahead.GAP] = ahead.wished_gap(row, v) if given.gap is None else given.gap
+        place = fleet.tracking[i, observe.S] + row[ahead.GAP] + given.length
+        row[ahead.SPEED] = ahead.lead_speed(world, i, int(fleet.path[i]), 0.0, place)
 
     def limit(self, i: int, seconds: float, distance: float) -> None:
         """End the drive of vehicle ``i`` after a time [s] or a distance along its road [m]."""
@@ -244,10 +248,18 @@ class Simulation:
         """What a controller of vehicle ``i`` gets now."""
         row = self.fleet.rows[i].copy()  # controllers may keep it
         time = float(self._times[i, -1]) if self._watched else self.time(i)
-        wished = self.fleet.wishes[i]
-        if wished.shape[0] == 0 or np.isnan(wished[0]):
-            return to_observation(row, time, self.sensor.spacing)
-        return to_observation(row, time, self.sensor.spacing)._replace(wished=wished.copy())
+        return self.told(i, to_observation(row, time, self.sensor.spacing))
+
+    def told(self, i: int, seen: Observation) -> Observation:
+        """An observation of vehicle ``i`` with what no sensor errs in: wishes, the car ahead."""
+        wished, lead = self.fleet.wishes[i], self.fleet.lead[i]
+        if wished.shape[0] and not np.isnan(wished[0]):
+            seen = seen._replace(wished=wished.copy())
+        if not lead.shape[0]:
+            return seen
+        v = float(np.hypot(*self.fleet.state[i, [car.VX, car.VY]]))
+        gap, speed = float(lead[ahead.GAP]), float(lead[ahead.SPEED])
+        return seen._replace(ahead=CarAhead(gap, speed - v, ahead.wished_gap(lead, v)))
 
     def preview(self, i: int) -> FloatArray:
         """The waypoints of that alone (count, 2), a view that the next measurement changes [m]."""
@@ -255,7 +267,8 @@ class Simulation:
 
     def arrays(self) -> dict[str, Any]:
         """Every array that changes while driving."""
-        speed = self.world.speed
+        speed, world = self.world.speed, self.world
+        lead = {"lead_times": world.lead_times, "lead_speeds": world.lead_speeds}
         return {
             **self.fleet._asdict(),
             "cars": self.world.vehicles.rows,
@@ -263,6 +276,7 @@ class Simulation:
             "speed_times": speed.times,
             "speed_speeds": speed.speeds,
             "times": self._times,
+            **(lead if world.lead_times.size else {}),
         }
 
     def snapshot(self) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from steersman.outcome import Attempt, Interrupted
 from steersman.rollout import RunConfig, run
 from steersman.studies import objective
 from steersman.studies import tune as tuning
-from steersman.studies.objective import RunCost, measure
+from steersman.studies.objective import Prices, RunCost, measure
 from steersman.studies.ranges import (
     GainRange,
     TriedValues,
@@ -240,7 +240,7 @@ def test_a_controller_that_raises_is_a_failure() -> None:
         def step(self, state: Any, observation: Any) -> Any:
             raise RuntimeError("broken")
 
-    found = measure(config.model_copy(update={"controller": Broken()}), 0.05)
+    found = measure(config.model_copy(update={"controller": Broken()}), Prices(0.05))
     assert found.failed
     assert (found.seconds, found.failure) == (0.0, 3.0)
     assert found.total == 3.0
@@ -254,7 +254,7 @@ def test_an_interrupted_run_is_no_result(monkeypatch: pytest.MonkeyPatch) -> Non
 
     monkeypatch.setattr(objective, "attempt", cut)
     with pytest.raises(KeyboardInterrupt):
-        measure(config, 0.05)
+        measure(config, Prices(0.05))
 
 
 @pytest.mark.parametrize("folder", sorted((ROOT / "results" / "tune").iterdir()), ids=str)

@@ -61,7 +61,7 @@ def digest(scenario: Scenario) -> str:
     """Changes with the name and with everything in the run of a scenario but its controller."""
     plan = dump(scenario.run) or {}
     del plan["controller"]
-    for name in ("fault", "disturbances", "estimator", "predictor"):
+    for name in ("lead", "fault", "disturbances", "estimator", "predictor"):
         if not plan[name]:
             del plan[name]
     return _hashed(json.dumps([scenario.name, plan], sort_keys=True))

@@ -8,7 +8,8 @@ import numpy as np
 
 from steersman.kernels import grip_demand as kernel
 from steersman.profiles import stack_profiles
-from steersman.rollout import RunConfig, goal
+from steersman.rollout import RunConfig
+from steersman.run_length import goal
 
 GripClass: TypeAlias = Literal["within 60 %", "60 to 90 %", "beyond"]
 BEYOND: GripClass = "beyond"

@@ -14,6 +14,7 @@ from steersman.bench.disturbance import Disturbance, Mixed
 from steersman.config import Of, Settings, param, required
 from steersman.errors import ConfigError, suggestion
 from steersman.estimators.base import EstimatorComponent, PredictorComponent
+from steersman.lead import Lead
 from steersman.paths.base import PathComponent, Start
 from steersman.plants.base import PlantComponent
 from steersman.plants.simulator import SimulatorConfig
@@ -49,6 +50,7 @@ class Course(Settings):
     corridor: float | None = param(
         None, "m", "Half width of the corridor; null: the suite's.", gt=0
     )
+    lead: Lead | None = param(None, "-", "A car ahead in the own lane; null: none.")
 
 
 class Scenario(NamedTuple):
@@ -170,10 +172,9 @@ class Suite(Settings):
         self, path: str, speed: str, disturbance: str, vehicle: str, seed: int
     ) -> Scenario:
         course = self.courses[path]
-        source = course.speeds[speed]
-        if isinstance(source, RandomProfile):
-            own = derived_seed(seed, path, speed, str(source.seed))
-            source = source.model_copy(update={"seed": own})
+        source, lead = _redrawn(course.speeds[speed], seed, path, speed), course.lead
+        if lead is not None:
+            lead = lead.model_copy(update={"speed": _redrawn(lead.speed, seed, path, "lead")})
         own = derived_seed(seed, path, speed, disturbance, vehicle)
         applied = self.disturbances.get(disturbance)
         if applied is None:
@@ -187,11 +188,19 @@ class Suite(Settings):
             corridor=self.corridor if course.corridor is None else course.corridor,
             start=Start(s=course.start),
             plant=self.plant if course.plant is None else course.plant,
+            lead=lead,
             estimator=self.estimator,
             predictor=self.predictor,
             seed=own,
         )
         return Scenario(path, speed, disturbance, vehicle, seed, applied, applied.apply(run))
+
+
+def _redrawn(source: SpeedComponent, seed: int, *words: str) -> SpeedComponent:
+    """A drawn speed as it is drawn for a benchmark's seed."""
+    if not isinstance(source, RandomProfile):
+        return source
+    return source.model_copy(update={"seed": derived_seed(seed, *words, str(source.seed))})
 
 
 def derived_seed(seed: int, *words: str) -> int:

@@ -3,7 +3,8 @@
 ``standard`` is the test suite, ``core`` a part of it; ``standard_1`` and ``core_1`` are those of
 the first stage. ``tuning`` is what gains are tuned on. ``quick`` shows in seconds that a controller
 drives at all. ``faults`` breaks sensors, actuators and controllers on the way. ``beyond_grip``
-wishes more speed than grip allows.
+wishes more speed than grip allows. ``acc`` drives behind another car, and ``acc_tuning`` is what
+gains for that are tuned on.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from steersman.bench.beyond import beyond_grip
 from steersman.bench.courses import changing, constant
 from steersman.bench.disturbance import Disturbance, Mixed
 from steersman.bench.first_stage import HELD_OUT, core_1, first_disturbances, standard_1
+from steersman.bench.following import acc, acc_tuning
 from steersman.bench.standard import core, standard
 from steersman.bench.suite import CLEAN, Course, Suite
 from steersman.bench.tuning import tuning
@@ -79,6 +81,8 @@ SUITES: dict[str, Callable[[], Suite]] = {
     "quick": quick,
     "faults": faults,
     "beyond_grip": beyond_grip,
+    "acc": acc,
+    "acc_tuning": acc_tuning,
 }
 
 

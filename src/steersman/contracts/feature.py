@@ -109,6 +109,7 @@ def drive(
     memory, out = np.zeros(kernel.memory_size(table)), np.empty((len(rows), len(layout.names)))
     for k, (row, command, line) in enumerate(zip(rows, commands, out, strict=True)):
         kernel.see_wishes(10.0 + np.arange(5.0) + 0.1 * k, _SPACING, memory)
+        kernel.see_lead(20.0 - k, -1.0 - 0.1 * k, 18.0 + 0.1 * k, memory)
         encode(table, row, memory, line)
         if isinstance(layout.features[-1], BaseCorrection):
             tell_base(table, row, memory, 1.5 * command, line)

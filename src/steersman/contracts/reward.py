@@ -14,7 +14,10 @@ from steersman.types import FloatArray
 
 _COUNT = 50
 # What does not change its sign where left and right are exchanged.
-_EVEN = ("speed", "v_x", "dt", "wished_speed", "a_x")
+_EVEN = (
+    *("speed", "v_x", "dt", "wished_speed", "a_x"),
+    *("gap", "relative_speed", "wished_gap", "jerk"),
+)
 
 
 def it_is_what_it_declares(term: RewardTerm) -> Iterator[str]:
@@ -62,6 +65,10 @@ def steps() -> FloatArray:
         "dt": np.full(_COUNT, 0.05),
         "wished_speed": rng.uniform(1.0, 20.0, _COUNT),
         "a_x": rng.normal(0.0, 2.0, _COUNT),
+        "gap": rng.uniform(0.5, 60.0, _COUNT),
+        "relative_speed": rng.normal(0.0, 3.0, _COUNT),
+        "wished_gap": rng.uniform(3.0, 30.0, _COUNT),
+        "jerk": rng.normal(0.0, 5.0, _COUNT),
     }
     return np.column_stack([columns[name] for name in Judged._fields])
 

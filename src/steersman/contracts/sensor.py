@@ -9,7 +9,7 @@ import numpy as np
 from steersman.contracts import Contract
 from steersman.contracts.scenes import PosedRoad, beside
 from steersman.sensing import WaypointSensor, track
-from steersman.types import Observation
+from steersman.types import FloatArray, Observation
 
 
 def _seen(sensor: WaypointSensor, road: PosedRoad, seed: int, side: float = 1.0) -> Observation:
@@ -19,14 +19,19 @@ def _seen(sensor: WaypointSensor, road: PosedRoad, seed: int, side: float = 1.0)
 
 
 def _same(one: Observation, other: Observation, tolerance: float = 0.0) -> bool:
-    rows = [np.hstack([np.ravel(np.asarray(value)) for value in seen]) for seen in (one, other)]
+    rows = [np.hstack([np.ravel(value) for value in _measured(seen)]) for seen in (one, other)]
     return rows[0].shape == rows[1].shape and np.allclose(rows[0], rows[1], 0.0, tolerance)
+
+
+def _measured(seen: Observation) -> list[FloatArray]:
+    """What a sensor measures: all but a car ahead, which is told."""
+    return [np.asarray(value) for name, value in seen._asdict().items() if name != "ahead"]
 
 
 def observations_are_finite(sensor: WaypointSensor) -> Iterator[str]:
     """Numbers and waypoints, in their shape (n, 2)."""
     seen = _seen(sensor, PosedRoad(), 0)
-    for name, value in seen._asdict().items():
+    for name, value in zip(seen._fields, _measured(seen), strict=False):
         if not np.all(np.isfinite(value)):
             yield f"{name} is not finite"
     if seen.preview.ndim != 2 or seen.preview.shape[1] != 2:  # noqa: PLR2004 - x and y

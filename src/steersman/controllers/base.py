@@ -77,6 +77,11 @@ class ControllerComponent(Component):
         inner = (getattr(self, name) for name in type(self).model_fields)
         return any(isinstance(each, ControllerComponent) and each.limits_speed() for each in inner)
 
+    def follows(self) -> bool:
+        """Whether it, or a controller in it, reads the gap to a car ahead."""
+        inner = (getattr(self, name) for name in type(self).model_fields)
+        return any(isinstance(each, ControllerComponent) and each.follows() for each in inner)
+
     def step(self, state: Any, observation: Observation) -> tuple[Decision, Any]:
         """Decide the steering for the next control period, in [-1, 1].
 

@@ -62,6 +62,8 @@ def to_json(question: Question) -> dict[str, Any]:
     seen = question.seen
     numbers: dict[str, Any] = seen._asdict()
     numbers |= {name: numbers[name].tolist() for name in ("preview", "wished")}
+    ahead = numbers.pop("ahead")
+    numbers |= {} if ahead is None else {"ahead": ahead._asdict()}
     counted = {} if question.sequence is None else {"sequence": question.sequence}
     context = {"drive": question.drive, "dt": question.dt, "executed": question.executed}
     return context | counted | numbers

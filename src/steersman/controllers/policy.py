@@ -20,7 +20,7 @@ from steersman.network_file import PolicyNetwork
 from steersman.policy_file import PolicyCard, locate, read_policy
 from steersman.sensing import to_observation, to_row
 from steersman.speed_share import share_of, share_under
-from steersman.types import Decision, FloatArray, Observation, Status
+from steersman.types import CarAhead, Decision, FloatArray, Observation, Status
 from steersman.vehicles import Vehicle
 
 # Periods [s] and distances [m] that differ by less are the same but for rounding.
@@ -58,6 +58,8 @@ class PolicyState(NamedTuple):
     """Control steps for which the present one has held."""
     joint: bool = False
     """Whether a second action is the speed."""
+    ahead: bool = False
+    """Whether a feature needs a car ahead."""
     limit: float = math.nan
     """The largest speed for the next control period [m/s]."""
 
@@ -96,7 +98,8 @@ class Policy(ControllerComponent):
                 f"{self.file}: trained for a control period of {card.dt} s, but plant.dt is {dt} s"
             )
         try:
-            base, table = card_base(card), card_layout(card).table
+            base, layout = card_base(card), card_layout(card)
+            table = layout.table
             chosen = adjustments(base, card_parameters(card)) if base is not None else ()
         except (ConfigError, DataError) as error:
             raise DataError(f"{self.file}: card: {error}") from None
@@ -120,6 +123,7 @@ class Policy(ControllerComponent):
             adjuster,
             card.period,
             joint=card.joint,
+            ahead=any(feature.lead for feature in layout.features),
         )
 
     def read(self) -> tuple[bytes, PolicyCard]:
@@ -144,9 +148,13 @@ class Policy(ControllerComponent):
         memory = state.memory.copy()
         if state.joint:
             kernel.see_wishes(self._wished(observation), table.spacing, memory)
+        if state.ahead:
+            kernel.see_lead(*self._ahead(observation), memory)
         features = np.zeros(state.features)
         kernel.encode(table, row, memory, features)
         shifted = to_observation(row, observation.time, table.spacing)
+        if state.joint:
+            shifted = shifted._replace(wished=observation.wished, ahead=observation.ahead)
         state, start, allowed = state._replace(memory=memory, shift=shift), 0.0, math.nan
         if state.base is not None and state.adjuster is None:
             decision, after = state.base.step(state.base_state, shifted)
@@ -181,12 +189,25 @@ class Policy(ControllerComponent):
         """Whether its second action is the speed."""
         return self.read()[1].joint
 
+    def follows(self) -> bool:
+        """Whether its network or its base reads the gap to a car ahead."""
+        card = self.read()[1]
+        base = card_base(card)
+        read = any(feature.lead for feature in card_layout(card).features)
+        return read or (base is not None and base.follows())
+
     def _wished(self, observation: Observation) -> FloatArray:
         """The speeds wished ahead [m/s]; a ConfigError, if there are none."""
         if not len(observation.wished):
             what = "takes a share of the wished speed, but none is wished; set speed=constant_speed"
             raise ConfigError(f"{self.file}: {what}, or another but constant_throttle")
         return observation.wished
+
+    def _ahead(self, observation: Observation) -> CarAhead:
+        """The car ahead; a ConfigError, if there is none."""
+        if observation.ahead is None:
+            raise ConfigError(f"{self.file}: needs a car ahead; set lead.speed=nedc, say")
+        return observation.ahead
 
     def _through(
         self, state: PolicyState, features: FloatArray, observation: Observation

@@ -127,6 +127,9 @@ def translated(setting: Setting) -> Translated:
     Raises:
         ConfigError: its Python holds what C cannot be made of; the message says where.
     """
+    if setting.controller.follows():
+        what = "it reads the gap to a car ahead, which observations in C do not have"
+        raise ConfigError(f"no C code can be made of this controller: {what}", ("controller",))
     start = abstract(setting)
     pinned: frozenset[str] = frozenset()
     known = begun = type_of(start)
@@ -243,7 +246,7 @@ class _Pass:
         numbers = [Scalar(f"seen->{name}", REAL) for name in _NUMBERS]
         preview = Array("&seen->preview[0][0]", (self.setting.waypoints, 2), Root("seen"))
         spacing, wished = Static(self.setting.spacing), self._wished()
-        seen = Bundle(Observation, (*numbers, preview, spacing, wished))
+        seen = Bundle(Observation, (*numbers, preview, spacing, wished, Static(None)))
         return (
             Maybe(Scalar("(given != NULL)", BOOL), seen) if self.setting.controller.gaps else seen
         )

@@ -36,6 +36,9 @@ _LOOP = Group(
         "dt": kernel.DT,
         "spacing": kernel.SPACING,
         "last_share": kernel.LAST_SHARE,
+        "gap": kernel.GAP,
+        "relative_speed": kernel.RELATIVE_SPEED,
+        "wished_gap": kernel.WISHED_GAP,
     },
     ("wishes", kernel.WISHES),
 )
@@ -54,6 +57,12 @@ class Loop(Protocol):
     """Distance between waypoints [m]."""
     last_share: float
     """Share of the wished speed that the last joint action allowed [-]."""
+    gap: float
+    """Distance to the car ahead, bumper to bumper [m]; where there is one."""
+    relative_speed: float
+    """Its speed less the own one [m/s]."""
+    wished_gap: float
+    """Gap that is wished at the own speed [m]."""
     wishes: FloatArray
     """Rows of wished speed [m/s] and distance ahead [m]; under a joint action only."""
 
@@ -78,6 +87,8 @@ class Feature(Component):
 
     joint: ClassVar[bool] = False
     """Whether it needs a joint action, which alone knows the wished speed."""
+    lead: ClassVar[bool] = False
+    """Whether it needs a car ahead."""
 
     value: ClassVar[Callable[..., float]]
     begin: ClassVar[Callable[..., float] | None] = None

@@ -15,7 +15,9 @@ FEATURE_LIMIT = 100.0
 STARTED, LAST_COMMAND, BASE_COMMAND, DT, SPACING, LAST_SHARE, WISHES = range(7)
 # From WISHES on: pairs of wished speed [m/s] and distance ahead [m], at every third waypoint.
 N_WISHES, STRIDE = 5, 3
-CELLS = WISHES + 2 * N_WISHES
+# The car ahead: gap [m], its speed less the own one [m/s], wished gap [m].
+GAP, RELATIVE_SPEED, WISHED_GAP = range(WISHES + 2 * N_WISHES, WISHES + 2 * N_WISHES + 3)
+CELLS = WISHED_GAP + 1
 # Columns of EncodingTable.numbers and, behind the formulas, of EncodingTable.cells.
 _FORMULA, _INDEX, _OWN, _CELL = range(4)
 _BEGIN, _ADVANCE, _REMEMBER, _PLACE = range(4)
@@ -82,6 +84,12 @@ def see_wishes(wished: FloatArray, spacing: float, memory: FloatArray) -> None:
     for j in range(N_WISHES):
         memory[WISHES + 2 * j] = wished[min(j * STRIDE, last)]
         memory[WISHES + 2 * j + 1] = j * STRIDE * spacing
+
+
+@kernel
+def see_lead(gap: float, relative_speed: float, wished: float, memory: FloatArray) -> None:
+    """Write gap [m], speed less the own [m/s] and wished gap [m] of a car ahead, as above."""
+    memory[GAP], memory[RELATIVE_SPEED], memory[WISHED_GAP] = gap, relative_speed, wished
 
 
 @kernel

@@ -35,6 +35,10 @@ class World(NamedTuple):
     """Control period [s]."""
     corridor: float
     """Half width of the corridor [m]."""
+    lead_times: FloatArray
+    """(N, K or 0) times of the speeds of the cars ahead [s], increasing."""
+    lead_speeds: FloatArray
+    """(N, K or 0) their speeds there [m/s], linear between."""
 
 
 class Fleet(NamedTuple):
@@ -74,6 +78,8 @@ class Fleet(NamedTuple):
     wished."""
     wishes: FloatArray
     """(N, waypoints or 0) speeds wished at the waypoints [m/s]; NaN under a held throttle."""
+    lead: FloatArray
+    """(N, N_LEAD or 0) the cars ahead, see :mod:`steersman.kernels.lead`."""
     sent: FloatArray
     """(N,) steering command that the actuator got in this step [-]."""
     fine: FloatArray
@@ -114,6 +120,7 @@ def empty_fleet(
     shifts: int = 0,
     late: int = 0,
     wishes: int = 0,
+    lead: int = 0,
     fine: int = 0,
     memory: int = 0,
     features: int = 0,
@@ -136,6 +143,7 @@ def empty_fleet(
         bounds=np.tile([-1.0, 1.0], (n, 1)),
         speed_limit=np.full(n, np.nan),
         wishes=np.zeros((n, wishes)),
+        lead=np.zeros((n, lead)),
         sent=np.zeros(n),
         fine=np.zeros((n, fine, 2)),
         memory=np.zeros((n, memory)),

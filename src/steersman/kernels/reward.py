@@ -17,9 +17,10 @@ NO_DEMONSTRATION, FIXED, ADAPTIVE = 0, 1, 2
 # Columns of what is judged; the state is that after the step.
 (
     SPEED, LATERAL_ERROR, HEADING_ERROR, COURSE_ERROR, SIDE_SLIP, CURVATURE, V_X, V_Y, YAW_RATE,
-    STEER, PREVIOUS_STEER, DEMONSTRATED_STEER, DT, WISHED_SPEED, A_X,
-) = range(15)  # fmt: skip
-N_JUDGED = 15
+    STEER, PREVIOUS_STEER, DEMONSTRATED_STEER, DT, WISHED_SPEED, A_X, GAP, RELATIVE_SPEED,
+    WISHED_GAP, JERK,
+) = range(19)  # fmt: skip
+N_JUDGED = 19
 # Columns of what comes out.
 TOTAL, R_TRACK, C_TRACK, C_DIFF = range(4)
 
@@ -72,6 +73,8 @@ def describe(
     out[COURSE_ERROR], out[CURVATURE] = tracking[observe.COURSE], tracking[observe.KAPPA]
     out[STEER], out[PREVIOUS_STEER], out[DEMONSTRATED_STEER] = steer, previous, demonstrated
     out[DT], out[WISHED_SPEED], out[A_X] = dt, wished, state[vehicle.AX]
+    for k in range(GAP, N_JUDGED):
+        out[k] = math.nan
 
 
 @kernel

@@ -42,17 +42,22 @@ def target_speed(
     """Target speed at a time and place [m/s]."""
     target = interpolate(speed.times[n], speed.speeds[n], time)
     if speed.cap.shape[0] > 0:
-        first = int(speed.cap_first[p])
-        step = speed.cap_step[p]
-        last = first + int(math.ceil(table.meta[p, paths.LENGTH] / step))
-        i = first + int(max(s, 0.0) / step)
-        w = max(s, 0.0) / step - (i - first)
-        low, high = speed.cap[min(i, last)], speed.cap[min(i + 1, last)]
-        limit = low + w * (high - low)
-        if speed.even:
-            limit = math.sqrt(low * low + w * (high * high - low * low))
-        target = min(target, speed.rows[n, CAP_SCALE] * limit)
+        target = min(target, speed.rows[n, CAP_SCALE] * road_limit(speed, table, p, s))
     return target
+
+
+@kernel
+def road_limit(speed: SpeedTable, table: PathTable, p: int, s: float) -> float:
+    """Limit along the path at a place [m/s], where there are limits."""
+    first = int(speed.cap_first[p])
+    step = speed.cap_step[p]
+    last = first + int(math.ceil(table.meta[p, paths.LENGTH] / step))
+    i = first + int(max(s, 0.0) / step)
+    w = max(s, 0.0) / step - (i - first)
+    low, high = speed.cap[min(i, last)], speed.cap[min(i + 1, last)]
+    if speed.even:
+        return math.sqrt(low * low + w * (high * high - low * low))
+    return float(low + w * (high - low))
 
 
 @kernel

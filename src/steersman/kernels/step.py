@@ -7,8 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from steersman.kernels import encode as enc
+from steersman.kernels import lead as ahead
 from steersman.kernels import observe as obs
 from steersman.kernels import reward as rew
+from steersman.kernels import vehicle as car
 from steersman.kernels.compiled import kernel
 from steersman.kernels.encode import EncodingTable
 from steersman.kernels.fleet import Fleet, World
@@ -38,6 +40,10 @@ def encode(lesson: Lesson, fleet: Fleet, n: int) -> None:
         return
     if fleet.wishes.shape[1] > 0:
         enc.see_wishes(fleet.wishes[n], lesson.encoding.spacing, fleet.memory[n])
+    if fleet.lead.shape[1] > 0:
+        lead, v = fleet.lead[n], np.hypot(fleet.state[n, car.VX], fleet.state[n, car.VY])
+        gap, wished = lead[ahead.GAP], ahead.wished_gap(lead, v)
+        enc.see_lead(gap, lead[ahead.SPEED] - v, wished, fleet.memory[n])
     enc.encode(lesson.encoding, fleet.rows[n], fleet.memory[n], fleet.inputs[n])
     enc.normalise(fleet.inputs[n], lesson.scale)
 
@@ -67,6 +73,8 @@ def judge(lesson: Lesson, fleet: Fleet, n: int, steer: float, previous: float) -
     state, tracking, dt = fleet.state[n], fleet.tracking[n], lesson.encoding.dt
     wished = fleet.wishes[n, 0] if fleet.wishes.shape[1] > 0 else np.nan
     rew.describe(state, tracking, steer, previous, fleet.demo[n], dt, wished, fleet.judged)
+    if fleet.lead.shape[1] > 0:
+        ahead.describe_lead(fleet.lead[n], fleet.judged)
     rew.judge(lesson.reward, fleet.judged, fleet.reward[n])
     encode(lesson, fleet, n)
 

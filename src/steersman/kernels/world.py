@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from steersman.kernels import lead as ahead
 from steersman.kernels import observe as obs
 from steersman.kernels import vehicle as car
 from steersman.kernels.compiled import inlined, kernel
@@ -22,8 +23,8 @@ from steersman.kernels.vehicle import VehicleTable
 from steersman.types import FloatArray
 
 # Reasons to end a drive; GOAL_REACHED is the end of an open road or the laps that were asked for.
-RUNNING, LEFT_CORRIDOR, ROLLED, GOAL_REACHED, TIME_UP = range(5)
-FAILED = LEFT_CORRIDOR, ROLLED
+RUNNING, LEFT_CORRIDOR, ROLLED, GOAL_REACHED, TIME_UP, COLLIDED = range(6)
+FAILED = LEFT_CORRIDOR, ROLLED, COLLIDED
 # What arrives of an observation: the measurement; the last numbers again, at the present time or
 # at their own; or NaN.
 MEASURED, FROZEN, DROPPED, NOTHING = range(4)
@@ -177,6 +178,8 @@ def find_end(world: World, fleet: Fleet, n: int) -> None:
         fleet.ended[n] = LEFT_CORRIDOR
     elif car.rolls_over(world.vehicles.rows[n], fleet.state[n, car.LOAD_AY]):
         fleet.ended[n] = ROLLED
+    elif fleet.lead.shape[1] > 0 and not fleet.lead[n, ahead.GAP] > 0.0:
+        fleet.ended[n] = COLLIDED
     elif clock[CLOCK_DISTANCE] >= clock[CLOCK_GOAL] - _SAME:
         fleet.ended[n] = GOAL_REACHED
     elif clock[CLOCK_STEPS] * world.dt >= clock[CLOCK_LIMIT] - _SAME:
@@ -195,6 +198,8 @@ def conclude(world: World, fleet: Fleet, n: int, near: float) -> None:
         gain -= meta[LENGTH] * np.rint(gain / meta[LENGTH])
     clock[CLOCK_DISTANCE] += gain
     clock[CLOCK_STEPS] += 1.0
+    if fleet.lead.shape[1] > 0:
+        ahead.move_lead(world, fleet, n, clock[CLOCK_STEPS] * world.dt, tracking[obs.S], gain)
     find_end(world, fleet, n)
     look(world, fleet, n)
 

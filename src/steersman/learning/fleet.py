@@ -16,6 +16,7 @@ from steersman.kernels import speed as speed_kernel
 from steersman.kernels import step as lessons
 from steersman.kernels import world as kernel
 from steersman.kernels.fleet import Fleet
+from steersman.lead import most_points
 from steersman.learning.adjusted import AdjustedBase
 from steersman.learning.demonstration import (
     Demonstrator,
@@ -49,8 +50,7 @@ class FleetDriver:
             PlantError: it cannot be reached.
         """
         self.problem = problem
-        self.n = n
-        self.dt = problem.plant.dt
+        self.n, self.dt = n, problem.plant.dt
         self.lesson = problem.lesson()
         self.simulation = Simulation(
             problem.plant,
@@ -65,6 +65,7 @@ class FleetDriver:
             lesson=self.lesson,
             memory=encode.memory_size(self.lesson.encoding),
             wishes=problem.joint,
+            lead=most_points(problem.leads, problem.episode_time),
         )
         self.world, self.mover = self.simulation.world, self.simulation.mover
         self.fleet: Fleet = self.simulation.fleet
@@ -96,16 +97,15 @@ class FleetDriver:
         # A base that is the demonstrator too computes once.
         truth = Truth(self.simulation, self.mover.vehicle) if demonstration.privileged else None
         same = demonstration.controller == problem.corrected and truth is None
-        itself = demonstration.enabled and same
-        other = demonstration.controller if demonstration.enabled and not itself else None
-        self._demonstrator = self._corrected if itself else self._proposer(other, truth)
+        shown = demonstration.controller if demonstration.enabled else None
+        self._demonstrator = self._corrected if shown and same else self._proposer(shown, truth)
         self._proposes = self._corrected is not None or self._demonstrator is not None
 
     @property
     def source(self) -> str:
         """The plant in words, as results state it."""
-        shared = self.mover.shared
-        return self.problem.plant.source() if shared is None else shared.plant.source
+        of = self.mover.shared
+        return self.problem.plant.source() if of is None else of.plant.source
 
     def _proposer(
         self, controller: ControllerComponent | None, truth: Truth | None = None
@@ -156,7 +156,7 @@ class FleetDriver:
             write_profile(profile, i, world.speed.rows, world.speed.times, world.speed.speeds)
             wished = speed_kernel.target_speed(world.speed, i, world.paths, road, 0.0, start.s)
             speed = start.share * wished
-        self.simulation.begin(i, road, start.s, pose, speed, profile)
+        self.simulation.begin(i, road, start.s, pose, speed, profile, start.lead)
         length, closed = world.paths.meta[road, [paths.LENGTH, paths.CLOSED]]
         goal = math.inf if closed > 0.0 else length - start.s
         self.simulation.limit(i, self.problem.episode_time, goal)

@@ -65,7 +65,7 @@ class Truth:
             row,
         )
         seen = to_observation(row, simulation.time(n), sensor.spacing)
-        return seen._replace(wished=fleet.wishes[n].copy())
+        return simulation.told(n, seen)
 
 
 def informed(component: C, delay: float) -> C:

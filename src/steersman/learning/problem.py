@@ -24,6 +24,7 @@ from steersman.faults import Fault
 from steersman.features.base import Feature
 from steersman.kernels.speed import SpeedTable
 from steersman.kernels.step import Lesson
+from steersman.lead import Lead
 from steersman.learning.demonstration import Demonstration
 from steersman.learning.rewards import RewardTerm
 from steersman.learning.spread import Spread
@@ -98,6 +99,9 @@ class Problem(Settings):
     )
     speeds: tuple[Annotated[SpeedComponent, Of("speed")], ...] = param(
         (Nedc(a_lat_max=4.0),), "-", "Sources of speed; each episode draws one."
+    )
+    leads: tuple[Lead, ...] = param(
+        (), "-", "Cars ahead; each episode draws one. None: there is no car ahead."
     )
     spread: Spread = param(Spread(), "-", "Differences between episodes.")
     start: Literal["start_area", "anywhere"] = param(
@@ -178,11 +182,14 @@ class Problem(Settings):
         of_task: list[tuple[RewardTerm | Feature, str]] = [(t, "task") for t in self.task.terms]
         for one, where in (*of_task, *((f, "encoding") for f in self.layout.features)):
             if one.joint and not self.joint:
-                raise ConfigError(
-                    f"{one.kind} needs the wished speed, which joint actions alone have; set "
-                    "joint=true",
-                    (where,),
-                )
+                needs = "the wished speed, which joint actions alone have; set joint=true"
+                raise ConfigError(f"{one.kind} needs {needs}", (where,))
+            if one.lead and not self.leads:
+                needs = "a car ahead; name some as leads, such as leads=[{speed: nedc}]"
+                raise ConfigError(f"{one.kind} needs {needs}", (where,))
+        if self.leads and not self.joint:
+            what = "a car ahead needs an action that changes the speed; set joint=true"
+            raise ConfigError(what, ("leads",))
         return self
 
     @model_validator(mode="after")

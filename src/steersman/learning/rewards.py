@@ -50,6 +50,14 @@ class Judged(NamedTuple):
     """Speed wished then [m/s]; NaN but for joint actions."""
     a_x: float = 0.0
     """Longitudinal acceleration [m/s^2]."""
+    gap: float = math.nan
+    """Distance to the car ahead, bumper to bumper [m]; NaN without one, as the next three."""
+    relative_speed: float = math.nan
+    """Its speed less the own one [m/s]."""
+    wished_gap: float = math.nan
+    """Gap that is wished at the own speed [m]."""
+    jerk: float = math.nan
+    """Change of the longitudinal acceleration in the step, over the control period [m/s^3]."""
 
 
 _STEP = Group({name: k for k, name in enumerate(Judged._fields)})
@@ -66,6 +74,8 @@ class RewardTerm(Component):
     """Unit of the term before it is weighted."""
     joint: ClassVar[bool] = False
     """Whether it needs a joint action, which alone is judged by its speed."""
+    lead: ClassVar[bool] = False
+    """Whether it needs a car ahead."""
     weight: float = param(1.0, "-", "Factor on the term.", ge=0)
     value: ClassVar[Callable[..., float]]
 
@@ -181,6 +191,36 @@ class Comfort(RewardTerm):
     def value(self, step: Judged) -> float:
         """Weighted."""
         share = step.a_x / self.scale
+        return -(0.5 * self.weight * share * share)
+
+
+@register("reward", "gap")
+class GapPrice(RewardTerm):
+    """Minus the difference of gap and wished gap over ``scale``, at most 1.
+
+    Half of it is the size, half its square root, so that the slope does not fade near zero.
+    """
+
+    joint = lead = True
+    scale: float = param(10.0, "m", "Difference from which on the price is the weight.", gt=0)
+
+    def value(self, step: Judged) -> float:
+        """Weighted."""
+        share = min(abs(step.gap - step.wished_gap) / self.scale, 1.0)
+        return -(0.5 * self.weight * (share + math.sqrt(share)))
+
+
+@register("reward", "jerk")
+class JerkPrice(RewardTerm):
+    """Minus half the squared longitudinal jerk over ``scale``; the share is at most ``most``."""
+
+    joint = lead = True
+    scale: float = param(5.0, "m/s^3", "Jerk at which the price is half the weight.", gt=0)
+    most: float = param(4.0, "-", "Largest share of the scale.", gt=0)
+
+    def value(self, step: Judged) -> float:
+        """Weighted."""
+        share = min(abs(step.jerk) / self.scale, self.most)
         return -(0.5 * self.weight * share * share)
 
 

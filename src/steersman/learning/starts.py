@@ -9,6 +9,7 @@ import numpy as np
 
 from steersman.kernels import path as paths
 from steersman.kernels.fleet import World
+from steersman.lead import LeadStart
 from steersman.learning.problem import Problem
 from steersman.profiles import Profile
 
@@ -25,6 +26,8 @@ class FleetStart(NamedTuple):
     """NaN: that which is wished there [m/s]."""
     share: float = 1.0
     """Share of that at which it starts."""
+    lead: LeadStart | None = None
+    """The car ahead, where there is one."""
 
 
 def draw_start(problem: Problem, world: World, rng: np.random.Generator) -> FleetStart:
@@ -43,4 +46,8 @@ def draw_start(problem: Problem, world: World, rng: np.random.Generator) -> Flee
     if profile.throttle is not None:
         speed = source.start_speed(problem.roads[road], s)
     share = 1.0 - rng.uniform(0.0, spread.slower) if spread.slower > 0.0 else 1.0
-    return FleetStart(road, s, float(offset), float(heading), profile, speed, share)
+    start = FleetStart(road, s, float(offset), float(heading), profile, speed, share)
+    if not problem.leads:
+        return start
+    lead = problem.leads[int(rng.integers(len(problem.leads)))]
+    return start._replace(lead=lead.draw(rng, problem.episode_time))

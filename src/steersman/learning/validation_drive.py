@@ -8,17 +8,12 @@ import numpy as np
 
 from steersman import episode as ending
 from steersman.episode import Episode
+from steersman.episode_rows import columns_of
 from steersman.kernels import world as kernel
 from steersman.learning.fleet import FleetDriver
+from steersman.outcome import ENDS
 from steersman.provenance import provenance
 from steersman.types import FloatArray
-from steersman.world import columns_of
-
-_ENDS = {
-    kernel.LEFT_CORRIDOR: ending.OFF_TRACK,
-    kernel.ROLLED: ending.ROLL_OVER,
-    kernel.GOAL_REACHED: ending.END_OF_PATH,
-}
 
 
 class FleetRecord:
@@ -27,7 +22,7 @@ class FleetRecord:
     def __init__(self, driver: FleetDriver) -> None:
         """Begin at the present state, the first of every drive."""
         self._driver = driver
-        self._rows = [self._row()]
+        self._rows, self._lead = [self._row()], [driver.fleet.lead.copy()]
         self._more: list[FloatArray] = []
         self._steps = np.zeros(driver.n, dtype=np.int64)
         self._distance = np.zeros(driver.n)
@@ -44,6 +39,7 @@ class FleetRecord:
         more[:, 0], more[:, 1] = len(self._more) * driver.dt, fleet.sent
         more[:, 2:4] = fleet.command[:, 1:3]
         self._rows.append(self._row())
+        self._lead.append(fleet.lead.copy())
         self._more.append(more)
         self._steps += alive
         self._distance[alive] = fleet.clock[alive, kernel.CLOCK_DISTANCE]
@@ -54,6 +50,7 @@ class FleetRecord:
         driver, problem, steps = self._driver, self._driver.problem, int(self._steps[i])
         rows = np.array([row[i] for row in self._rows[:steps]])
         more = np.array([row[i] for row in self._more[:steps]])
+        lead = np.array([row[i] for row in self._lead[:steps]])
         road = problem.roads[int(driver.fleet.path[i])]
         parts = {"path": road, "vehicle": problem.vehicle}
         # With errors of its own the sensor cannot be measured again.
@@ -61,8 +58,8 @@ class FleetRecord:
             parts["sensor"] = problem.sensor
         config = {name: part.model_dump(mode="json") for name, part in parts.items()}
         meta = {"config": config, "plant": driver.source, **provenance()}
-        end = _ENDS.get(int(self._ended[i]), ending.DURATION)
+        end = ENDS.get(int(self._ended[i]), ending.DURATION)
         return Episode(
-            columns_of(rows, more), end, float(self._distance[i]), driver.dt, road.length,
+            columns_of(rows, more, lead), end, float(self._distance[i]), driver.dt, road.length,
             road.closed, meta,
         )  # fmt: skip

@@ -30,7 +30,7 @@ from steersman.plants.simulator import SimulatorConfig
 from steersman.provenance import provenance
 from steersman.rollout import RunConfig
 from steersman.studies.folder import open_study, same_study, sampler, trial_states
-from steersman.studies.objective import RunCost, measure, together
+from steersman.studies.objective import Prices, RunCost, measure, together
 from steersman.studies.racing import affordable, bound, raced
 from steersman.studies.ranges import TriedValues, ranges, widened
 from steersman.studies.trials import TrialFigures, TuneResult, trade
@@ -72,6 +72,15 @@ class TuneConfig(Settings):
     smoothness: float = param(
         0.05, "m s", "Price of the RMS steering rate, in lateral error per 1/s.", ge=0
     )
+    gap: float = param(
+        0.05, "-", "Price of the RMS error of the gap to a car ahead, in lateral error per m.", ge=0
+    )
+    jerk: float = param(
+        0.01,
+        "s^3",
+        "Price of the RMS longitudinal jerk behind a car ahead, in lateral error per m/s^3.",
+        ge=0,
+    )
     seed: int = param(0, "-", "Seed of the sampler.", ge=0)
 
     @field_validator("suite", mode="before")
@@ -98,10 +107,15 @@ class TuneConfig(Settings):
             raise ValueError("needs at least one run")
         return value
 
+    @property
+    def prices(self) -> Prices:
+        """What costs beside the lateral error."""
+        return Prices(self.smoothness, self.gap, self.jerk)
+
 
 def cost(config: RunConfig, smoothness: float) -> float:
     """Cost of one run [m]; finite whatever the controller does."""
-    return measure(config, smoothness).total
+    return measure(config, Prices(smoothness)).total
 
 
 @alone("out")
@@ -190,7 +204,7 @@ def _drive(
     Of a trial that is stopped the cost is a bound, and only the simulated time is kept.
     """
     driver = in_front(controller, config.estimator, config.predictor)
-    work = partial(_measured, config.smoothness)
+    work = partial(_measured, config.prices)
 
     def drive(numbers: Sequence[int]) -> list[RunCost]:
         runs = [config.suite[k].model_copy(update={"controller": driver}) for k in numbers]
@@ -212,8 +226,8 @@ def _drive(
     return found.cost_m, found._asdict()
 
 
-def _measured(smoothness: float, run: RunConfig, _: object) -> RunCost:
-    return measure(run, smoothness)
+def _measured(prices: Prices, run: RunConfig, _: object) -> RunCost:
+    return measure(run, prices)
 
 
 def _finished(study: Any) -> list[Any]:
