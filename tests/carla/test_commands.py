@@ -117,9 +117,10 @@ WRONG = {
     "steer_rate_up": 1.2,
     "steer_rate_down": 1.2,
     "max_wheel_angle": 1.0,
+    "brake_force": 4000.0,
 }
 # Recovered to this: a share, or m/s^2 for the map.
-RECOVERED = {name: 1e-3 for name in WRONG}
+RECOVERED = {name: 1e-3 for name in WRONG} | {"brake_force": 3e-3}
 
 
 @pytest.mark.parametrize(
@@ -148,6 +149,7 @@ def test_calibration_recovers_known_parameters(true: Vehicle) -> None:
         assert row == pytest.approx(wanted, abs=0.03)
     assert found.before == believed
     assert found.fits["tyres and inertia"].error < 1e-4  # rad/s
+    assert found.fits["brakes"].error < 0.02  # m/s
     # What is not fitted stays what it was.
     assert found.vehicle.mass == believed.mass
     assert len(told) > 15

@@ -10,19 +10,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from steersman.errors import ConfigError, PlantError
 from steersman.paths.analytic import Straight
-from steersman.plants.simulator import SimulatorConfig
 from steersman.protocols import Plant
 from steersman.provenance import provenance
 from steersman.studies.calibrate import manoeuvres
 from steersman.studies.calibrate.manoeuvres import Manoeuvre, ManoeuvreDriver, Tell, inner_angle
+from steersman.studies.calibrate.replayed import Fit, brakes, tyres_and_inertia
 from steersman.studies.vehicle_file import write_vehicle
-from steersman.types import Command, FloatArray
+from steersman.types import FloatArray
 from steersman.vehicles import Vehicle
 
 # Enough for a throttle run to the top speed [m].
@@ -33,6 +33,7 @@ USUAL = {
     "steering rate": 0.05,
     "steering curve": 0.02,
     "throttle map": 0.1,
+    "brakes": 0.1,
     "tyres and inertia": 0.01,
 }
 """RMS errors, in the units of the fits, beyond which the model does not describe the car."""
@@ -44,18 +45,6 @@ _ALIGNED = 1e-4
 _PEDAL = 1e-3
 # Knots of a curve with fewer samples than this keep their values.
 _FEWEST = 3
-# What weighs as much as each other in the response: yaw rate [rad/s] and side velocity [m/s].
-_SCALES = np.array([0.02, 0.05])
-# Stiffness and inertia are looked for within these factors.
-_FACTORS = (0.1, 10.0)
-
-
-class Fit(NamedTuple):
-    """Figures of the vehicle, and the RMS error that they leave, in ``unit``."""
-
-    figures: dict[str, Any]
-    error: float
-    unit: str
 
 
 class Calibration(NamedTuple):
@@ -71,8 +60,8 @@ class Calibration(NamedTuple):
 def calibrate(plant: Plant, tell: Tell) -> Calibration:
     """Drive, and fit; about three minutes of simulated time.
 
-    The figures that are fitted: lock, offset, rates and curve of the steering, throttle map, axle
-    stiffnesses, yaw inertia. All others are those of the plant's vehicle.
+    The figures that are fitted: lock, offset, rates and curve of the steering, throttle map, brake
+    force, axle stiffnesses, yaw inertia. All others are those of the plant's vehicle.
 
     Args:
         plant: anything with a wide straight road; it is left open.
@@ -92,6 +81,8 @@ def calibrate(plant: Plant, tell: Tell) -> Calibration:
     throttles = manoeuvres.throttle_runs(driver, vehicle)
     fits["throttle map"] = throttle_map(throttles, vehicle)
     vehicle = _explained(vehicle, fits, "throttle map")
+    fits["brakes"] = brakes(manoeuvres.brake_runs(driver), vehicle)
+    vehicle = _explained(vehicle, fits, "brakes")
     steps = manoeuvres.step_runs(driver, vehicle)
     fits["tyres and inertia"] = tyres_and_inertia(steps, vehicle)
     vehicle = _explained(vehicle, fits, "tyres and inertia")
@@ -235,45 +226,3 @@ def _piecewise(
     values[seen_knots] = np.linalg.lstsq(hats[clean][:, seen_knots], rest[clean], rcond=None)[0]
     left = hats[clean] @ values - y[clean]
     return values, float(np.sqrt(np.mean(left**2)))
-
-
-def tyres_and_inertia(runs: Sequence[Manoeuvre], vehicle: Vehicle) -> Fit:
-    """Axle stiffnesses [N/rad] and yaw inertia [kg m^2] that reproduce steps of the steering.
-
-    The same commands are driven on the embedded simulator; yaw rate and side velocity are to
-    agree. The steady part of a step determines the stiffnesses, its beginning and end the inertia.
-    """
-    from scipy.optimize import least_squares
-
-    names = ("c_f", "c_r", "yaw_inertia")
-    start = np.array([getattr(vehicle, name) for name in names])
-    seen = [_response(run.states) for run in runs]
-
-    def misses(logs: FloatArray) -> FloatArray:
-        figures = dict(zip(names, (start * np.exp(logs)).tolist(), strict=True))
-        guess = vehicle.replace(**figures)
-        parts = [
-            (_response(replay(run, guess)) - found) / _SCALES
-            for run, found in zip(runs, seen, strict=True)
-        ]
-        return np.concatenate([part.ravel() for part in parts])
-
-    bounds = tuple(np.full(3, np.log(f)) for f in _FACTORS)
-    found = least_squares(misses, np.zeros(3), bounds=bounds, x_scale=0.1, diff_step=1e-4)
-    values = (start * np.exp(found.x)).tolist()
-    left = misses(found.x).reshape(-1, 2) * _SCALES
-    error = float(np.sqrt(np.mean(left[:, 0] ** 2)))
-    return Fit(dict(zip(names, values, strict=True)), error, "rad/s")
-
-
-def replay(run: Manoeuvre, vehicle: Vehicle) -> list[Any]:
-    """The states that the embedded simulator goes through from the same start."""
-    plant = SimulatorConfig(dt=run.dt).make(vehicle)
-    first = run.states[0]
-    plant.resume(first)
-    return [first, *(plant.step(Command(*command)) for command in run.commands)]
-
-
-def _response(states: Sequence[Any]) -> FloatArray:
-    """Yaw rate and side velocity, (n, 2)."""
-    return np.array([[s.yaw_rate, s.v_y] for s in states])

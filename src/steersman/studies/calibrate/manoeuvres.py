@@ -20,6 +20,8 @@ _THROTTLE = 10.0
 _SLOWEST, TOP = 1.5, 36.0
 # Acceleration below which a throttle run has come to its plateau [m/s^2].
 _PLATEAU = 0.02
+# Brake runs: speed at their beginning [m/s], and pedals.
+_BRAKE_FROM, _BRAKES = 20.0, (0.25, 0.5, 1.0)
 # Steps of the steering: time in each [s]; lateral accelerations they aim at [m/s^2].
 _STRAIGHT, _TURN = 0.25, 2.0
 _CURVE_ACCELERATION, _STEP_ACCELERATION = 4.0, (2.0, 4.0)
@@ -95,6 +97,20 @@ def _throttle(driver: ManoeuvreDriver, throttle: float, speed: float, *, rising:
 
     name = f"throttle {throttle:g} from {speed:g} m/s"
     return driver.run(name, speed, _THROTTLE, lambda *_: Command(0.0, throttle, 0.0), over)
+
+
+def brake_runs(driver: ManoeuvreDriver) -> list[Manoeuvre]:
+    """From a steady speed to about standstill, with each of some pressures of the brake pedal."""
+    return [_brake(driver, brake) for brake in _BRAKES]
+
+
+def _brake(driver: ManoeuvreDriver, brake: float) -> Manoeuvre:
+    name = f"brake {brake:g} from {_BRAKE_FROM:g} m/s"
+
+    def over(state: VehicleState) -> bool:
+        return state.v_x < _SLOWEST
+
+    return driver.run(name, _BRAKE_FROM, _THROTTLE, lambda *_: Command(0.0, 0.0, brake), over)
 
 
 def curve_runs(driver: ManoeuvreDriver, vehicle: Vehicle) -> list[Manoeuvre]:
