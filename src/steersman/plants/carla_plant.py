@@ -209,7 +209,8 @@ class CarlaPlant:
         try:
             self.session.send([self._control(command._replace(steer=self._delayed[0]))])
         except PlantError:
-            self._found(self.session.tick())  # it may be gone, which says more
+            if self.session.server.alive():  # the vehicle may be gone, which says more
+                self._found(self.session.tick())
             raise
         row, dt = self.vehicle.table.rows[0], self.dt
         up, down = float(row[car.PEDAL_UP]), float(row[car.PEDAL_DOWN])
@@ -246,7 +247,8 @@ class CarlaPlant:
         try:
             angle = self._left_wheel()
         except PlantError:
-            self._found(self.session.tick())  # it may be gone since, which says more
+            if self.session.server.alive():  # it may be gone since, which says more
+                self._found(self.session.tick())
             raise
         steer, wheel = steering(self.vehicle, angle, v_x)
         rate = CarlaFrame.radians_left(found.get_angular_velocity().z)

@@ -14,6 +14,7 @@ from contextlib import suppress
 from typing import Any
 
 from steersman.errors import PlantError, suggestion
+from steersman.plants import carla_steps
 from steersman.plants.carla_server import Clock, Server, check_version, retried, stem
 
 _log = logging.getLogger("steersman.carla")
@@ -273,27 +274,12 @@ class Session:
         Raises:
             PlantError: the server does not answer, or another client ticks it too.
         """
-        with self.server.answers("ticking"):
-            frame = self.world.tick(self.server.timeout)
-            snapshot = self.world.get_snapshot()
-        if snapshot.frame != frame:
-            raise PlantError(
-                f"{self.server}: frame {snapshot.frame} came instead of {frame}; another "
-                "client ticks this server too: stop it, or use a server of your own"
-            )
-        return snapshot
+        return carla_steps.tick(self.server, self.client, self.world)
 
     def send(self, commands: list[Any]) -> None:
         """Commands that are executed, in their order, before this returns.
 
-        Setters of the client return before the server has got them; a tick could overtake them,
-        and runs would differ.
-
         Raises:
-            PlantError: one is refused.
+            PlantError: one is refused, or there is no answer.
         """
-        with self.server.answers("sending commands"):
-            answers = self.client.apply_batch_sync(commands, False)
-        for answer in answers:
-            if answer.error:
-                raise PlantError(f"{self.server}: {answer.error}")
+        carla_steps.send(self.server, self.client, commands)
