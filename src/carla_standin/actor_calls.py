@@ -7,6 +7,7 @@ from typing import Any
 from carla_standin import physics
 from carla_standin.actors import Actor
 from carla_standin.blueprints import definitions
+from carla_standin.bystanders import WalkerControl
 from carla_standin.calls import Dispatcher, answers, tick_cue, told
 from carla_standin.wire import Refused, Reply, read_transform, read_vector, warn_once
 
@@ -16,6 +17,7 @@ _COMMANDS = {
     1: "destroy_actor",
     2: "apply_control_to_vehicle",
     3: "apply_ackermann_control_to_vehicle",
+    4: "apply_control_to_walker",
     5: "apply_physics_control",
     6: "set_actor_transform",
     8: "set_actor_target_velocity",
@@ -146,6 +148,15 @@ def apply_control_to_vehicle(calls: Dispatcher, number: int, values: Any) -> Non
     """Hold this control from the next tick on."""
     actor, car = calls.world.car(number)
     car.command = actor.driver.direct(values)
+
+
+@answers(Reply.NOTHING)
+def apply_control_to_walker(calls: Dispatcher, number: int, values: Any) -> None:
+    """Let a pedestrian walk so from the next tick on."""
+    actor = calls.world.actor(number)
+    if actor.walk is None:
+        raise Refused(f"actor {actor.number} ({actor.kind}) is no walker")
+    actor.walk = WalkerControl.read(values)
 
 
 @answers(Reply.NOTHING)

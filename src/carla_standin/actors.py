@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from carla_standin.wire import Refused, Transform
 
 if TYPE_CHECKING:
+    from carla_standin.bystanders import WalkerControl
     from carla_standin.car import Car, VehicleControl
     from carla_standin.catalogue import VehicleBlueprint
     from carla_standin.sensors import StreamedSensor
@@ -24,12 +25,12 @@ _ACTIVE = 1
 _ROLLED_OVER = 1
 _GREEN = 2
 _SPEED_LIMIT = 30.0
-_TAG_CAR = bytes([14])
+_TAG_CAR, _TAG_WALKER = bytes([14]), bytes([12])
 
 
 @dataclass
 class Actor:
-    """One actor; it has a car, or a sensor, or neither (the spectator)."""
+    """One actor; it has a car, a sensor, a walk, or none (the spectator, props)."""
 
     number: int
     description: list[Any]
@@ -42,6 +43,7 @@ class Actor:
     model: VehicleBlueprint | None = None
     control: VehicleControl | None = None
     sensor: StreamedSensor | None = None
+    walk: WalkerControl | None = None
     token: bytes = b""
     applied_physics: list[Any] | None = field(default=None)
     """The last physics control that a client applied."""
@@ -78,20 +80,47 @@ class Actor:
 
     def box(self) -> list[Any]:
         """Bounding box as it travels: centre and half size [m], rotation [deg], actor."""
-        return [[0.0, 0.0, self.extent[2]], list(self.extent), [0.0, 0.0, 0.0], self.number]
+        middle = self.extent[2] if self.walk is None else 0.0
+        return [[0.0, 0.0, middle], list(self.extent), [0.0, 0.0, 0.0], self.number]
+
+    @property
+    def bottom(self) -> float:
+        """Height of its box's lower end [m]; a pedestrian's origin is in the middle of the box."""
+        return self.transform.z - (0.0 if self.walk is None else self.extent[2])
 
     def wire(self) -> list[Any]:
         """The actor as it travels in calls."""
         parent = 0 if self.parent is None else self.parent.number
-        tags = b"" if self.car is None else _TAG_CAR
+        tags = _TAG_CAR if self.car is not None else b"" if self.walk is None else _TAG_WALKER
         return [self.number, parent, self.description, self.box(), tags, self.token]
+
+    @property
+    def solid(self) -> bool:
+        """Whether it takes room."""
+        return self.extent[0] > 0.0
+
+    @property
+    def velocity(self) -> tuple[float, float]:
+        """Of its centre of mass, or of a walk, in the world's axes [m/s]."""
+        if self.car is not None:
+            return self.car.velocity
+        return (0.0, 0.0) if self.walk is None else self.walk.velocity
+
+    def advance(self, dt: float) -> None:
+        """Walk for ``dt`` [s], facing where it goes."""
+        if self.walk is not None and self.walk.speed > 0.0:
+            x, y = self.velocity
+            yaw = math.degrees(math.atan2(y, x))
+            at = self.pose
+            self.pose = at._replace(x=at.x + dt * x, y=at.y + dt * y, yaw=yaw)
 
     def snapshot(self) -> bytes:
         """The actor as it travels in a snapshot."""
         if self.car is None or self.control is None:
-            return _MOTION.pack(self.number, _ACTIVE, *self.transform, *[0.0] * 9) + bytes(
-                _KIND_BYTES
-            )
+            state = b"" if self.walk is None else self.walk.snapshot()
+            rest = [0.0] * 7
+            moved = _MOTION.pack(self.number, _ACTIVE, *self.transform, *self.velocity, *rest)
+            return moved + state.ljust(_KIND_BYTES, b"\0")
         car = self.car
         where = car.transform
         motion = _MOTION.pack(
@@ -123,8 +152,11 @@ def corners(actor: Actor) -> list[tuple[float, float]]:
 
 
 def overlap(one: Actor, other: Actor) -> bool:
-    """Whether two boxes overlap on the ground: no side of either separates them."""
+    """Whether two upright boxes overlap: neither height nor a side of either separates them."""
     a, b = one.transform, other.transform
+    low, high = one.bottom, other.bottom
+    if low + 2.0 * one.extent[2] < high or high + 2.0 * other.extent[2] < low:
+        return False
     reach = math.hypot(*one.extent[:2]) + math.hypot(*other.extent[:2])
     if math.hypot(a.x - b.x, a.y - b.y) > reach:
         return False

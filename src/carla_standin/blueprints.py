@@ -1,4 +1,4 @@
-"""What can be spawned: vehicles, the spectator's type, and sensors."""
+"""What can be spawned: vehicles, sensors, props, pedestrians; and the spectator's type."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import Any
 
 import steersman as sm
 from carla_standin.blind import BLIND
+from carla_standin.bystanders import EXTENTS, PEDESTRIANS, PROPS
 from carla_standin.catalogue import VehicleBlueprint
 from carla_standin.wire import MAX_NAME, Refused
 
@@ -22,6 +23,8 @@ STAND_IN = "stand_in"
 _BOOL, _INT, _FLOAT, _STRING, _COLOR = range(1, 6)
 # Those of the Model 3 that clients name; there is nothing to paint here.
 _COLORS = ("17,37,103", "75,87,173", "180,44,44", "180,180,180", "44,44,44", "137,0,0")
+# Props whose box is half as long are medium [m].
+_MEDIUM = 0.5
 _PLACES = ("front", "back", "left", "right", "front_left", "front_right", "back_left", "back_right")
 # Attributes that say how noisy a sensor is, in the order in which it keeps them.
 _INERTIAL = ("accel_stddev", "gyro_stddev", "gyro_bias")
@@ -65,6 +68,8 @@ def definitions(vehicles: dict[str, VehicleBlueprint]) -> list[list[Any]]:
     """The blueprint library as it travels: uid, id, tags, attributes."""
     found = {name: _car(model) for name, model in vehicles.items()}
     found |= {name: _sensor(name) for name in SENSORS}
+    found |= {name: _prop(PROPS[name]) for name in PROPS}
+    found |= {name: _pedestrian() for name in PEDESTRIANS}
     return [
         [uid, name, name.replace(".", ","), attributes]
         for uid, (name, attributes) in enumerate(found.items(), start=1)
@@ -82,6 +87,24 @@ def _sensor(name: str) -> list[list[Any]]:
     return [place, tick, *noise, seed] if noise else [place]
 
 
+def _prop(extent: tuple[float, ...]) -> list[list[Any]]:
+    """Attributes of a prop."""
+    size = "small" if max(extent) < _MEDIUM else "medium"
+    return [_choice("role_name", _STRING, "prop"), _given("size", _STRING, size)]
+
+
+def _pedestrian() -> list[list[Any]]:
+    """Attributes of a pedestrian; all are alike."""
+    return [
+        _choice("role_name", _STRING, "pedestrian"),
+        _choice("is_invincible", _BOOL, "true", "false"),
+        _choice("speed", _FLOAT, "0.0", "1.4", "2.4"),
+        _given("gender", _STRING, "other"),
+        _given("age", _STRING, "adult"),
+        _given("generation", _INT, "2"),
+    ]
+
+
 def _type(value: str) -> int:
     """Of an attribute that begins with this value."""
     if value in {"true", "false"}:
@@ -97,7 +120,7 @@ def check(name: str, vehicles: dict[str, VehicleBlueprint]) -> None:
     Raises:
         Refused: it cannot.
     """
-    known = [*vehicles, *SENSORS]
+    known = [*vehicles, *SENSORS, *EXTENTS]
     if name not in known:
         short = name[:MAX_NAME]
         raise Refused(f"{short!r} is not in the blueprint library{sm.suggestion(short, known)}")

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable
-from itertools import combinations
+from itertools import chain, combinations, product
 from typing import Any, NamedTuple
 
 from carla_standin.actors import Actor, overlap
 from carla_standin.blind import BLIND
-from carla_standin.blueprints import LANE_INVASION, NOISE, SPECTATOR, check
+from carla_standin.blueprints import COLLISION, LANE_INVASION, SPECTATOR, check
+from carla_standin.bystanders import EXTENTS, PEDESTRIANS, WEIGHT, WalkerControl
 from carla_standin.car import Car, VehicleControl
 from carla_standin.catalogue import VehicleBlueprint, note
 from carla_standin.maps import WorldMap, default_map
@@ -127,8 +128,9 @@ class StandinWorld:
                 raise Refused("a vehicle cannot be attached to another actor")
             note(name)
             return self._add_vehicle(shown, where)
-        alone = owner is None and (name in NOISE or name in BLIND)
-        if not alone and (owner is None or owner.car is None):
+        if name in EXTENTS:
+            return self._add_bystander(shown, where, owner)
+        if name in {COLLISION, LANE_INVASION} and (owner is None or owner.car is None):
             raise Refused(f"{name} has to be attached to a vehicle")
         if name == LANE_INVASION:  # the client works it out by itself: no stream
             if not self.map.marked:
@@ -156,9 +158,27 @@ class StandinWorld:
         half = (0.5 * model.vehicle.body_length, 0.5 * model.vehicle.width, 0.5 * model.height)
         given = {key: value for key, _, value in description[2]}
         control = VehicleControl(given.get("sticky_control", "true").lower() != "false")
-        new = Actor(0, description, where, extent=half, car=car, model=model, control=control)
+        return self._enter(
+            Actor(0, description, where, extent=half, car=car, model=model, control=control)
+        )
+
+    def _add_bystander(
+        self, description: list[Any], where: Transform, owner: Actor | None
+    ) -> Actor:
+        walk = WalkerControl() if description[1] in PEDESTRIANS else None
+        new = Actor(0, description, where, owner, EXTENTS[description[1]], walk=walk)
+        if walk is not None:
+            new.pose = where._replace(z=new.extent[2])  # its origin is in its middle
+        return self._enter(new)
+
+    def _enter(self, new: Actor) -> Actor:
+        """Let a solid actor in, if there is room.
+
+        Raises:
+            Refused: there is none.
+        """
         for other in self.actors.values():
-            if other.car is not None and overlap(new, other):
+            if other.solid and other is not new.parent and overlap(new, other):
                 raise Refused(
                     f"spawn failed because of a collision with actor {other.number} "
                     "at the spawn position"
@@ -200,6 +220,8 @@ class StandinWorld:
                 actor.car.command = actor.control.command(actor.car, dt) or actor.car.command
                 actor.car.reverse = actor.control.reverse
                 actor.car.advance(dt, substeps)
+            else:
+                actor.advance(dt)
         self.frame += 1
         self.elapsed += dt
         self._gone = {n: each for n, each in self._gone.items() if each[0] >= self.frame - 1}
@@ -226,28 +248,36 @@ class StandinWorld:
         )
 
     def _hits(self) -> list[Hit]:
-        """Vehicles that overlap. Nothing is done about it: they pass through each other."""
-        cars = [
-            (*actor.transform[:2], math.hypot(*actor.extent[:2]), actor)
-            for actor in self.actors.values()
-            if actor.car is not None
-        ]
+        """Vehicles that overlap with something. Nothing is done about it: they pass through."""
+        cars: list[tuple[float, float, float, Actor]] = []
+        others: list[tuple[float, float, float, Actor]] = []
+        for actor in self.actors.values():
+            if actor.solid:
+                x, y = actor.transform[:2]
+                placed = x, y, math.hypot(*actor.extent[:2]), actor
+                (others if actor.car is None else cars).append(placed)
         return [
             Hit(one, other, _impulse(one, other))
-            for (x, y, r, one), (u, v, s, other) in combinations(cars, 2)
-            if math.hypot(x - u, y - v) <= r + s and overlap(one, other)
+            for (x, y, r, one), (u, v, s, other) in chain(
+                combinations(cars, 2), product(cars, others)
+            )
+            if math.hypot(x - u, y - v) <= r + s and one is not other.parent and overlap(one, other)
         ]
 
 
 def _impulse(one: Actor, other: Actor) -> tuple[float, float]:
-    """Impulse on ``one`` that stops two cars from coming closer, along their centres [N s]."""
-    assert one.car is not None
-    assert other.car is not None
+    """Impulse on ``one`` that stops two actors from coming closer, along their centres [N s]."""
     a, b = one.transform, other.transform
     x, y = a.x - b.x, a.y - b.y
     length = math.hypot(x, y) or 1.0
-    (v_x, v_y), (w_x, w_y) = one.car.velocity, other.car.velocity
+    (v_x, v_y), (w_x, w_y) = one.velocity, other.velocity
     closing = max(-((v_x - w_x) * x + (v_y - w_y) * y) / length, 0.0)
-    m, n = one.car.vehicle.mass, other.car.vehicle.mass
-    size = closing * m * n / (m + n) / length
+    size = closing / (_yields(one) + _yields(other)) / length
     return size * x, size * y
+
+
+def _yields(actor: Actor) -> float:
+    """One over an actor's mass [1/kg]."""
+    if actor.car is not None:
+        return 1.0 / actor.car.vehicle.mass
+    return 0.0 if actor.walk is None else 1.0 / WEIGHT

@@ -154,7 +154,7 @@ WRONG = [
     ("spawn_actor", [1, "vehicle.tesla.model3", []], [[0, 0, float("nan")], [0, 0, 0]]),
     ("spawn_actor", [1, "vehicle.tesla.model3", [["a", 4]]], [[0, 0, 0], [0, 0, 0]]),
     ("spawn_actor", [1, "vehicle.tesla.model3", []], [[1e300, 0, 0], [0, 0, 0]]),
-    ("spawn_actor", [1, "walker.pedestrian.0001", []], [[0, 0, 0], [0, 0, 0]]),
+    ("spawn_actor", [1, "walker.dog.0001", []], [[0, 0, 0], [0, 0, 0]]),
     ("spawn_actor_with_parent", [1, "sensor.other.imu", []], [[0, 0, 0], [0, 0, 0]], 99999),
     ("set_episode_settings", [True]),
     ("set_episode_settings", [True, False, [True, "x"], True, 0.01, 10, 0.0, True, 0.0, 0.0, True]),
