@@ -26,10 +26,11 @@ _COMMANDS = {
     11: "add_actor_force",
     14: "set_actor_simulate_physics",
     16: "set_actor_autopilot",
+    18: "set_vehicle_light_state",
     19: "set_actor_location",
 }
-# Commands about what is not here: gravity (the world is flat), debug telemetry, lights.
-_WITHOUT_EFFECT = {15, 17, 18}
+# Commands about what is not here: gravity (the world is flat), debug telemetry.
+_WITHOUT_EFFECT = {15, 17}
 
 
 @answers(Reply.VALUE)
@@ -195,12 +196,6 @@ def apply_physics_control(calls: Dispatcher, number: int, values: Any) -> None:
 def get_wheel_steer_angle(calls: Dispatcher, number: int, wheel: int) -> float:
     """Angle of a wheel, right-positive [deg]."""
     return calls.world.car(number)[1].wheel_angle(wheel)
-
-
-@answers(Reply.VALUE)
-def get_vehicle_light_states(_: Dispatcher) -> list[Any]:
-    """Lights of vehicles: none."""
-    return []
 
 
 @answers(Reply.BARE)

@@ -45,6 +45,8 @@ class Actor:
     sensor: StreamedSensor | None = None
     walk: WalkerControl | None = None
     token: bytes = b""
+    lights: int = 0
+    """Which of its lights a client has switched on, as flags; none is seen."""
     applied_physics: list[Any] | None = field(default=None)
     """The last physics control that a client applied."""
 

@@ -16,6 +16,8 @@ COLLISION = "sensor.other.collision"
 LANE_INVASION = "sensor.other.lane_invasion"
 SENSORS = (IMU, GNSS, COLLISION, LANE_INVASION, *BLIND)
 SPECTATOR = "spectator"
+# Listed, since clients look it up whether they need it or not, and never spawned.
+WALKER_AI = "controller.ai.walker"
 # Attribute, which CARLA does not have, that says what is here in the place of what is named.
 STAND_IN = "stand_in"
 
@@ -70,6 +72,7 @@ def definitions(vehicles: dict[str, VehicleBlueprint]) -> list[list[Any]]:
     found |= {name: _sensor(name) for name in SENSORS}
     found |= {name: _prop(PROPS[name]) for name in PROPS}
     found |= {name: _pedestrian() for name in PEDESTRIANS}
+    found[WALKER_AI] = [_choice("role_name", _STRING, "default")]
     return [
         [uid, name, name.replace(".", ","), attributes]
         for uid, (name, attributes) in enumerate(found.items(), start=1)
@@ -120,6 +123,10 @@ def check(name: str, vehicles: dict[str, VehicleBlueprint]) -> None:
     Raises:
         Refused: it cannot.
     """
+    if name == WALKER_AI:
+        raise Refused(
+            f"{name}: there is no navigation here; a walker goes where apply_control says"
+        )
     known = [*vehicles, *SENSORS, *EXTENTS]
     if name not in known:
         short = name[:MAX_NAME]

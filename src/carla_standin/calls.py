@@ -29,8 +29,8 @@ _NOTHING_ELSEWHERE = frozenset(
         "unload_map_layer",
     }
 )
-# Calls about what is not here, so that they change nothing: lights, doors, drawings, gravity (the
-# world is flat).
+# Calls about what is not here, so that they change nothing: street lights, doors, drawings, gravity
+# (the world is flat).
 _WITHOUT_EFFECT = frozenset(
     {
         "close_vehicle_door",
@@ -39,7 +39,6 @@ _WITHOUT_EFFECT = frozenset(
         "open_vehicle_door",
         "reset_all_traffic_lights",
         "set_actor_enable_gravity",
-        "set_vehicle_light_state",
         "show_vehicle_debug_telemetry",
         "update_lights_state",
     }

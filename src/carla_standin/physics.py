@@ -152,22 +152,20 @@ def apply(actor: Actor, values: Any) -> list[str]:
     """
     spawned = _model(actor)
     new, old = PhysicsControl(*shaped(values, _LIKE)), describe(spawned)
-    acting = {"mass", "drag_coefficient", "center_of_mass", "steering_curve", "wheels"}
-    idle = [
-        name
-        for name, was, now in zip(PhysicsControl._fields, old, new, strict=True)
-        if name not in acting and not _alike(was, now)
-    ]
-    before = old if actor.applied_physics is None else PhysicsControl(*actor.applied_physics)
-    taken = new._replace(**{name: getattr(before, name) for name in acting})
-    for name in sorted(acting):
-        for part in _parts(taken, new, name):
+    taken = old if actor.applied_physics is None else PhysicsControl(*actor.applied_physics)
+    standard, idle = _vehicle(spawned, old), []
+    for name in PhysicsControl._fields:
+        for what, part in _parts(new, name):
             try:
                 _vehicle(spawned, part(taken))
             except sm.ConfigError as error:
-                idle.append(f"{name} ({error})")
-            else:
-                taken = part(taken)
+                idle.append(f"{what} ({error})")
+                continue
+            taken = part(taken)
+            if not _alike(getattr(part(old), name), getattr(old, name)) and _same(
+                spawned, part(old), standard
+            ):
+                idle.append(what)
     vehicle, offset = _vehicle(spawned, taken)
     assert actor.car is not None
     actor.car.fit(vehicle, offset)
@@ -175,19 +173,41 @@ def apply(actor: Actor, values: Any) -> list[str]:
     return list(dict.fromkeys(idle))
 
 
+def _same(
+    spawned: VehicleBlueprint, changed: PhysicsControl, standard: tuple[sm.Vehicle, float]
+) -> bool:
+    """Whether a physics control makes the car that its blueprint has."""
+    try:
+        return _vehicle(spawned, changed) == standard
+    except sm.ConfigError:  # beside what else was changed before, it made one
+        return False
+
+
 _Change: TypeAlias = Callable[[PhysicsControl], PhysicsControl]
 
 
-def _parts(before: PhysicsControl, new: PhysicsControl, name: str) -> list[_Change]:
-    """The changes of a field that stand for themselves: of wheels, each figure of all four."""
-    if name != "wheels" or len(new.wheels) != _WHEELS:
-        return [lambda taken: taken._replace(**{name: getattr(new, name)})]
+def _parts(new: PhysicsControl, name: str) -> list[tuple[str, _Change]]:
+    """The changes of a field that stand for themselves, each with its name.
 
-    def column(k: int, taken: PhysicsControl) -> PhysicsControl:
-        rows = zip(taken.wheels, new.wheels, strict=True)
-        return taken._replace(wheels=[[*old[:k], row[k], *old[k + 1 :]] for old, row in rows])
+    Of wheels each figure of all four, but for their places, which are only told; of a vector each
+    component.
+    """
+    if name == "wheels" and len(new.wheels) == _WHEELS:
 
-    return [partial(column, k) for k in range(len(before.wheels[0]))]
+        def column(k: int, taken: PhysicsControl) -> PhysicsControl:
+            rows = zip(taken.wheels, new.wheels, strict=True)
+            return taken._replace(wheels=[[*old[:k], row[k], *old[k + 1 :]] for old, row in rows])
+
+        figures = WheelPhysics._fields[:-1]
+        return [(f"wheels.{each}", partial(column, k)) for k, each in enumerate(figures)]
+    if name == "center_of_mass":
+
+        def component(k: int, taken: PhysicsControl) -> PhysicsControl:
+            old, values = taken.center_of_mass, new.center_of_mass
+            return taken._replace(center_of_mass=[*old[:k], values[k], *old[k + 1 :]])
+
+        return [(f"{name}.{axis}", partial(component, k)) for k, axis in enumerate("xyz")]
+    return [(name, lambda taken: taken._replace(**{name: getattr(new, name)}))]
 
 
 def _vehicle(spawned: VehicleBlueprint, new: PhysicsControl) -> tuple[sm.Vehicle, float]:

@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path as FilePath
 
 import steersman as sm
-from carla_standin import actor_calls, traffic  # noqa: F401 - they enter their calls
+from carla_standin import actor_calls, lights, traffic  # noqa: F401 - they enter their calls
 from carla_standin.calls import Dispatcher
 from carla_standin.car import warm_up
 from carla_standin.catalogue import VehicleBlueprint, default_models

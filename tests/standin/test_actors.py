@@ -343,12 +343,27 @@ def test_a_constant_velocity_is_held_until_it_is_let_go(world: Any) -> None:
 
 def test_a_call_that_waits_for_no_answer_is_answered_at_the_next(world: Any) -> None:
     car = spawn(world)
-    car.set_light_state(carla.VehicleLightState.NONE)  # there are no lights to change
+    car.open_door(carla.VehicleDoor.All)  # there are no doors to open
     frame = world.tick()
     car.add_torque(carla.Vector3D(z=100.0))
     with pytest.raises(RuntimeError, match=r"stand-in: 'add_actor_\w+' is not implemented"):
         world.tick()
     assert world.tick() == frame + 1
+
+
+def test_lights_are_told_as_they_were_switched(client: Any, world: Any) -> None:
+    one, other = spawn(world), spawn(world, 30.0)
+    lights = carla.VehicleLightState
+    assert one.get_light_state() == lights.NONE
+    one.set_light_state(lights(lights.Brake | lights.LowBeam))
+    set_both = carla.command.SetVehicleLightState
+    client.apply_batch_sync([set_both(other.id, lights(lights.Fog))])
+    world.tick()
+    assert one.get_light_state() == lights.Brake | lights.LowBeam
+    assert world.get_vehicles_light_states() == {
+        one.id: lights.Brake | lights.LowBeam,
+        other.id: lights.Fog,
+    }
 
 
 def test_there_are_not_endlessly_many_actors(world: Any) -> None:

@@ -64,6 +64,9 @@ def test_a_pedestrian_walks_as_it_is_told(world: Any, client: Any) -> None:
         [carla.command.ApplyWalkerControl(spawn(world).id, carla.WalkerControl())]
     )
     assert "no walker" in answer[0].error
+    ai = world.get_blueprint_library().find("controller.ai.walker")
+    with pytest.raises(RuntimeError, match=r"stand-in: .*no navigation here"):
+        world.spawn_actor(ai, carla.Transform(), attach_to=walker)
 
 
 def test_a_car_that_runs_into_a_pedestrian_is_told(world: Any) -> None:

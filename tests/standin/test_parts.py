@@ -252,6 +252,50 @@ def test_no_control_makes_a_car_that_cannot_be_told(
     assert np.isfinite(counter.world.actors[number].car.motion._row).all()  # type: ignore[union-attr]
 
 
+# What a physics control changes in the car; all else is told to be without effect.
+ACTS = {
+    *("mass", "drag_coefficient", "center_of_mass.x", "steering_curve", "wheels.tire_friction"),
+    *("wheels.max_steer_angle", "wheels.max_brake_torque", "wheels.lat_stiff_value"),
+}
+
+
+def test_each_value_of_a_physics_control_acts_or_is_told() -> None:
+    counter, _ = desk()
+    ((_, (number, *_)),) = counter.answer("spawn_actor", SPAWN)
+    actor = counter.world.actors[number]
+    assert actor.car is not None
+    given = physics.PhysicsControl(*physics.read_out(actor))
+    assert physics.apply(actor, list(given)) == []
+    before, tried = actor.car.vehicle, set()
+
+    def other(value: Any) -> Any:
+        if isinstance(value, list):
+            return [other(each) for each in value]
+        return (not value) if isinstance(value, bool) else 0.9 * value + 0.01
+
+    wheels = physics.WheelPhysics._fields[:-1]
+    changes = [(f"wheels.{name}", k) for k, name in enumerate(wheels)]
+    changes += [(f"center_of_mass.{axis}", k) for k, axis in enumerate("xyz")]
+    changes += [(name, -1) for name in given._fields]
+    for name, k in changes:
+        field = name.partition(".")[0]
+        old = getattr(given, field)
+        if field == "wheels" and k >= 0:
+            new = [[other(v) if i == k else v for i, v in enumerate(wheel)] for wheel in old]
+        elif k >= 0:
+            new = [other(v) if i == k else v for i, v in enumerate(old)]
+        elif field in {"wheels", "center_of_mass"}:
+            continue
+        else:
+            new = other(old)
+        idle = physics.apply(actor, list(given._replace(**{field: new})))
+        assert (actor.car.vehicle != before) is (name in ACTS), name
+        assert idle == ([] if name in ACTS else [name])
+        tried.add(name)
+        assert physics.apply(actor, list(given)) == []
+    assert tried >= ACTS
+
+
 def test_a_car_of_other_mass_centre_stays_where_it_is() -> None:
     car = Car(CarlaModel3(), 0.45)
     car.transform = Transform(5.0, 6.0, yaw=40.0)
