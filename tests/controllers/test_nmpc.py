@@ -12,6 +12,7 @@ from steersman.controllers import nmpc_plan
 from steersman.controllers.mpc_delay import MpcDelay
 from steersman.controllers.nmpc import Nmpc
 from steersman.controllers.nmpc_plan import Limits, Nlp, improved, iterated, linearised
+from steersman.disturbances import SensorBias
 from steersman.kernels import grip
 from steersman.kernels import vehicle as car
 from steersman.paths.analytic import Circle, FigureEight, Straight
@@ -153,6 +154,14 @@ def test_a_wrong_steering_angle_is_not_taken_for_ice(kind: Any, bias: float) -> 
     errors, state = on_circle(kind(), 12.0, **eight)
     assert state.motion.friction > 0.5 * CAR.friction
     assert abs(errors).max() < 0.04
+
+
+@pytest.mark.parametrize("kind", [Nmpc, MpcDelay])
+def test_a_wrong_side_velocity_is_not_taken_for_ice(kind: Any) -> None:
+    """At low speed an error of 0.15 m/s moves the slips by as much as a slide on ice does."""
+    wrong = (SensorBias(v_y=0.15),)
+    _, state = on_circle(kind(), 4.0, disturbances=wrong, duration=8.0)
+    assert state.motion.friction > 0.5 * CAR.friction
 
 
 @pytest.mark.parametrize("delay", [0.1, 0.2])

@@ -31,6 +31,8 @@ from steersman.types import FloatArray
 NO_LIMIT = np.full(2, math.inf)
 # By how much of the force of an unlimited tyre stiffness, mass and load may be wrong.
 _DOUBT = 0.3
+# By how much the side velocity may be wrong [m/s]: at low speed such an error looks like ice.
+_SIDEWAYS = 0.2
 # Noise of an axle's force that is assumed at least, as an acceleration of the car [m/s^2].
 _LEAST_NOISE = 0.1
 # An axle that drives or brakes with all its grip keeps this share of it for cornering.
@@ -143,8 +145,9 @@ def score_frictions(  # noqa: PLR0917 - numba takes no keyword-only arguments
     """
     least = row[MASS] * _LEAST_NOISE
     doubt_f, doubt_r = _DOUBT * row[C_F] * slips[0], _DOUBT * row[C_R] * slips[1]
-    var_f = noise[0] + least * least + doubt_f * doubt_f
-    var_r = noise[1] + least * least + doubt_r * doubt_r
+    unsure_f, unsure_r = row[C_F] * _SIDEWAYS / v, row[C_R] * _SIDEWAYS / v
+    var_f = noise[0] + least * least + doubt_f * doubt_f + unsure_f * unsure_f
+    var_r = noise[1] + least * least + doubt_r * doubt_r + unsure_r * unsure_r
     # No car accelerates by more than friction times gravity.
     across = max(abs(forces[0] + forces[1]) - 2.0 * math.sqrt(noise[0] + noise[1]), 0.0) / row[MASS]
     least_friction = _SURE * math.hypot(a_x, across) / GRAVITY
