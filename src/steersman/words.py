@@ -44,6 +44,11 @@ _AROUND: dict[str, tuple[str, dict[str, Any]]] = {
 PARTS = {"supervisor": "supervised", "estimator": "estimated", "predictor": "predicted"}
 # What the folder of a training or tuning holds for a controller.
 RESULTS = ("policy.onnx", "tuned.yaml")
+# What is said of files that no component reads, by family and ending.
+_OTHERS = {
+    ("path", ".xml"): "; maps of CommonRoad and SUMO become OpenDRIVE or a table first"
+    " (docs/your_road.md, other maps)"
+}
 _NUMBER = re.compile(r"-?\d+(\.\d+)?")
 # Names of files that every tuning, training or drive writes: the folder's name says more.
 _COMMON = ("tuned", "policy", "config", "episode")
@@ -130,7 +135,10 @@ def _found(family: str, word: str, file: FilePath) -> dict[str, Any]:
     if kind is not None:
         return {"kind": kind, "file": word}
     if file.is_file():
-        raise DataError(f"{word}: expected a file that ends in {', '.join(_endings(family))}")
+        other = _OTHERS.get((family, file.suffix), "")
+        raise DataError(
+            f"{word}: expected a file that ends in {', '.join(_endings(family))}{other}"
+        )
     raise unknown(family, word)
 
 
