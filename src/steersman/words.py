@@ -44,11 +44,7 @@ _AROUND: dict[str, tuple[str, dict[str, Any]]] = {
 PARTS = {"supervisor": "supervised", "estimator": "estimated", "predictor": "predicted"}
 # What the folder of a training or tuning holds for a controller.
 RESULTS = ("policy.onnx", "tuned.yaml")
-# What is said of files that no component reads, by family and ending.
-_OTHERS = {
-    ("path", ".xml"): "; maps of CommonRoad and SUMO become OpenDRIVE or a table first"
-    " (docs/your_road.md, other maps)"
-}
+_MAPS = "; maps of CommonRoad and SUMO become OpenDRIVE first (docs/your_road.md)"
 _NUMBER = re.compile(r"-?\d+(\.\d+)?")
 # Names of files that every tuning, training or drive writes: the folder's name says more.
 _COMMON = ("tuned", "policy", "config", "episode")
@@ -135,7 +131,7 @@ def _found(family: str, word: str, file: FilePath) -> dict[str, Any]:
     if kind is not None:
         return {"kind": kind, "file": word}
     if file.is_file():
-        other = _OTHERS.get((family, file.suffix), "")
+        other = _MAPS if (family, file.suffix) == ("path", ".xml") else ""
         raise DataError(
             f"{word}: expected a file that ends in {', '.join(_endings(family))}{other}"
         )

@@ -9,6 +9,7 @@ import pytest
 
 from steersman.errors import ConfigError, DataError
 from steersman.paths.lanelet2_path import Lanelet2Path, read_lanelets
+from steersman.words import fields_of
 
 from .conftest import degrees
 
@@ -126,3 +127,10 @@ def test_what_is_missing_is_named(tmp_path: FilePath, monkeypatch: pytest.Monkey
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(ConfigError, match="the extra 'lanelet2'"):
         _ = Lanelet2Path(file=file, route=(11,)).table
+
+
+def test_other_maps_are_told_what_to_become(tmp_path: FilePath) -> None:
+    file = tmp_path / "scenario.xml"
+    file.write_text("<commonRoad/>", encoding="utf-8")
+    with pytest.raises(DataError, match="expected a file that ends in .*become OpenDRIVE first"):
+        fields_of("path", str(file))
