@@ -215,8 +215,7 @@ def for_number(family: str, given: Any) -> str:
 
 def by_suffix(family: str, suffix: str) -> str | None:
     """The kind of the family that reads files with this ending."""
-    found = (k for k, cls in components(family).items() if suffix and suffix in cls.suffixes)
-    return next(found, None)
+    return next((k for k, c in components(family).items() if suffix and suffix in c.suffixes), None)
 
 
 def _results(folder: FilePath) -> bool:

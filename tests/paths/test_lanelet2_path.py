@@ -132,5 +132,5 @@ def test_what_is_missing_is_named(tmp_path: FilePath, monkeypatch: pytest.Monkey
 def test_other_maps_are_told_what_to_become(tmp_path: FilePath) -> None:
     file = tmp_path / "scenario.xml"
     file.write_text("<commonRoad/>", encoding="utf-8")
-    with pytest.raises(DataError, match="expected a file that ends in .*become OpenDRIVE first"):
+    with pytest.raises(DataError, match=r"expected a file that ends in .*become OpenDRIVE first"):
         fields_of("path", str(file))
