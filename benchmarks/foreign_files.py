@@ -25,7 +25,7 @@ LIST = "adopt {} --encoding list encoding.features=[lateral_error,heading_error,
 LIST_4 = LIST.replace("v_x]", "v_x,yaw_rate]")
 SMOOTH, TWO = f"{DRIVE} path.smoothing=auto", f"{DRIVE} path.columns=x=1,y=2"
 QC, CR = "tests/data/", "tests/map_conversion/test_maps/"
-FILES = {
+FILES: dict[str, dict[str, tuple[str, ...]]] = {
     "esmini/esmini": {
         "resources/xodr/fabriksgatan.xodr": (CHECK, RANDOM),
         "resources/xodr/multi_intersections.xodr": (CHECK, RANDOM),
@@ -43,7 +43,7 @@ FILES = {
     "asam-ev/qc-opendrive": {
         f"{QC}examples/Ex_Entry_Exit.xodr": (CHECK, RANDOM),
         f"{QC}performance_avoid_redundant_info/"
-        "performance_avoid_redundant_info_elevation_valid.xodr": (CHECK, f"{DRIVE} path.road=0"),
+        "performance_avoid_redundant_info_elevation_valid.xodr": (CHECK, f"{DRIVE} path.road=1"),
         f"{QC}road_geometry_elem_asc_order/invalid.xodr": (CHECK, RANDOM),
         f"{QC}valid_schema/negative17.xodr": (CHECK,),
         f"{QC}valid_xml_document/xml.valid_xml_document.negative.xodr": (CHECK,),
