@@ -69,7 +69,7 @@ $(STAMP): pyproject.toml constraints.txt requirements.lock
 	       "apt-get install python3-venv"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --require-hashes --no-deps -r requirements.lock
-	$(BIN)/python -m pip install -c constraints.txt -e '.[train,tune,report,notebook,video,live,bench,logs,minari,ray,carla,docs,dev]'
+	$(BIN)/python -m pip install -c constraints.txt -e '.[train,tune,report,notebook,video,live,bench,logs,lanelet2,minari,ray,carla,docs,dev]'
 	touch $@
 
 # PyTorch and what its CUDA builds bring stay without digests: any index's build will do.

@@ -44,6 +44,7 @@ _AROUND: dict[str, tuple[str, dict[str, Any]]] = {
 PARTS = {"supervisor": "supervised", "estimator": "estimated", "predictor": "predicted"}
 # What the folder of a training or tuning holds for a controller.
 RESULTS = ("policy.onnx", "tuned.yaml")
+_MAPS = "; maps of CommonRoad and SUMO become OpenDRIVE first (docs/your_road.md)"
 _NUMBER = re.compile(r"-?\d+(\.\d+)?")
 # Names of files that every tuning, training or drive writes: the folder's name says more.
 _COMMON = ("tuned", "policy", "config", "episode")
@@ -130,7 +131,10 @@ def _found(family: str, word: str, file: FilePath) -> dict[str, Any]:
     if kind is not None:
         return {"kind": kind, "file": word}
     if file.is_file():
-        raise DataError(f"{word}: expected a file that ends in {', '.join(_endings(family))}")
+        other = _MAPS if (family, file.suffix) == ("path", ".xml") else ""
+        raise DataError(
+            f"{word}: expected a file that ends in {', '.join(_endings(family))}{other}"
+        )
     raise unknown(family, word)
 
 
@@ -211,8 +215,7 @@ def for_number(family: str, given: Any) -> str:
 
 def by_suffix(family: str, suffix: str) -> str | None:
     """The kind of the family that reads files with this ending."""
-    found = (k for k, cls in components(family).items() if suffix and suffix in cls.suffixes)
-    return next(found, None)
+    return next((k for k, c in components(family).items() if suffix and suffix in c.suffixes), None)
 
 
 def _results(folder: FilePath) -> bool:

@@ -291,20 +291,3 @@ def test_what_a_message_says_to_set_cures_it(
 def test_smoothing_needs_points(tmp_path: FilePath) -> None:
     file = write_csv(tmp_path / "short.csv", LINE[:3])
     assert "at least 5 points" in refused(file, smoothing=0.1)
-
-
-@pytest.mark.parametrize("smoothing", [0.0, "auto"])
-@pytest.mark.parametrize("count", [2, 3, 4])
-def test_few_points_are_a_path(tmp_path: FilePath, count: int, smoothing: Any) -> None:
-    points = [(40.0 * k, 3.0 * k * (k - 1)) for k in range(count)]
-    file = write_csv(tmp_path / "few.csv", points)
-    path = CsvPath(file=file, smoothing=smoothing)
-    assert not path.closed
-    for x, y in points:
-        assert path.project(x, y)[1] == pytest.approx(0.0, abs=1e-3)
-    told = f"{count} points show no noise: not smoothed"
-    assert path.notes() == ((told,) if smoothing else ())
-    if count < 3:
-        assert path.length == pytest.approx(40.0)
-        with pytest.raises(DataError, match="a closed path needs at least 3 different points"):
-            _ = CsvPath(file=file, loop=True).table

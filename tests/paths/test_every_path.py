@@ -18,7 +18,7 @@ from .conftest import SHAPES
 
 def test_all_kinds_are_tried() -> None:
     # Their files are other people's: tests of their own write some.
-    elsewhere = {"json", "log", "tum_reference"}
+    elsewhere = {"json", "lanelet2", "log", "tum_reference"}
     tried = {str(fields["kind"]) for fields in SHAPES.values()}
     assert tried | elsewhere >= set(components("path"))
 

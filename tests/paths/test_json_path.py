@@ -83,3 +83,20 @@ def test_what_is_no_track(tmp_path: FilePath, data: Any, message: str) -> None:
         _ = JsonPath(file=written(tmp_path, data)).table
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("smoothing", [0.0, "auto"])
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_few_points_are_a_path(tmp_path: FilePath, count: int, smoothing: Any) -> None:
+    points = [(40.0 * k, 3.0 * k * (k - 1)) for k in range(count)]
+    file = written(tmp_path, points)
+    path = JsonPath(file=file, smoothing=smoothing)
+    assert not path.closed
+    for x, y in points:
+        assert path.project(x, y)[1] == pytest.approx(0.0, abs=1e-3)
+    told = f"{count} points show no noise: not smoothed"
+    assert path.notes() == ((told,) if smoothing else ())
+    if count < 3:
+        assert path.length == pytest.approx(40.0)
+        with pytest.raises(DataError, match="a closed path needs at least 3 different points"):
+            _ = JsonPath(file=file, loop=True).table

@@ -93,10 +93,15 @@ def export(
 
 
 def roads(
-    file: Annotated[str, typer.Argument(metavar="FILE.xodr", help="An OpenDRIVE map.")],
+    file: Annotated[
+        str, typer.Argument(metavar="FILE.xodr|FILE.osm", help="An OpenDRIVE or a Lanelet2 map.")
+    ],
     as_json: settings.AsJson = False,
 ) -> None:
-    """List the roads of an OpenDRIVE map that have lanes to drive on."""
+    """List the roads of an OpenDRIVE map that have lanes to drive on, or the lanelets of a map."""
+    if file.endswith(".osm"):
+        _lanelets(file, as_json)
+        return
     from steersman.paths.xodr.read import read_network
     from steersman.paths.xodr.ways import Ways
 
@@ -148,6 +153,23 @@ def _tell_left_out(found: Sequence[MapFault]) -> None:
         note(str(fault))
     if len(found) > _MOST_TOLD:
         note(f"and {len(found) - _MOST_TOLD} more; 'steersman path check' lists all")
+
+
+def _lanelets(file: str, as_json: bool) -> None:
+    from steersman.paths.lanelet2_path import read_lanelets
+
+    found = read_lanelets(FilePath(file)).lanelets
+    if as_json:
+        keys = ("subtype", "leads_to")
+        rows = {
+            k: {"length_m": v.length, **{n: getattr(v, n) for n in keys}} for k, v in found.items()
+        }
+        show_json(rows)
+        return
+    lines = table("lanelet", "kind", "length [m]", "leads to", right=("length [m]",))
+    for name, row in found.items():
+        lines.add_row(name, row.subtype, f"{row.length:.1f}", ", ".join(row.leads_to))
+    show(lines)
 
 
 def _road(ways: Ways, name: str) -> dict[str, Any] | None:

@@ -67,6 +67,16 @@ class Node:
             raise self.fault(f"{name} is missing{suggestion(name, names) if names else ''}")
         return str(value).strip()
 
+    def set(self, name: str, value: str) -> None:
+        """Change an attribute."""
+        self._element.set(name, value)
+
+    def written(self) -> bytes:
+        """The element with all that is in it, as a file."""
+        from lxml import etree
+
+        return bytes(etree.tostring(self._element))
+
     def number(self, name: str, default: float | None = None, low: float = -FARTHEST) -> float:
         """A finite number.
 
