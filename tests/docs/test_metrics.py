@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+from steersman.bench.disturbance import Disturbance
 from steersman.metrics.base import metrics
 
 from .pages import ROOT
@@ -30,3 +31,10 @@ def test_the_page_has_every_metric_with_its_unit() -> None:
     )
     ours = {n: m.unit for n, m in metrics().items() if m.__module__.startswith("steersman.")}
     assert {**units, **timed} == {**ours, "end": "text"}
+
+
+def test_the_benchmark_page_has_every_field_of_a_disturbance() -> None:
+    page = (ROOT / "docs" / "bench.md").read_text(encoding="utf-8")
+    for name, field in Disturbance.model_fields.items():
+        unit = field.json_schema_extra["unit"].removesuffix("-")  # type: ignore[index,union-attr]
+        assert f"| `{name}` | {unit} | {field.description} |" in page
