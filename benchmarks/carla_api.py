@@ -13,7 +13,7 @@ driver "dummy").
 
 DIR has CARLA's towns as TownNN.xodr. For towns that the tests load and that are not in it, a copy
 of the first one there goes by their name: what a test finds on it is not what it would find in that
-town.
+town. Each program begins in the first of them, and in the stand-in's straight if there is none.
 """
 
 from __future__ import annotations
@@ -67,6 +67,10 @@ import json, runpy, sys, unittest
 import carla
 kind, port, what, folder, *arguments = sys.argv[1:]
 real = carla.Client
+client = real("127.0.0.1", int(port))
+client.set_timeout(60.0)
+for town in [name for name in client.get_available_maps() if "Town" in name][:1]:
+    client.load_world(town)
 carla.Client = lambda host="", port_=0, *rest, **named: real("127.0.0.1", int(port), *rest, **named)
 if kind == "program":
     sys.argv = [what, *arguments]
