@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from html import escape
 
 Point = tuple[float, float]
-WIDTH, HEIGHT = 640, 320
+WIDTH, MARGIN = 640, 16
+# A letter behind _ in words stands lower and smaller; what follows, as before.
+LOWER = re.compile(r"_(\w)")
+INDEX = r'<tspan dy="4" font-size="11">\1</tspan><tspan dy="-4">&#8203;</tspan>'
 # Pages make the grey of attributes the colour of their text (docs/hooks). A style holds for all of
 # the page that a figure becomes a part of, therefore the class.
 STYLE = """
@@ -26,9 +30,11 @@ class Drawing:
         """``scale`` in pixels for a metre; ``origin`` is where (0, 0) is [pixels]."""
         self._scale, self._origin = scale, origin
         self._parts = [f"<title>{escape(title)}</title><style>{STYLE}</style>"]
+        self._heights: list[float] = []
 
     def _at(self, p: Point) -> str:
         x, y = self._origin
+        self._heights.append(y - self._scale * p[1])
         return f"{x + self._scale * p[0]:.1f} {y - self._scale * p[1]:.1f}"
 
     def line(self, points: Sequence[Point], kind: str = "") -> None:
@@ -49,10 +55,11 @@ class Drawing:
         self.line([along(middle, angle, radius) for angle in angles], kind)
 
     def text(self, p: Point, words: str, kind: str = "") -> None:
-        """Words around a point."""
+        """Words around a point; a letter behind _ is an index."""
         x, y = self._at(p).split()
         middle = 'text-anchor="middle" dominant-baseline="middle"'
-        self._parts.append(f'<text class="{kind}" x="{x}" y="{y}" {middle}>{escape(words)}</text>')
+        shown = LOWER.sub(INDEX, escape(words))
+        self._parts.append(f'<text class="{kind}" x="{x}" y="{y}" {middle}>{shown}</text>')
 
     def dot(self, p: Point) -> None:
         """A point."""
@@ -61,7 +68,9 @@ class Drawing:
 
     def svg(self) -> str:
         """The drawing."""
-        box = f'viewBox="0 0 {WIDTH} {HEIGHT}" role="img" fill="#808080" stroke="#808080"'
+        top, bottom = min(self._heights) - MARGIN, max(self._heights) + MARGIN
+        size = f"0 {top:.1f} {WIDTH} {bottom - top:.1f}"
+        box = f'viewBox="{size}" role="img" fill="#808080" stroke="#808080"'
         head = f'<svg xmlns="http://www.w3.org/2000/svg" class="drawing" {box}>'
         return "\n".join([head, *self._parts, "</svg>", ""])
 

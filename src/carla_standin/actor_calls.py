@@ -25,12 +25,13 @@ _COMMANDS = {
     10: "add_actor_impulse",
     11: "add_actor_force",
     14: "set_actor_simulate_physics",
+    15: "set_actor_enable_gravity",
     16: "set_actor_autopilot",
     18: "set_vehicle_light_state",
     19: "set_actor_location",
 }
-# Commands about what is not here: gravity (the world is flat), debug telemetry.
-_WITHOUT_EFFECT = {15, 17}
+# A command about what is not here: debug telemetry.
+_WITHOUT_EFFECT = {17}
 
 
 @answers(Reply.VALUE)
@@ -142,6 +143,14 @@ def disable_actor_constant_velocity(calls: Dispatcher, number: int) -> None:
 def set_actor_simulate_physics(calls: Dispatcher, number: int, enabled: bool) -> None:
     """Let a vehicle move, or stand where it is put."""
     calls.world.car(number)[1].freeze(not enabled)
+
+
+@answers(Reply.NOTHING)
+def set_actor_enable_gravity(calls: Dispatcher, number: int, enabled: bool) -> None:
+    """Let a vehicle press on the ground, or go on as it goes; other actors stay at their height."""
+    actor = calls.world.actor(number)
+    if actor.car is not None:
+        actor.car.weighs = bool(enabled)
 
 
 @answers(Reply.NOTHING)

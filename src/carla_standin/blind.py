@@ -160,6 +160,7 @@ BLIND = {
     "sensor.camera.normals": BlindSensor(2, _LENS, _image(_BLACK), _BLACK_FRAMES),
     "sensor.camera.semantic_segmentation": BlindSensor(14, _LENS, _image(_BLACK), _BLACK_FRAMES),
     "sensor.camera.instance_segmentation": BlindSensor(15, _LENS, _image(_BLACK), _BLACK_FRAMES),
+    "sensor.camera.cosmos_visualization": BlindSensor(16, _LENS, _image(_BLACK), _BLACK_FRAMES),
     "sensor.camera.optical_flow": BlindSensor(8, _LENS, _image(_STILL), "frames without a flow"),
     "sensor.camera.dvs": BlindSensor(3, _LENS | _PICTURE | _EVENTS, _image(b""), "no events"),
     "sensor.lidar.ray_cast": BlindSensor(11, _BEAMS | _LOSSES, _lidar, _NO_POINTS),

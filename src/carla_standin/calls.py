@@ -29,8 +29,7 @@ _NOTHING_ELSEWHERE = frozenset(
         "unload_map_layer",
     }
 )
-# Calls about what is not here, so that they change nothing: street lights, doors, drawings, gravity
-# (the world is flat).
+# Calls about what is not here, so that they change nothing: street lights, doors, drawings.
 _WITHOUT_EFFECT = frozenset(
     {
         "close_vehicle_door",
@@ -38,7 +37,6 @@ _WITHOUT_EFFECT = frozenset(
         "freeze_all_traffic_lights",
         "open_vehicle_door",
         "reset_all_traffic_lights",
-        "set_actor_enable_gravity",
         "show_vehicle_debug_telemetry",
         "update_lights_state",
     }

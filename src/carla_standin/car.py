@@ -27,6 +27,8 @@ class Car:
         self.command = sm.Command(0.0, 0.0, 0.0)
         self.reverse = False
         self.moves = True
+        self.weighs = True
+        """Whether it presses on the ground; else it goes on as it goes."""
         self.held: tuple[float, float] | None = None
         """A velocity that is kept, ahead and to the left [m/s]."""
         self._force = (0.0, 0.0)
@@ -55,10 +57,19 @@ class Car:
             self.push((x * dt, y * dt, 0.0))
         if self.held is not None:
             self.motion.velocity = self.held
-        self.motion.advance(self.command, dt, substeps, self.reverse)
+        if self.weighs:
+            self.motion.advance(self.command, dt, substeps, self.reverse)
+        else:
+            self._float(dt)
         if self.held is not None:
             self.motion.velocity = self.held
         self.yaw_acceleration = (self.motion.yaw_rate - before) / dt
+
+    def _float(self, dt: float) -> None:
+        """Go on and turn for ``dt`` [s] as before: tyres without a load, and no air."""
+        (x, y), rate, at = self.velocity, self.motion.yaw_rate, self.motion.pose
+        self.motion.pose = sm.Pose(at.x + dt * x, at.y - dt * y, at.psi + dt * rate)
+        self.velocity = x, y
 
     @property
     def transform(self) -> Transform:

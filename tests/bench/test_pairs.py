@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from steersman.bench.pairs import against, contrast, joined
+from steersman.bench.pairs import Quantity, against, contrast, joined
 from steersman.bench.results import BenchRow
 from steersman.bench.statistics import Clusters
 
@@ -46,6 +46,28 @@ def test_a_factor_is_found_however_much_the_roads_differ() -> None:
     assert found.figures["rms_disturbed_m"].pairs == 16
 
 
+LEVEL = Quantity("level", "m", 1.0, lambda row: row)
+
+
+@pytest.mark.parametrize(
+    ("base", "own", "difference", "ratio"),
+    [
+        (1e-13, 3e-7, 0.0, None),  # what is rounding is equal
+        (1e-13, 0.5, 0.5, None),  # and no measure for others
+        (0.5, 1e-13, -0.5, 0.0),
+        (0.5, 0.5, 0.0, 1.0),
+        (0.0, 0.0, 0.0, None),
+    ],
+)
+def test_rounding_is_equal(base: float, own: float, difference: float, ratio: float | None) -> None:
+    draws = Clusters([f"road_{k}" for k in range(6)])
+    found = contrast(draws, LEVEL, np.full(6, base), np.full(6, own))
+    assert found.difference.value == pytest.approx(difference, abs=1e-5)
+    assert found.ratio.value == pytest.approx(ratio, abs=1e-5)
+    assert (found.difference.value == 0.0) == (difference == 0.0)
+    assert found.ratio.high is None or found.ratio.high < 1.1
+
+
 def test_intervals_cover_the_truth_as_often_as_they_say() -> None:
     """Roads differ, and so does what a controller gains on each: whole roads have to be drawn."""
     rng = np.random.default_rng(0)
@@ -59,7 +81,7 @@ def test_intervals_cover_the_truth_as_often_as_they_say() -> None:
         rows_alone = [f"{name}_{k}" for k, name in enumerate(names)]
         for key, clusters in (("roads", names), ("rows", rows_alone)):
             draws = Clusters(clusters, repetitions=200, seed=trial)
-            found = contrast(draws, False, base, own).difference
+            found = contrast(draws, LEVEL, base, own).difference
             hits[key] += (found.low or 0.0) <= 0.5 <= (found.high or 0.0)
     assert 0.86 < hits["roads"] / 100 <= 0.99
     assert hits["rows"] / 100 < 0.8  # as if scenarios on one road were independent

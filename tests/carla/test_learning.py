@@ -125,6 +125,27 @@ def test_hundreds_of_steps_of_training_and_the_policy_drives(
     assert len(run(running(plant=carla, **words))) == len(run(running(**words)))
 
 
+def test_a_resumed_training_goes_on_to_the_bit(carla: CarlaConfig, tmp_path: FilePath) -> None:
+    """From a checkpoint within an episode, between two validations."""
+    words = {**TRAIN, "steps": 160, "checkpoint_interval": 95}
+    words["agent"] = {**TRAIN["agent"], "learning_starts": 40}
+    words["validation"] = {**TRAIN["validation"], "interval": 70, "vehicles": 1}
+    task = merge(PROBLEM, {"plant": carla, "episode_time": 4.0})
+    config = build(TrainConfig, {**words, "problem": task})
+    try:
+        train(config, tmp_path / "whole")
+        train(config, tmp_path / "parts", until=95)
+        train(config, tmp_path / "parts", resume=True)
+    finally:
+        torch.set_flush_denormal(False)
+    whole, parts = (
+        np.load(next((tmp_path / name / "checkpoints").glob("*160*")))
+        for name in ("whole", "parts")
+    )
+    assert whole.files == parts.files
+    assert all((whole[name] == parts[name]).all() for name in whole.files)
+
+
 def test_validation_is_the_simulators(carla: CarlaConfig) -> None:
     """One drive after the other on the server, all at once in the kernel."""
     config = build(TrainConfig, {**TRAIN, "problem": PROBLEM}).validation

@@ -328,6 +328,30 @@ def test_impulses_and_forces_change_the_velocity(world: Any) -> None:
     assert pulled - 0.2 < car.get_velocity().x < pulled
 
 
+def test_without_gravity_it_goes_on_as_it_goes(world: Any) -> None:
+    """Nothing holds it: it keeps its velocity over ground, though it turns, until it is back."""
+    car = spawn(world)
+    car.set_enable_gravity(False)
+    car.set_target_velocity(carla.Vector3D(x=8.0, y=-3.0))
+    car.set_target_angular_velocity(carla.Vector3D(z=30.0))
+    car.apply_control(carla.VehicleControl(brake=1.0, steer=0.5))
+    for _ in range(41):
+        world.tick()
+    where, velocity = car.get_transform(), car.get_velocity()
+    assert (velocity.x, velocity.y) == pytest.approx((8.0, -3.0), abs=1e-4)
+    assert where.rotation.yaw == pytest.approx(30.0 * 2.05, abs=1e-2)
+    # The centre of mass goes straight on, and the origin swings round behind it.
+    turned = math.radians(30.0 * 2.05)
+    x, y = 10.0 + 0.45 + 8.0 * 2.05, -20.0 - 3.0 * 2.05
+    assert (where.location.x, where.location.y) == pytest.approx(
+        (x - 0.45 * math.cos(turned), y - 0.45 * math.sin(turned)), abs=1e-3
+    )
+    car.set_enable_gravity(True)
+    for _ in range(60):
+        world.tick()
+    assert math.hypot(car.get_velocity().x, car.get_velocity().y) < 1.0
+
+
 def test_a_constant_velocity_is_held_until_it_is_let_go(world: Any) -> None:
     car = spawn(world)
     car.enable_constant_velocity(carla.Vector3D(x=7.0))

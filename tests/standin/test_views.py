@@ -22,6 +22,7 @@ carla = pytest.importorskip("carla", reason="the wheel 'carla' is not installed"
         ("normals", (0, 0, 0, 255)),
         ("semantic_segmentation", (0, 0, 0, 255)),
         ("instance_segmentation", (0, 0, 0, 255)),
+        ("cosmos_visualization", (0, 0, 0, 255)),
     ],
 )
 def test_an_image_shows_nothing_and_is_of_the_right_size(

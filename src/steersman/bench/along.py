@@ -129,9 +129,7 @@ def along_path(base: Episode, own: Episode) -> AlongComparison | None:
         places=count,
         block_m=length * STEP,
         blocks=count // length,
-        figures={
-            name: contrast(draws, ALONG[name].squared, *pair) for name, pair in values.items()
-        },
+        figures={name: contrast(draws, ALONG[name], *pair) for name, pair in values.items()},
     )
 
 

@@ -46,6 +46,11 @@ class Quantity(NamedTuple):
     group: Callable[[Any], bool] = lambda _: True
     """Which rows it is over."""
 
+    @property
+    def finest(self) -> float:
+        """What is smaller is rounding, and equal: 0.01 mm of errors, else 1e-6 as shown."""
+        return (1e-2 if self.unit == "mm" else 1e-6) / self.scale
+
 
 class Contrast(StoredResult):
     """A figure of two samples of the same items; None where it is undefined."""
@@ -139,13 +144,15 @@ def against(base: Sequence[BenchRow], own: Sequence[BenchRow], name: str = "") -
         values = [np.array([figure.value(pair[i]) for pair in kept], float) for i in (0, 1)]
         paths = [one.path for one, _ in kept]
         draws = Clusters(paths) if len(set(paths)) >= _SEVERAL else None
-        found = dict(contrast(draws, figure.squared, *values))
+        found = dict(contrast(draws, figure, *values))
         figures[key] = PairedContrast(pairs=len(kept), paths=len(set(paths)), **found)
     return PairedComparison(
         name=name,
         scenarios=len(pairs),
         paths=len({one.path for one, _ in pairs}),
-        better=sum(_error(other) < _error(one) for one, other in pairs),
+        better=sum(
+            max(_error(other), FIGURES["rms_m"].finest) < _error(one) for one, other in pairs
+        ),
         figures=figures,
         by_path=_by_path(pairs),
     )
@@ -155,30 +162,38 @@ def _defined(figure: Quantity, pair: tuple[BenchRow, BenchRow]) -> bool:
     return all(figure.group(row) and figure.value(row) is not None for row in pair)
 
 
-def contrast(draws: Draws | None, squared: bool, base: FloatArray, own: FloatArray) -> Contrast:
+def contrast(draws: Draws | None, figure: Quantity, base: FloatArray, own: FloatArray) -> Contrast:
     """Two samples of the same items: their figures, difference and ratio.
+
+    Below what is rounding two figures are equal; there is no ratio to such a base.
 
     Args:
         draws: gives the intervals; None: there is too little for any.
-        squared: whether the figure is the root of the mean square, or the mean.
+        figure: whose values they are.
         base: values, shape (items,).
         own: the other's values of the same items.
     """
-    one, other = (np.square(v) if squared else v for v in (base, own))
+    one, other = (np.square(v) if figure.squared else v for v in (base, own))
 
     def root(mean: Any) -> FloatArray:
-        return np.asarray(np.sqrt(mean) if squared else mean, dtype=np.float64)
+        return np.asarray(np.sqrt(mean) if figure.squared else mean, dtype=np.float64)
+
+    def fine(mean: Any) -> FloatArray:
+        return np.maximum(root(mean), figure.finest)
 
     def ratio(mean: Any) -> FloatArray:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return root(mean(other)) / root(mean(one))
+        below, above = fine(mean(one)), fine(mean(other))
+        undefined = np.where(above > below, math.inf, math.nan)
+        return np.where(below <= figure.finest, undefined, above / below)
 
-    before, now = (float(root(np.mean(v))) for v in (one, other))
+    def difference(mean: Any) -> FloatArray:
+        return fine(mean(other)) - fine(mean(one))
+
     return Contrast(
-        base=_finite(before),
-        own=_finite(now),
-        difference=_interval(draws, lambda mean: root(mean(other)) - root(mean(one)), now - before),
-        ratio=_interval(draws, ratio, now / before if before else math.nan),
+        base=_finite(float(root(np.mean(one)))),
+        own=_finite(float(root(np.mean(other)))),
+        difference=_interval(draws, difference, float(difference(np.mean))),
+        ratio=_interval(draws, ratio, float(ratio(np.mean))),
     )
 
 

@@ -208,6 +208,7 @@ class _Training:
             if self.keeper is not None:
                 self.keeper.flush(steps)
             checkpoint.save(self.out, steps, self.snapshot())
+            self.env.driver.mover.lose()  # so that it goes on as a resumed training would
         if stops or paused:
             words = f"{self.out}: stopped after {steps} steps; --resume goes on"
             raise TrainingStopped(words) if stops else _Paused

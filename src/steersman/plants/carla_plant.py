@@ -119,18 +119,20 @@ class CarlaPlant:
             self._spawn(pose)
         row = np.zeros(car.N_STATE)
         place(self.vehicle.table, 0, row, np.zeros(DELAY_LINE), pose, speed, curvature)
-        self.resume(to_state(row, 0.0))
+        self._put(to_state(row, 0.0))
         return self._read(self._last)
 
     def resume(self, state: VehicleState) -> None:
-        """Put the vehicle back where it was, in the same way.
+        """Put a new vehicle where it was, likewise: no client can set all of the old one's motion.
 
         Raises:
             PlantError: the server fails, or the vehicle cannot be spawned.
         """
+        self._spawn(Pose(state.x, state.y, state.psi))
+        self._put(state)
+
+    def _put(self, state: VehicleState) -> None:
         pose = Pose(state.x, state.y, state.psi)
-        if self._actor is None or not self._alive():
-            self._spawn(pose)
         speed = math.hypot(state.v_x, state.v_y)
         course = state.psi + (math.atan2(state.v_y, state.v_x) if speed > 0.0 else 0.0)
         before = a_step_before(pose, course, speed, state.yaw_rate, self.dt)

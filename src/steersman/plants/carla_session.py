@@ -230,7 +230,8 @@ class Session:
             found = library.find(blueprint)
             if found.has_attribute("role_name"):
                 found.set_attribute("role_name", ROLE)
-            self.remove_leftovers()
+            if self.remove_leftovers():
+                self.tick()  # they are gone only then
 
         def attempt() -> Any:
             with self.server.answers("spawning"):

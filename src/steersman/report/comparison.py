@@ -17,7 +17,7 @@ from steersman.report.cases import replays
 from steersman.report.charts import IntervalPlot, ShownEstimate
 from steersman.report.html import render, write_report
 from steersman.report.runs import ReportRun, read_progress
-from steersman.report.tables import interval_text, scaled, text
+from steersman.report.tables import difference_text, interval_text, scaled, text
 from steersman.report.view import ResultView, article_view
 from steersman.studies.compare.replicates import ReplicatedComparison
 from steersman.studies.compare.results import (
@@ -60,7 +60,7 @@ def rows(result: AnyComparison, k: int, gap: str = " ") -> list[dict[str, str]]:
             "figure": f"{figure.label} [{figure.unit}]",
             "base": text(scaled(one.base, figure.scale), 3),
             "own": text(scaled(one.own, figure.scale), 3),
-            "difference": interval_text(one.difference, figure.scale, gap),
+            "difference": difference_text(one.difference, figure.scale, gap),
             "ratio": interval_text(one.ratio, gap=gap),
         }
         for name, figure in figures.items()

@@ -86,6 +86,11 @@ def interval_text(found: IntervalEstimate | None, scale: float = 1.0, gap: str =
     return value if found.low is None or found.high is None else f"{value}{gap}[{low}, {high}]"
 
 
+def difference_text(found: IntervalEstimate, scale: float, gap: str) -> str:
+    """A difference with its interval; two figures may be equal."""
+    return "equal" if found.value == 0.0 else interval_text(found, scale, gap)
+
+
 def cell(value: Any, decimals: int | None = None) -> Cell:
     """A cell of a table made elsewhere; floats with so many decimals, or four digits."""
     number = isinstance(value, (int, float)) and not isinstance(value, bool)

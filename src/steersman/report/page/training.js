@@ -31,7 +31,9 @@ class TrainingPanel {
     const scaled = log ? (value) => (value > 0 ? Math.log10(value) : NaN) : (value) => value;
     const ys = values.map(scaled).filter(Number.isFinite);
     const [x0, x1] = padded(least(xs), most(xs));
-    const [y0, y1] = padded(least(ys), most(ys));
+    // What never changes is a line in the middle, not one of rounding's size.
+    const same = least(ys) === most(ys);
+    const [y0, y1] = padded(least(ys), most(ys), same ? Math.max(0.1 * Math.abs(most(ys)), 0.01) : 1e-9);
     const { left, right, top, bottom } = SMALL;
     const px = (x) => left + ((x - x0) / (x1 - x0)) * (width - left - right);
     const py = (y) => height - bottom - ((scaled(y) - y0) / (y1 - y0)) * (height - top - bottom);
@@ -59,7 +61,7 @@ class TrainingPanel {
     }
     context.textAlign = "center";
     context.fillStyle = colors.soft;
-    for (const tick of ticks(x0, x1, 4)) context.fillText(number(tick, 4), px(tick), height - SMALL.bottom + 10);
+    for (const tick of ticks(x0, x1, 4)) context.fillText(counted(tick, x1), px(tick), height - SMALL.bottom + 10);
     context.fillText(this.training.x, (SMALL.left + width) / 2, height - 8);
     context.fillStyle = colors.ink;
     context.textAlign = "left";
@@ -121,6 +123,12 @@ class TrainingPanel {
       context.fill();
     }
   }
+}
+
+// A tick of a long count: in millions or thousands, as its axis' end asks for.
+function counted(value, end) {
+  const [size, letter] = end >= 1e6 ? [1e6, " M"] : end >= 1e4 ? [1e3, " k"] : [1, ""];
+  return value === 0 ? "0" : `${number(value / size, 4)}${letter}`;
 }
 
 const least = (values) => values.reduce((a, b) => Math.min(a, b), Infinity);
