@@ -38,7 +38,7 @@ from steersman.provenance import provenance
 
 SERVE = (sys.executable, "-c", "from steersman.cli import main; main()", "carla", "serve")
 # How long an example runs, and how long a module of tests may take [s].
-SECONDS, PATIENCE = 20.0, 600.0
+SECONDS, PATIENCE = 12.0, 600.0
 TOWNS = ("Town01", "Town02", "Town03", "Town04", "Town05", "Town10HD")
 # Programs that do not end by themselves, or do something useful, with these arguments.
 ARGUMENTS = {

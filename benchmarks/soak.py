@@ -312,6 +312,7 @@ def kills(command: Command, folder: Path, share: int, rng: np.random.Generator) 
     length = time.monotonic() - started
     spent, kept, ends, differ, failed = 0, 0, 0, 0, []
     while spent < share or cut.exists():
+        fresh, started = not cut.exists(), time.monotonic()
         process = start(line(command, cut), folder)
         if spent < share:
             while spent % 2 and process.poll() is None and not resumable(command, cut):
@@ -321,11 +322,13 @@ def kills(command: Command, folder: Path, share: int, rng: np.random.Generator) 
             except subprocess.TimeoutExpired:
                 killed(process)
                 spent += 1
-                kept += resumable(command, cut)
+                kept += resumable(command, cut) or finished(command, cut)
                 continue
         else:
             code = process.wait()
         ends += 1
+        if fresh:  # moments are drawn over the length that it has now
+            length = time.monotonic() - started
         if code:
             failed.append(code)
         else:
@@ -346,6 +349,11 @@ def kills(command: Command, folder: Path, share: int, rng: np.random.Generator) 
 def resumable(command: Command, out: Path) -> bool:
     """Whether something is there that would be resumed."""
     return any(any(out.glob(pattern)) for pattern in command.kept)
+
+
+def finished(command: Command, out: Path) -> bool:
+    """Whether all results are there: what would be resumed goes when they are whole."""
+    return all((out / name).exists() for name in command.results)
 
 
 def line(command: Command, out: Path) -> list[str]:

@@ -1,10 +1,11 @@
-"""The benchmark's tables in README and docs, written anew from the records.
+"""The tables in README and docs, written anew from the records.
 
     python benchmarks/tables.py
 
 A table stands under its record's mark, ``<!-- results/bench/results.json -->``. Its first
 column says what it shows: all controllers, chosen ones by disturbance, or chosen ones by world.
-Everything else of a page is prose, which stays as it is.
+Under the mark of a record that is text, ``<!-- results/export/table.md -->``, stands the table of
+it that begins alike. Everything else of a page is prose, which stays as it is.
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ RECORD = "results/bench/results.json"
 FOREIGN = "results/foreign/results.json"
 # A record's mark and the table under it.
 MARKED = re.compile(rf"(<!-- (?:{RECORD}|{FOREIGN}) -->\n)((?:\|.*\n?)+)(?<!\n)")
+COPIED = re.compile(r"(<!-- (results/\S+\.md) -->\n)((?:\|.*\n?)+)(?<!\n)")
 PAGES = ("README.md", "docs/bench.md")
+COPIES = ("docs/node.md",)
 FOUR_DIGITS = 1000.0
 
 
@@ -144,6 +147,23 @@ def written(text: str, summary: Summary) -> str:
     return MARKED.sub(lambda found: found[1] + table(found[2], summary), text)
 
 
+def copied(text: str) -> str:
+    """A page with the tables of text records as they stand there."""
+    return COPIED.sub(lambda found: found[1] + its_table(found[2], found[3]), text)
+
+
+def its_table(record: str, old: str) -> str:
+    """The table of a record whose first column has the title of the old one's."""
+    blocks = (ROOT / record).read_text(encoding="utf-8").split("\n\n")
+    tables = {first_title(each): each.strip() for each in blocks if each.startswith("|")}
+    return tables[first_title(old)]
+
+
+def first_title(table: str) -> str:
+    """Of a table's first column."""
+    return table.split("|")[1].strip()
+
+
 def table(old: str, summary: Summary) -> str:
     """What a table that stands there shows now."""
     header = [cell.strip() for cell in old.splitlines()[0].strip("|").split("|")]
@@ -154,10 +174,10 @@ def table(old: str, summary: Summary) -> str:
 def main() -> None:
     """Write every page."""
     summary = BenchResult.read(ROOT / RECORD).summary
-    for page in PAGES:
+    for page in (*PAGES, *COPIES):
         file = ROOT / page
         text = file.read_text(encoding="utf-8")
-        new = written(text, summary)
+        new = written(text, summary) if page in PAGES else copied(text)
         write_text(file, new)
         print(f"{page}: {'written' if new != text else 'as it was'}", file=sys.stderr)  # noqa: T201
 

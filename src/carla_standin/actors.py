@@ -86,9 +86,9 @@ class Actor:
         return [[0.0, 0.0, middle], list(self.extent), [0.0, 0.0, 0.0], self.number]
 
     @property
-    def bottom(self) -> float:
-        """Height of its box's lower end [m]; a pedestrian's origin is in the middle of the box."""
-        return self.transform.z - (0.0 if self.walk is None else self.extent[2])
+    def sunk(self) -> float:
+        """Its box's lower end below its origin [m], which is in the middle of a pedestrian."""
+        return 0.0 if self.walk is None else self.extent[2]
 
     def wire(self) -> list[Any]:
         """The actor as it travels in calls."""
@@ -156,11 +156,11 @@ def corners(actor: Actor) -> list[tuple[float, float]]:
 def overlap(one: Actor, other: Actor) -> bool:
     """Whether two upright boxes overlap: neither height nor a side of either separates them."""
     a, b = one.transform, other.transform
-    low, high = one.bottom, other.bottom
-    if low + 2.0 * one.extent[2] < high or high + 2.0 * other.extent[2] < low:
-        return False
     reach = math.hypot(*one.extent[:2]) + math.hypot(*other.extent[:2])
     if math.hypot(a.x - b.x, a.y - b.y) > reach:
+        return False
+    low, high = a.z - one.sunk, b.z - other.sunk
+    if low + 2.0 * one.extent[2] < high or high + 2.0 * other.extent[2] < low:
         return False
     first, second = corners(one), corners(other)
     for yaw in (a.yaw, a.yaw + 90.0, b.yaw, b.yaw + 90.0):

@@ -167,6 +167,8 @@ def test_the_car_has_figures_and_one_period(tmp_path: FilePath) -> None:
     assert len(FIGURES) == car.N_PARAMS
     assert len(same) > 20
     assert unit.get(*same) == [figures[name] for name in same]
+    mass = unit.variables["mass"]
+    assert (mass.unit, mass.variability, float(mass.start)) == ("kg", "tunable", figures["mass"])
     assert {"throttle", "brake"} <= {n for n, v in unit.variables.items() if v.causality == "input"}
     unit.put(throttle=1.0)
     unit.unit.doStep(0.0, 0.1)  # two periods
@@ -203,9 +205,11 @@ def test_without_a_compiler_there_are_sources_alone(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(compiled, "COMPILERS", ("no_such_compiler",))
-    words = ["export", "tuned/pure_pursuit", "--to", "fmu", "--fmi", "3", "--out", str(tmp_path)]
+    run = "estimated/tuned/pure_pursuit"  # of which the table has parts by their numbers
+    words = ["export", run, "--to", "fmu", "--fmi", "3", "--out", str(tmp_path)]
     result = CliRunner().invoke(app, words)
     assert "no binary in the FMU: there is no C compiler here" in result.stderr
+    assert validate_fmu(result.stdout.strip()) == []
     with zipfile.ZipFile(result.stdout.strip()) as made:
         names = made.namelist()
     assert "sources/buildDescription.xml" in names

@@ -68,6 +68,13 @@ def test_the_command_writes_every_table_as_it_stands(page: str) -> None:
     assert TABLES.written(text, summary) == text, "python benchmarks/tables.py"
 
 
+@pytest.mark.parametrize("page", TABLES.COPIES)
+def test_the_command_copies_every_table_as_it_stands(page: str) -> None:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    assert TABLES.COPIED.search(text)
+    assert TABLES.copied(text) == text, "python benchmarks/tables.py"
+
+
 def unit(cell: str) -> float:
     """The last decimal place of a cell's first number."""
     digits = re.findall(NUMBER, cell)[0].partition(".")[2]

@@ -86,6 +86,12 @@ def test_it_tells_what_passes_and_why_not(
     ]
 
 
+def test_the_page_shows_the_record() -> None:
+    record = json.loads(RECORD.read_text(encoding="utf-8"))
+    page = (ROOT / "docs/carla_standin.md").read_text(encoding="utf-8")
+    assert "<!-- results/carla/api.json -->\n" + api.table(record["rows"]) in page
+
+
 @pytest.mark.skipif("CARLA_PYTHONAPI" not in os.environ, reason="no CARLA_PYTHONAPI")
 def test_what_passed_still_passes(capsys: pytest.CaptureFixture[str]) -> None:
     towns = os.environ.get("CARLA_TOWNS")

@@ -9,7 +9,8 @@ are gains of their own. The speed controller below presses the pedals, as in Raj
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, NamedTuple
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 from steersman.config import Of, param, register
 from steersman.controllers.base import ControllerComponent, Wrapper
@@ -30,18 +31,25 @@ class TimeGapState(NamedTuple):
 class TimeGap(Wrapper):
     """Lets a controller steer and keeps a constant time gap to the car ahead.
 
-    Where there is none, or it is far enough ahead, the car drives as fast as wished.
+    Where there is none, or it is far enough ahead, the car drives as fast as wished. The gains are
+    those found by tuning on the suite ``acc_tuning``, rounded (results/acc/tuning).
     """
+
+    search: ClassVar[Mapping[str, tuple[float, float, bool]]] = {
+        "k_gap": (0.05, 5.0, True),
+        "k_speed": (0.02, 4.0, True),
+        "ahead": (0.1, 2.0, True),
+    }
 
     inner: Annotated[ControllerComponent, Of("controller")] = param(
         "tuned/mpc_delay", "-", "The controller that steers."
     )
     k_gap: float = param(
-        0.2, "1/s^2", "Acceleration per error of the gap: lambda/h of the law.", ge=0
+        1.84, "1/s^2", "Acceleration per error of the gap: lambda/h of the law.", ge=0
     )
-    k_speed: float = param(0.7, "1/s", "Acceleration per relative speed: 1/h of the law.", ge=0)
+    k_speed: float = param(0.1, "1/s", "Acceleration per relative speed: 1/h of the law.", ge=0)
     ahead: float = param(
-        0.4, "s", "The speed asked for is the present one plus this times the acceleration.", gt=0
+        0.78, "s", "The speed asked for is the present one plus this times the acceleration.", gt=0
     )
     acceleration: float = param(2.0, "m/s^2", "Largest acceleration that is asked for.", gt=0)
     braking: float = param(8.0, "m/s^2", "Largest deceleration that is asked for.", gt=0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -126,6 +127,15 @@ def _steered(prefix: str, real: str, variables: Iterable[Variable]) -> list[str]
     ]
 
 
+def _structured(name: str) -> str:
+    """A dotted name by FMI's structured naming convention, in which a place stands in brackets.
+
+    >>> _structured("design.chain.0.settings[2]")
+    'design.chain[0].settings[2]'
+    """
+    return re.sub(r"\.(\d+)(?![^.[])", r"[\1]", name)
+
+
 def controller_model(setting: Setting, tell: Tell = unsaid) -> FmuModel:
     """A controller of which C can be made.
 
@@ -141,7 +151,9 @@ def controller_model(setting: Setting, tell: Tell = unsaid) -> FmuModel:
     inputs = [*_seen(s.waypoints, s.spacing), *wished, *_OVERRULED, *[_MISSING] * s.controller.gaps]
     variables = [*inputs, _STEER, _STATUS, *[_LIMIT] * s.limits_speed]
     table = [
-        Variable(e.name, e.unit, PARAMETER, e.value, e.meaning, low=e.minimum, high=e.maximum)
+        Variable(
+            _structured(e.name), e.unit, PARAMETER, e.value, e.meaning, False, e.minimum, e.maximum
+        )
         for e in entries(made)
     ]
     name = c_text.identifier(s.name)
