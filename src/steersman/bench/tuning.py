@@ -85,7 +85,7 @@ def disturbances() -> dict[str, Disturbance]:
 
 # On the way out of a bend the wheels' drive takes what grip the bend leaves, and the car slides.
 _SLIDES = {
-    "friction_0.75_fast": Disturbance(friction=0.75, used_grip=0.75),
+    "friction_0.75_fast": Disturbance(friction=0.75, used_grip=0.76),
     "friction_0.65_fast": Disturbance(friction=0.65, used_grip=0.7),
 }
 
