@@ -13,6 +13,7 @@ from steersman.api.cars import Made, about_cars, implausible, tuned_on
 from steersman.api.driving import announce_drive
 from steersman.bench.entrants import entrants
 from steersman.config import dump, resolve
+from steersman.kernels.vehicle import GRAVITY
 from steersman.registry import components
 from steersman.vehicles import CarlaModel3V1, Vehicle, VehicleFile
 from steersman.words import _AROUND
@@ -171,3 +172,14 @@ def test_the_car_of_shipped_gains_is_the_one_that_their_file_names() -> None:
         assert file is not None
         assert tuned.VEHICLE == "carla_model3"
         assert "carla_model3_v1" not in file.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("base", ["carla_model3", "bmw_320i", "custom"])
+def test_a_height_of_ones_own_decides_the_load_transfer(base: str, tmp_path: FilePath) -> None:
+    """What a base's arm was fitted to is its own height."""
+    file = tmp_path / "van.yaml"
+    limits = []
+    for arm in ("", "roll_arm: 0.3\n"):
+        file.write_text(f"base: {base}\ntrack_width: 1.7\nheight: 0.85\n{arm}", encoding="utf-8")
+        limits.append(VehicleFile(file=str(file)).roll_over_acceleration)
+    assert limits == pytest.approx([GRAVITY, GRAVITY / 0.3 * 0.85])

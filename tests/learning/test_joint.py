@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from pathlib import Path as FilePath
 from typing import Any
@@ -24,6 +25,7 @@ from steersman.learning.demonstration import Demonstration
 from steersman.learning.export import export_policy
 from steersman.learning.fleet import FleetDriver
 from steersman.learning.train import train
+from steersman.learning.validate import _mean_reward
 from steersman.learning.vec_env import PathFollowingVecEnv
 from steersman.paths.analytic import Circle
 from steersman.policy_file import read_policy
@@ -303,3 +305,14 @@ def test_a_training_leaves_a_policy_that_steers_and_chooses_the_speed(tmp_path: 
     # The first row is the base alone at the wished speed.
     assert result.rows[0].steps == 0
     assert read_policy(result.policy)[1].training["validation"]["total"] < 0.0
+
+
+@pytest.mark.parametrize("lost_at", [1, 5])
+def test_an_early_end_is_never_worth_it(lost_at: int) -> None:
+    """Where driving costs reward, a drive that fails is worse than one that goes on."""
+    driven = np.full((10, 2), -0.2)
+    driven[3, 0] = -0.7
+    failed = driven.copy()
+    failed[lost_at:, 1] = math.nan
+    assert _mean_reward(failed) < _mean_reward(driven)
+    assert _mean_reward(np.full((4, 1), math.nan)) == 0.0

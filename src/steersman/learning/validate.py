@@ -40,7 +40,7 @@ class Score(NamedTuple):
     """What selects the best policy [m], plus the price of steering: either the geometric mean of
     the drives' mean errors, so that a millimetre counts where drives are easy and a decimetre
     where they are hard, times one plus the failures; or the RMS error. By the reward it is minus
-    its mean, without unit."""
+    its mean, without unit; what a failed drive did not drive earns the least that any step earned."""
 
     def columns(self) -> dict[str, float]:
         """What ``progress.csv`` has of it."""
@@ -64,7 +64,8 @@ class _Part(NamedTuple):
     failures: int
     changes: float
     moves: int
-    reward: float
+    rewards: FloatArray
+    """(steps, drives), NaN where a drive had failed or was over."""
     worst: tuple[float, Episode]
     """The largest mean error of a drive [m], and this drive."""
 
@@ -131,7 +132,7 @@ class Validator:
         failures = sum(part.failures for part in parts)
         rms = float(np.sqrt((errors**2).mean()))
         if self._config.select == "reward":
-            base = -sum(part.reward for part in parts) / errors.size
+            base = -_mean_reward(np.concatenate([p.rewards for p in parts], axis=1)[counted])
         else:
             base = rms if self._config.select == "rms" else typical * (1.0 + failures)
         total = base + self._config.steer_weight * activity
@@ -148,7 +149,8 @@ class Validator:
         alive = np.ones(driver.n, dtype=bool)
         failed = np.zeros(driver.n, dtype=bool)
         counted = np.ones((self._steps, driver.n), dtype=bool)
-        changes, moves, reward = 0.0, 0, 0.0
+        rewards = np.full((self._steps, driver.n), np.nan)
+        changes, moves = 0.0, 0
         before, record = driver.last_commands().copy(), FleetRecord(driver)
         for k, _ in zip(range(self._steps), self._drive_on(act), strict=False):
             record.stepped(alive)
@@ -160,7 +162,7 @@ class Validator:
             before = driver.last_commands().copy()
             changes += float((step[alive] ** 2).sum())
             moves += int(alive.sum())
-            reward += float(fleet.reward[alive & ~lost, 0].sum())
+            rewards[k, alive & ~lost] = fleet.reward[alive & ~lost, 0]
             failed |= alive & lost
             alive &= ~ended
             # A drive that reached the end of its road is over; one that failed goes on costing.
@@ -170,10 +172,19 @@ class Validator:
         each = np.nan_to_num(errors, nan=corridor).mean(axis=0, where=counted)
         worst = int(each.argmax())
         found = float(each[worst]), record.episode(worst)
-        return _Part(errors, counted, int(failed.sum()), changes, moves, reward, found)
+        return _Part(errors, counted, int(failed.sum()), changes, moves, rewards, found)
 
     def _drive_on(self, act: Callable[[Any], Any]) -> Iterator[Any]:
         """Drive, with a pause after each control step, until no vehicle is left."""
         fleet = self._driver.fleet
         while (fleet.ended == kernel.RUNNING).any():
             yield from self._driver.steps(np.clip(act(fleet.inputs), -1.0, 1.0))
+
+
+def _mean_reward(rewards: FloatArray) -> float:
+    """Mean of the steps' rewards; one that was not driven (NaN) earns the least of all, at most 0.
+
+    Where driving on costs more than it earns, an early end must not be worth it.
+    """
+    least = float(np.fmin.reduce(rewards, axis=None, initial=0.0))
+    return float(np.where(np.isnan(rewards), least, rewards).mean())

@@ -139,7 +139,11 @@ class Vehicle(Component):
     @model_validator(mode="before")
     @classmethod
     def _earlier(cls, data: Any) -> Any:
-        if not isinstance(data, dict) or "map_acceleration" not in data:
+        if not isinstance(data, dict):
+            return data
+        if "height" in data and "roll_arm" not in data:  # an arm that fits another height
+            data = {"roll_arm": None} | data
+        if "map_acceleration" not in data:
             return data
         # A map of one's own has one's own drag; a whole vehicle without a roll arm was written
         # before there were any, and stays what it was.
