@@ -40,7 +40,8 @@ class Score(NamedTuple):
     """What selects the best policy [m], plus the price of steering: either the geometric mean of
     the drives' mean errors, so that a millimetre counts where drives are easy and a decimetre
     where they are hard, times one plus the failures; or the RMS error. By the reward it is minus
-    its mean, without unit; what a failed drive did not drive earns the least that any step earned."""
+    its mean, without unit, with the least that any step earned for what a failed drive did not
+    drive."""
 
     def columns(self) -> dict[str, float]:
         """What ``progress.csv`` has of it."""
