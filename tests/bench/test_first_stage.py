@@ -14,7 +14,7 @@ from steersman.config import dump
 DIGEST = "1286273df496f7aa90cb1fa45f9744bf11bf6fb0751bf95de1a5841a5465fdf6"
 # Fields that came later, and what they have to be for a scenario to be the old one.
 LATER: dict[str, Any] = {
-    **dict.fromkeys(("fault", "estimator", "predictor")),
+    **dict.fromkeys(("fault", "estimator", "predictor", "lead")),
     "disturbances": [],
 }
 LATER_OF_SENSOR = {"latency": 0.0, "v_y_noise": None}

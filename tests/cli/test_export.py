@@ -46,7 +46,7 @@ def test_c_is_compiled_and_tried(steersman: Steersman, tmp_path: FilePath) -> No
     vector = tmp_path / "o" / "test_precision.c"
     text = vector.read_text(encoding="ascii")
     vector.write_text(text.replace("wrong == 0", "wrong == 1"), encoding="ascii")
-    with pytest.raises(DataError, match=r"the test vector fails: .*: NOT AS EXPECTED"):
+    with pytest.raises(DataError, match=r"its test vector fails: .*: NOT AS EXPECTED"):
         trial.try_out(tmp_path / "o" / "steersman_precision.c")
     vector.write_text("nothing of the kind", encoding="ascii")
     assert "not compiled: " in trial.try_out(tmp_path / "o" / "steersman_precision.c")
@@ -121,7 +121,7 @@ def test_what_fails_its_proof_does_not_stay(
     for folder in ("new", "kept"):
         result = steersman("export", "tuned/stanley", "--to", "c", "--out", folder)
         assert result.exit_code == 2
-        assert "the test vector fails: NOT AS EXPECTED" in result.stderr
+        assert "its test vector fails: NOT AS EXPECTED" in result.stderr
     assert [*tmp_path.iterdir()] == [tmp_path / "kept"]
     assert [*(tmp_path / "kept").iterdir()] == [tmp_path / "kept" / "notes.txt"]
 

@@ -315,7 +315,7 @@ def short_drives() -> list[RunConfig]:
     ]
 
 
-@pytest.mark.parametrize("name", ["tuned/mpc_delay", "tuned/mpc_pid", "policy"])
+@pytest.mark.parametrize("name", ["tuned/mpc_delay", "tuned/lqr", "policy"])
 def test_a_healthy_controller_drives_as_if_alone(name: str) -> None:
     """To the bit; there are no false alarms."""
     alone = resolve("controller", name)

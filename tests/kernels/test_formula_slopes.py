@@ -49,6 +49,8 @@ def test_every_features_slopes_are_its_differences(feature: Feature) -> None:
     for k in range(len(adjoint)):
         if k in (enc.STARTED, enc.DT, enc.SPACING, enc.LAST_COMMAND, enc.BASE_COMMAND):
             continue
+        if k in (enc.GAP, enc.RELATIVE_SPEED, enc.WISHED_GAP):  # data: pedals have no derivative
+            continue
         ends = []
         for h in (1e-5, -1e-5):
             places = np.concatenate([memory, row])
