@@ -9,10 +9,10 @@ behind it change the numbers.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from steersman.errors import ConfigError, suggestion
+from steersman.errors import ConfigError, shortened, suggestion
 from steersman.tables import Sheet
 
 _DEG = 0.017453292519943295
@@ -48,9 +48,12 @@ _SPELLINGS = {
     "seconds": "s",
 }
 _UNIT = re.compile(r"(.*\S)\s*[\[(<]\s*([^\[(<]*?)\s*[\])>]")
+_UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss"})
 _NOT_IN_NAMES = re.compile(r"[^a-z0-9]+")
 _SCALED = re.compile(r"(.+?)\s*([*/])\s*([0-9.]+(?:[eE][+-]?[0-9]+)?)")
 _NEXT_NAME = re.compile(r",\s*(?=\w+\s*=)")
+# Of titles in a message: how many, and the letters of each.
+_MOST_TITLES, _LONGEST_TITLE = 10, 40
 
 
 class ExpectedColumn(NamedTuple):
@@ -61,6 +64,8 @@ class ExpectedColumn(NamedTuple):
     """Unit -> factor to the kept one, which is the first."""
     names: tuple[str, ...] = ()
     """Other names that it goes by, the most certain first."""
+    with_unit: tuple[str, ...] = ()
+    """Words that also mean something else: they name it only with one of its units behind them."""
 
 
 class Wanted(NamedTuple):
@@ -143,8 +148,11 @@ def find(
 
 def _rank(title: str, name: str, column: ExpectedColumn) -> int | None:
     """The rank of a title among the names of a column; None if it is none of them."""
-    words = [name, *column.names]
-    found = {_plain(title), _apart(title, column)[0]}
+    words = [name, *column.names, *column.with_unit]
+    bare, unit = _apart(title, column)
+    if bare in column.with_unit and unit not in column.units:
+        return None
+    found = {_plain(title), bare}
     return next((rank for rank, word in enumerate(words) if word in found), None)
 
 
@@ -212,4 +220,17 @@ def _unit(text: str) -> str | None:
 
 
 def _plain(title: str) -> str:
-    return _NOT_IN_NAMES.sub("_", title.lower()).strip("_")
+    return _NOT_IN_NAMES.sub("_", title.lower().translate(_UMLAUTS)).strip("_")
+
+
+def some_titles(titles: Sequence[str]) -> str:
+    """Titles for a message, each of them whole; the others are counted.
+
+    >>> some_titles(["Zeit [ms]", "Breite [deg]", *"abcdefghijklmnopqrst"])
+    'Zeit [ms], Breite [deg], a, b, c, d, e, f, g, h and 12 more'
+    """
+    shown = titles[:_MOST_TITLES]
+    more = len(titles) - len(shown)
+    return ", ".join(shortened(title, _LONGEST_TITLE) for title in shown) + (
+        f" and {more} more" if more else ""
+    )

@@ -22,8 +22,7 @@ from steersman.command_table import (
     settings_of,
 )
 from steersman.config import Component, lay_over, override, read_yaml
-from steersman.errors import ConfigError, DataError, suggestion
-from steersman.files import near_file
+from steersman.errors import ConfigError, DataError, near_file, suggestion
 
 Word: TypeAlias = str | BaseModel | Mapping[str, Any]
 Notify: TypeAlias = Callable[[str], None]

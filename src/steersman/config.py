@@ -112,6 +112,8 @@ class Component(Settings):
     kind: ClassVar[str] = ""
     suffixes: ClassVar[tuple[str, ...]] = ()
     """Endings of files that stand for the component on their own: ``file`` is then such a file."""
+    answers: ClassVar[dict[str, str]] = {}
+    """What to give instead of figures that data sheets have and the component does not."""
 
 
 def param(default: Any, unit: str, meaning: str, **bounds: Any) -> Any:

@@ -21,7 +21,7 @@ from yaml.constructor import SafeConstructor
 from yaml.resolver import Resolver
 
 from steersman.bounds import DEEPEST, MOST_DIGITS
-from steersman.errors import ConfigError, DataError, shortened
+from steersman.errors import ConfigError, DataError, near_file, shortened
 
 _TAG = "tag:yaml.org,2002:"
 _CORE = [
@@ -218,7 +218,8 @@ def read_yaml(file: FilePath | str) -> dict[str, Any]:
     except OSError as error:
         missing = isinstance(error, FileNotFoundError)
         fault = "no such file" if missing else f"cannot be read ({error.strerror})"
-        raise DataError(f"{file}: {fault}") from None
+        near = near_file(str(file), (".yaml", ".yml")) if missing else ""
+        raise DataError(f"{file}: {fault}{'; ' * bool(near)}{near}") from None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         line = f"line {mark.line + 1}: " if mark is not None else ""

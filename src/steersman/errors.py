@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from pathlib import Path as FilePath
 
 # A name is meant if it is so like what was written; what is contained in one has so many letters.
 _CLOSE, _WHOLE_WORD = 0.5, 4
@@ -127,3 +128,22 @@ def _likeness(word: str, name: str) -> float:
 
 def _plain(word: str) -> str:
     return word.lower().replace("-", "_")
+
+
+def near_file(word: str, endings: Iterable[str]) -> str:
+    """The words that name what was meant, of that which is in its folder; empty without one.
+
+    Args:
+        word: no file, or the stem of one; with a folder before it and no ending, a folder as well.
+        endings: of files that would do.
+    """
+    place = FilePath(word)
+    try:
+        inside, below = place.parent.iterdir(), len(place.parts) > 1 and not place.suffix
+        files = [f for f in inside if (below if f.is_dir() else f.suffix in set(endings))]
+    except (OSError, ValueError):
+        return ""
+    names = {f.name: f for f in sorted(files)}
+    stems = [f.name for f in names.values() if f.stem == place.name]
+    close = stems or difflib.get_close_matches(place.name, names, n=1, cutoff=0.8)
+    return f"did you mean {str(names[close[0]])!r}?" if close else ""

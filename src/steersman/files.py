@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import difflib
 import inspect
 import os
 import stat
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import wraps
 from pathlib import Path as FilePath
 from typing import Any, BinaryIO, ParamSpec, TypeVar
 
 from steersman.bounds import MOST_JSON, from_json
-from steersman.errors import DataError
+from steersman.errors import DataError, near_file
 
 LOCK = ".lock"
 HTML = (".html", ".htm")
@@ -82,25 +81,6 @@ def read_json(file: FilePath, cure: str = "give a JSON file") -> Any:
         raise
     except ValueError as error:
         raise DataError(f"{file}: not valid JSON ({error})") from None
-
-
-def near_file(word: str, endings: Iterable[str]) -> str:
-    """The words that name what was meant, of that which is in its folder; empty without one.
-
-    Args:
-        word: no file, or the stem of one; with a folder before it and no ending, a folder as well.
-        endings: of files that would do.
-    """
-    place = FilePath(word)
-    try:
-        inside, below = place.parent.iterdir(), len(place.parts) > 1 and not place.suffix
-        files = [f for f in inside if (below if f.is_dir() else f.suffix in set(endings))]
-    except (OSError, ValueError):
-        return ""
-    names = {f.name: f for f in sorted(files)}
-    stems = [f.name for f in names.values() if f.stem == place.name]
-    close = stems or difflib.get_close_matches(place.name, names, n=1, cutoff=0.8)
-    return f"did you mean {str(names[close[0]])!r}?" if close else ""
 
 
 @contextmanager

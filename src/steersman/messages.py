@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple, get_args, get_origin
@@ -97,6 +98,14 @@ def _elsewhere(owner: type[BaseModel], name: str) -> str | None:
     return None
 
 
+def _instead(owner: type[BaseModel], name: str) -> str:
+    """The end of a message about an unknown field: what to give for it."""
+    if told := getattr(owner, "answers", {}).get(name.lower().replace(" ", "_")):
+        return f"; {told}"
+    place = _elsewhere(owner, name)
+    return f"; did you mean {place!r}?" if place else suggestion(name, owner.model_fields)
+
+
 def _held(annotation: Any) -> Iterator[str]:
     """The families of components that a type holds, in a tuple or mapping."""
     yield from _families(getattr(annotation, "__metadata__", ()))
@@ -114,10 +123,7 @@ def _describe(
     kind, context = detail["type"], detail.get("ctx", {})
     if kind == "extra_forbidden":
         of = getattr(owner, "kind", "")
-        of = f" of {of}" if of else ""
-        place = _elsewhere(owner, names[-1])
-        near = f"; did you mean {place!r}?" if place else suggestion(names[-1], owner.model_fields)
-        return f"unknown field{of}{near}"
+        return f"unknown field{f' of {of}' if of else ''}{_instead(owner, names[-1])}"
     unit = field_unit(field)
     bracket = "" if unit == "-" else f" [{unit}]"
     if kind == "missing":
@@ -133,9 +139,16 @@ def _describe(
         return f"{given} is not {_NOT_A[kind]}{_how_to_write(kind, detail['input'], unit)}"
     if kind in _MUST:
         limits = {name: _short(limit) for name, limit in context.items()}
-        return f"{given} is not allowed; {_MUST[kind].format_map(limits)}{bracket}"
+        told = f"{given} is not allowed; {_MUST[kind].format_map(limits)}{bracket}"
+        return told + _from_degrees(kind, detail["input"], unit)
     message = one_line(detail["msg"])
     return f"{given} is not allowed; {message[:1].lower()}{message[1:]}{bracket}"
+
+
+def _from_degrees(kind: str, given: Any, unit: str) -> str:
+    """A hint at the unit, where an angle in radians is so large that it may be in degrees."""
+    large = kind in {"less_than", "less_than_equal"} and isinstance(given, int | float)
+    return f"; {given:g} deg are {math.radians(given):.3g} rad" if large and unit == "rad" else ""
 
 
 def _how_to_write(kind: str, given: Any, unit: str) -> str:

@@ -24,8 +24,7 @@ from typing import Any
 
 from steersman import policies, tuned
 from steersman.core_yaml import read_yaml
-from steersman.errors import ConfigError, DataError, shortened, suggestion
-from steersman.files import near_file
+from steersman.errors import ConfigError, DataError, near_file, shortened, suggestion
 from steersman.messages import field_unit
 from steersman.registry import components, families
 

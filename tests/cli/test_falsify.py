@@ -28,7 +28,7 @@ def test_the_table_the_sentences_and_the_files(steersman: Steersman, tmp_path: F
     words = " ".join(result.stdout.split())
     assert f"pid fails at norm {found['safe_radius']:.3g} (off track): delay " in words
     assert f"none of {found['tried_within']} milder drives failed. That does not prove" in words
-    assert "steering delay [s]" in result.stdout
+    assert "steering delay, added [s]" in result.stdout
     assert max(map(len, result.stdout.splitlines())) <= 80
     assert "mildest failure at" in result.stderr
     assert 2 <= result.stderr.count(" drives: ") <= 22  # however many drives there are

@@ -72,6 +72,14 @@ WRONG = [
         "onne.csv: cannot be read (No such file or directory); did you mean",
     ),
     ("drive traning.yaml", "traning.yaml: no such file; did you mean 'training.yaml'?"),
+    ("drive vehicle=car.yml", "car.yml: no such file; did you mean 'car.yaml'?"),
+    (
+        "tune lqr --out new --car car.yml --road one.csv",
+        "car.yml: no such file; did you mean 'car.yaml'?\n",
+    ),
+    ("drive vehicle.wheelbase=3.4", "unknown field of carla_model3; give l_f and l_r; their sum"),
+    ("drive vehicle.axle_loads=1", "give mass, l_f and l_r; the front axle carries the share"),
+    ("drive vehicle.max_wheel_angle=38", "must be at most 1.5 [rad]; 38 deg are 0.663 rad"),
     # parts that do not fit together
     ("drive duration=5 laps=1", "laps: give laps or duration, not both"),
     ("drive laps=1 path=straight", "laps: path 'straight' is not closed; give a duration"),

@@ -87,7 +87,8 @@ def test_the_sequence_finds_what_is_lost_stale_or_new() -> None:
     made = node()
     first = asked(made, line(Question(SEEN, sequence=0)))["steer"]
     asked(made, line(Question(SEEN, sequence=4)))
-    assert asked(made, line(Question(SEEN, sequence=3))) == {"error": "sequence: given 3 after 4"}
+    said = asked(made, line(Question(SEEN, sequence=3)))
+    assert said == {"error": "sequence: given 3 after 4", "drive": 0, "sequence": 3}
     # Whoever else asks, and a sequence that begins anew, begin a drive.
     assert asked(made, line(Question(SEEN, sequence=9)), "other")["steer"] == first
     assert asked(made, line(Question(SEEN, sequence=0)))["steer"] == first
@@ -159,6 +160,15 @@ def test_a_line_that_is_no_question_is_refused(message: bytes) -> None:
     assert LINES[message] in asked(made, message)["error"]
     assert "steer" in asked(made, line(Question(SEEN)))
     assert made.statistics().refused == 1
+
+
+def test_a_refusal_says_which_question_it_is_about() -> None:
+    made = node()
+    said = asked(made, line(Question(SEEN, 3, 7)).replace(b'"v_x": 10.0', b'"v_x": "10 m/s"'))
+    assert (said["drive"], said["sequence"]) == (3, 7)
+    assert asked(made, line(Question(SEEN, -1, 7)))["sequence"] == 7
+    assert set(asked(made, b'{"sequence": "7"}\n')) == {"error"}
+    assert asked(made, to_record(Question(SEEN, 3, 7, executed=9.0)))[1:4] == (3, 7, 255)
 
 
 @given(st.binary(max_size=300), st.booleans())

@@ -54,7 +54,7 @@ def make(folder: FilePath) -> None:
     config = build(RunConfig, override({}, ["path=monza", "controller=mpc_pid"]))
     (runs / "monza").mkdir()
     (runs / "monza" / "config.yaml").write_text(to_yaml(config))
-    for number, name in enumerate(("my_road.csv", "messung.csv")):
+    for number, name in enumerate(("my_road.csv", "messung.csv", "fahrt.csv")):
         (folder / name).write_text(shown("your_road.md", "text", number))
     (folder / "my_driver.py").write_text(shown("demonstration.md", "python"))
     for name in ("my_car.yaml", "car.yaml"):

@@ -147,6 +147,11 @@ def test_missing_folder_and_binary(tmp_path: FilePath) -> None:
             "line 1: no column x and y in 'time, way'",
         ),
         ("lat,z\n0,0\n", "line 1: no column longitude"),
+        (
+            "Zeit [ms];B [deg];L [deg];Geschw [km/h];Kurs gegen Nord [deg];H [m]\n0;1;2;3;4;5\n",
+            "Kurs gegen Nord [deg], H [m]'; set columns to x=TITLE,y=TITLE or"
+            " latitude=TITLE,longitude=TITLE",
+        ),
         ("lat,lon\n48,11\n98,11\n", "line 3: (98, 11) is no latitude and longitude"),
         ("x [furlong],y [m]\n0,0\n", "line 1: x in 'furlong' is not known; its units: m, km"),
         ("X,Y\n11.57,48.13\n11.571,48.13\n11.572,48.13\n", "set columns to longitude=X,latitude=Y"),
@@ -291,3 +296,17 @@ def test_what_a_message_says_to_set_cures_it(
 def test_smoothing_needs_points(tmp_path: FilePath) -> None:
     file = write_csv(tmp_path / "short.csv", LINE[:3])
     assert "at least 5 points" in refused(file, smoothing=0.1)
+
+
+@pytest.mark.parametrize("title", ["Laenge [deg]", "Länge [°]", "LAENGE_deg"])
+def test_german_latitudes_are_those_in_degrees(title: str, tmp_path: FilePath) -> None:
+    file = tmp_path / "fahrt.csv"
+    rows = "".join(f"48,13;11,57{k}\n" for k in range(5))
+    file.write_text(f"Breite [deg];{title}\n{rows}", encoding="utf-8")
+    assert CsvPath(file=file).length == pytest.approx(
+        4e-3 * 111_320 * np.cos(np.deg2rad(48.13)), 3e-3
+    )
+    file.write_text("Nord [m];Ost [m]\n0;0\n0;9\n0;18\n", encoding="utf-8")
+    assert CsvPath(file=file).at(18.0).x == pytest.approx(18.0)
+    file.write_text("x;y;Breite [m];Laenge [m]\n0;0;3;1\n9;0;3;1\n18;0;3;1\n", encoding="utf-8")
+    assert CsvPath(file=file).length == pytest.approx(18.0)

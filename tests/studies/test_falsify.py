@@ -13,9 +13,10 @@ from steersman.errors import ConfigError, DataError
 from steersman.rollout import RunConfig, run
 from steersman.speed import SpeedTracking
 from steersman.studies.falsify import FalsifyConfig, driven_again, falsify
-from steersman.studies.findings import FalsifyResult
-from steersman.studies.hunt import most_drives
-from steersman.studies.perturbation import Ranges, scaled
+from steersman.studies.findings import FalsifyResult, narrowed
+from steersman.studies.hunt import Bracket, most_drives
+from steersman.studies.perturbation import Ranges, norm, scaled
+from steersman.studies.tried import Tried
 
 ZERO = {"kind": "pid", "gains": {"k_p": 0.0, "k_i": 0.0, "k_d": 0.0}}
 NONE = dict.fromkeys(("mass", "friction", "delay", "waypoint_noise", "speed"), 0.0)
@@ -60,8 +61,26 @@ def test_bisection_agrees_with_a_fine_scan(tmp_path: FilePath) -> None:
     failed = [not run(one.ranges.disturbed(one.run(), {"delay": u})).completed for u in grid]
     first = failed.index(True)
     assert 0 < first < 16
-    assert (single.failing, single.holding) == (grid[first], grid[first - 1])
+    assert single.failing == grid[first]
+    assert grid[first - 1] <= single.holding < grid[first]
     assert single.failing_value == pytest.approx(0.4 * grid[first])
+
+
+def test_the_bracket_of_one_disturbance_takes_every_drive_of_it_alone() -> None:
+    def row(failed: bool, **point: float) -> Tried:
+        whole = dict.fromkeys(("mass", "delay"), 0.0) | point
+        end = "off_track" if failed else "duration"
+        return Tried(
+            stage="check", point=whole, norm=norm(whole), failed=failed, end=end, seconds=1.0,
+            max_error_m=0.1,
+        )  # fmt: skip
+
+    tried = [row(False), row(True, delay=1.0), row(False, delay=0.25), row(True, delay=0.5)]
+    tried += [row(False, delay=0.4), row(False, delay=0.45, mass=0.1), row(False, mass=-1.0)]
+    tried += [row(False, delay=0.7)]
+    bracket = narrowed(Bracket("delay", 0.5, 0.0), tried)
+    assert bracket == Bracket("delay", 0.5, 0.4)
+    assert narrowed(Bracket("mass", None, -1.0), tried) == Bracket("mass", None, -1.0)
 
 
 def test_the_mildest_is_no_worse_than_any_and_all_milder_ones_held(tmp_path: FilePath) -> None:

@@ -409,6 +409,11 @@ WRONG = [
     ("", "is empty"),
     ("time,steer_command,v_x\n", "no column yaw_rate_rad_s or yaw_rate_deg_s"),
     ("time,steer_command,v_x,yaw_ratee\n", "is 'yaw_ratee' it?"),
+    (
+        "time,LRW [deg],v_x,yaw_rate\n",
+        "in 'time, LRW [deg], v_x, yaw_rate'; name it with --columns steer_command=TITLE, or"
+        " steer_angle or wheel_angle instead",
+    ),
     ("time,steer_angle,v_x,yaw_rate\n" + ROWS, "--lock ANGLE"),
     ("time,time_ms,steer_command,v_x,yaw_rate\n", "time and time_ms are the same"),
     (HEAD + "0,0,10,0\n0.05,x,10,0\n", "line 3: steer_command is 'x', not a finite number"),

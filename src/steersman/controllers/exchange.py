@@ -11,6 +11,7 @@ import json
 import math
 import struct
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -161,11 +162,27 @@ def answer_to(question: Question, decision: Decision, *, late: bool) -> bytes:
     return json.dumps(said).encode() + b"\n"
 
 
-def refusal(why: str, *, record: bool) -> bytes:
-    """The answer to what is no question."""
-    if record:
-        return ANSWER.pack(ANSWERED, 0, 0, REFUSED, 0, math.nan)
-    return json.dumps({"error": why}).encode() + b"\n"
+def refusal(why: str, message: bytes) -> bytes:
+    """The answer to what is no question, with its drive and sequence where they can be read."""
+    if message[:1] == ASKED[:1]:
+        whole = len(message) >= QUESTION.size and message[:4] == ASKED
+        drive, sequence = QUESTION.unpack_from(message)[1:3] if whole else (0, 0)
+        return ANSWER.pack(ANSWERED, drive, sequence, REFUSED, 0, math.nan)
+    return json.dumps({"error": why} | _counted(message)).encode() + b"\n"
+
+
+def _counted(message: bytes) -> dict[str, int]:
+    """What of drive and sequence a line holds."""
+    try:
+        data = from_json(message)
+    except ValueError:
+        return {}
+    found: dict[str, int] = {}
+    for name in ("drive", "sequence") if isinstance(data, dict) else ():
+        with suppress(NoQuestion):
+            number = _whole(data, name, None)
+            found |= {} if number is None else {name: number}
+    return found
 
 
 def _number(data: Mapping[str, Any], name: str) -> float:

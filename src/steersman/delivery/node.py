@@ -12,7 +12,6 @@ from pydantic import BaseModel, ConfigDict
 
 from steersman.controllers.base import ControllerComponent, designed, timed_step, warm_up
 from steersman.controllers.exchange import (
-    ASKED,
     NoQuestion,
     Question,
     answer_to,
@@ -126,7 +125,7 @@ class ControllerNode:
             decision = self._stepped(question, (sender, question.drive))
         except (NoQuestion, SteersmanError) as error:
             self._counts["refused"] += 1
-            return refusal(str(error), record=message[:1] == ASKED[:1])
+            return refusal(str(error), message)
         now = time.perf_counter()
         took = now - arrived
         late = took > self._deadline

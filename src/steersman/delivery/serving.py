@@ -38,7 +38,7 @@ def serve_stream(node: ControllerNode, source: BinaryIO, to: BinaryIO) -> None:
             try:
                 message = head + source.read(record_length(head) - len(head))
             except NoQuestion as error:
-                to.write(refusal(str(error), record=True))
+                to.write(refusal(str(error), head))
                 to.flush()
                 raise DataError(f"standard input: {error}; it cannot be read further") from None
         else:

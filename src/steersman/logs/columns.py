@@ -6,7 +6,7 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
-from steersman.columns import ANGLE, LENGTH, SPEED, ExpectedColumn, find, parse
+from steersman.columns import ANGLE, LENGTH, SPEED, ExpectedColumn, find, parse, some_titles
 from steersman.errors import suggestion
 from steersman.tables import Sheet, read_sheet
 from steersman.types import FloatArray
@@ -90,10 +90,11 @@ def check_time(sheet: Sheet, time: FloatArray) -> None:
         raise sheet.fault(sheet.lines[late[0]], f"time {after}")
 
 
-def missing(name: str, titles: list[str]) -> str:
-    """That a signal is missing, and which column may have been meant."""
+def missing(name: str, titles: list[str], option: str = "columns=") -> str:
+    """That a signal is missing, which column may have been meant, and how ``option`` names it."""
     options = [f"{name}_{unit}" if unit else name for unit in SIGNALS[name].units]
     near = suggestion(name, titles)
     close = near.removeprefix("; did you mean ").removesuffix("?")
     hint = f"; is {close} it?" if near.startswith("; did you mean") else ""
-    return f"no column {' or '.join(options)} ({SIGNALS[name].meaning}){hint}"
+    found = f"no column {' or '.join(options)} ({SIGNALS[name].meaning}) in {some_titles(titles)!r}"
+    return f"{found}{hint}; name it with {option}{name}=TITLE"

@@ -9,7 +9,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steersman.columns import ANGLE, LENGTH, SPEED, ExpectedColumn, Found, Wanted, find
+from steersman.columns import (
+    ANGLE,
+    LENGTH,
+    SPEED,
+    ExpectedColumn,
+    Found,
+    Wanted,
+    find,
+    some_titles,
+)
 from steersman.errors import DataError
 from steersman.paths.geodetic import projected
 from steersman.tables import Sheet, read_sheet
@@ -20,19 +29,31 @@ _DEGREES = {"deg": 1.0, "rad": 1.0 / ANGLE["deg"]}
 # Titles of TUM's race lines, ROS, UTM and Gauss-Krueger.
 _X = (
     *("x_ref", "pos_x", "x_pos", "position_x", "pose_position_x"),
-    *("east", "easting", "utm_x", "x_utm", "utm_east", "utm_easting", "ostwert", "rechtswert"),
+    *("east", "easting", "utm_x", "x_utm", "utm_east", "utm_easting", "ost", "ostwert"),
+    "rechtswert",
 )
 _Y = (
     *("y_ref", "pos_y", "y_pos", "position_y", "pose_position_y"),
-    *("north", "northing", "utm_y", "y_utm", "utm_north", "utm_northing", "nordwert", "hochwert"),
+    *("north", "northing", "utm_y", "y_utm", "utm_north", "utm_northing", "nord", "nordwert"),
+    "hochwert",
 )
 _LATITUDE, _LONGITUDE = ("lat", "breitengrad"), ("lon", "long", "lng", "laengengrad")
-_SPEED = ("vx", "v", "ref_v", "v_x", "velocity", "longitudinal_velocity", "vel", "geschwindigkeit")
+_SPEED = (
+    "vx",
+    "v",
+    "ref_v",
+    "v_x",
+    "velocity",
+    "longitudinal_velocity",
+    "vel",
+    "geschwindigkeit",
+    "geschw",
+)
 COLUMNS = {
     "x": ExpectedColumn("position to the east, or ahead", LENGTH, _X),
     "y": ExpectedColumn("position to the north, or to the left", LENGTH, _Y),
-    "latitude": ExpectedColumn("latitude, north positive", _DEGREES, _LATITUDE),
-    "longitude": ExpectedColumn("longitude, east positive", _DEGREES, _LONGITUDE),
+    "latitude": ExpectedColumn("latitude, north positive", _DEGREES, _LATITUDE, ("breite",)),
+    "longitude": ExpectedColumn("longitude, east positive", _DEGREES, _LONGITUDE, ("laenge",)),
     "speed": ExpectedColumn("speed", SPEED, _SPEED),
 }
 MOST_BYTES = 50_000_000
@@ -188,10 +209,10 @@ def _unnamed(sheet: Sheet) -> tuple[dict[str, Wanted], tuple[str, ...]]:
 def _lacking(sheet: Sheet, found: Mapping[str, Found]) -> DataError:
     names = ("latitude", "longitude") if {"latitude", "longitude"} & found.keys() else ("x", "y")
     lacking = " and ".join(name for name in names if name not in found)
-    titles = ", ".join(sheet.titles)[:60]
+    cure = f"set columns to {names[0]}=TITLE,{names[1]}=TITLE"
+    cure += " or latitude=TITLE,longitude=TITLE" if names[0] == "x" else ""
     return sheet.fault(
-        sheet.title_line,
-        f"no column {lacking} in {titles!r}; set columns to {names[0]}=TITLE,{names[1]}=TITLE",
+        sheet.title_line, f"no column {lacking} in {some_titles(sheet.titles)!r}; {cure}"
     )
 
 

@@ -25,7 +25,7 @@ from steersman.report.view import ResultView, article_view
 TITLE = "Steering controllers compared"
 _GROUPS = {"all": "all scenarios", "clean": "clean", "disturbed": "disturbed"}
 _SWEEPS = {
-    "delay": "steering delay [s]",
+    "delay": "steering delay, added [s]",
     "waypoint_noise": "waypoint errors up to [m]",
     "friction": "tyre friction",
 }

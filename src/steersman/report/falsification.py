@@ -25,7 +25,7 @@ _MM = 1e3
 _NAMES = {
     "mass": "mass and yaw inertia, factor",
     "friction": "tyre friction",
-    "delay": "steering delay [s]",
+    "delay": "steering delay, added [s]",
     "waypoint_noise": "waypoint noise [m]",
     "speed": "speed, factor",
 }
@@ -38,7 +38,7 @@ _SINGLE = {
 _PHRASES = {
     "mass": "mass x {}",
     "friction": "friction {}",
-    "delay": "delay {} s",
+    "delay": "delay {} s more",
     "waypoint_noise": "waypoint noise {} m",
     "speed": "speed x {}",
 }

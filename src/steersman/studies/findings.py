@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -31,7 +32,7 @@ class SingleFailure(StoredResult):
     failing: float | None
     """Smallest coordinate that was found to fail."""
     holding: float
-    """Nearest coordinate below it that does not fail."""
+    """Largest coordinate below it that was driven and does not fail."""
     failing_value: float | None
     holding_value: float
     unit: str
@@ -101,7 +102,7 @@ def findings(
         mildest=None if mildest is None else _described(mildest, config),
         safe_radius=radius,
         tried_within=sum(row.norm < radius or mildest is None for row in tried),
-        singles=[_single(one, config) for one in singles],
+        singles=[_single(narrowed(one, tried), config) for one in singles],
         failures=len(failed),
         simulated_seconds=sum(row.seconds for row in tried),
         ends={end: sum(row.end == end for row in failed) for end in ends},
@@ -115,6 +116,20 @@ def findings(
 def _described(row: Tried, config: FalsifyConfig) -> MildestFailure:
     values = config.ranges.values(row.point, config.run())
     return MildestFailure(**row.model_dump(), values=shown(values))
+
+
+def narrowed(one: Bracket, tried: Sequence[Tried]) -> Bracket:
+    """The bracket with what later drives of this quantity alone, to this side, have shown."""
+    side = math.copysign(1.0, one.holding if one.failing is None else one.failing)
+    alone = [
+        (side * row.point[one.name], row.failed)
+        for row in tried
+        if side * row.point[one.name] > 0.0
+        and not any(u for name, u in row.point.items() if name != one.name)
+    ]
+    fails = min((u for u, failed in alone if failed), default=math.inf)
+    holds = max((u for u, failed in alone if not failed and u < fails), default=0.0)
+    return Bracket(one.name, side * fails if fails < math.inf else None, side * holds)
 
 
 def _single(one: Bracket, config: FalsifyConfig) -> SingleFailure:

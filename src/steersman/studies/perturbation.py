@@ -54,7 +54,7 @@ class Ranges(Settings):
     friction: float = param(
         0.3, "-", "Lowest tyre friction coefficient; on a logarithmic scale from the car's.", ge=0
     )
-    delay: float = param(0.5, "s", "Longest steering delay.", ge=0)
+    delay: float = param(0.5, "s", "Longest steering delay, added to the vehicle's own.", ge=0)
     waypoint_noise: float = param(
         0.5, "m", "Waypoints are shifted by up to this in x and in y, anew at each step.", ge=0
     )

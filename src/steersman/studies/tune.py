@@ -90,6 +90,8 @@ class TuneConfig(Settings):
         parts = {name: info.data.get(name) for name in ("plant", "vehicle", "road")}
         plant, vehicle, road = parts.values()
         if isinstance(value, str):
+            if not parts.keys() <= info.data.keys():
+                return [RunConfig()]
             found = suite(value).model_copy(update={"plant": plant})
             found = found if vehicle is None else on_car(found, vehicle)
             found = found if road is None else on_road(found, road)

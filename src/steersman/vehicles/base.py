@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import field_validator, model_validator
@@ -22,6 +22,7 @@ AIR_DENSITY = 1.2
 LARGEST_ANGLE = 1.5
 # Integration step up to which every vehicle is stable at any speed [s].
 LONGEST_STEP = 0.01
+_LOADS = "give mass, l_f and l_r; the front axle carries the share l_r / (l_f + l_r) of the weight"
 
 # Throttle to net acceleration on a straight, measured on CARLA 0.9.16's Model 3: throttles 0.4 to
 # 1.0 at 0 to 20 m/s. The zero-throttle row is -2.6 up to 4 m/s and falls to -8.8 at 24 m/s. What
@@ -54,6 +55,18 @@ _BEFORE = {
 @register("vehicle", "custom")
 class Vehicle(Component):
     """A car with four wheels, steered in front. Defaults are those of carla_model3_v1."""
+
+    answers: ClassVar[dict[str, str]] = {
+        "wheelbase": "give l_f and l_r; their sum is the wheelbase",
+        "wheel_base": "give l_f and l_r; their sum is the wheelbase",
+        **{
+            word: _LOADS
+            for word in (
+                *("axle_load", "axle_loads", "front_axle_load", "rear_axle_load"),
+                "weight_distribution",
+            )
+        },
+    }
 
     @property
     def title(self) -> str:

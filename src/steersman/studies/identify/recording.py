@@ -196,7 +196,8 @@ def _check_signals(sheet: Sheet, signals: Mapping[str, FloatArray], lock: float 
             raise fault("steer_angle needs its value at full lock: --lock ANGLE [rad]")
     for options in _REQUIRED:
         if signals.keys().isdisjoint(options):
-            raise fault(missing(options[0], sheet.titles))
+            others = f", or {' or '.join(options[1:])} instead" if options[1:] else ""
+            raise fault(missing(options[0], sheet.titles, "--columns ") + others)
 
 
 def write_log(log: Log, file: FilePath) -> None:
