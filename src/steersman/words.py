@@ -24,7 +24,9 @@ from typing import Any
 
 from steersman import policies, tuned
 from steersman.core_yaml import read_yaml
-from steersman.errors import ConfigError, DataError, near_file, shortened, suggestion
+from steersman.errors import (
+    ConfigError, DataError, near_file, no_such_place, shortened, suggestion,
+)  # fmt: skip
 from steersman.messages import field_unit
 from steersman.registry import components, families
 
@@ -60,7 +62,8 @@ def unknown(family: str, word: str) -> ConfigError:
     if family == _CONTROLLER and word.strip("/") == "tuned":
         return ConfigError(f"unknown {family} {word!r}; write one of {', '.join(tuned.names())}")
     file = near_file(word, _endings(family))
-    near = f"; {file}" if file else for_number(family, word) or suggestion(word, known(family))
+    near = f"; {file}" if file else no_such_place(word, known(family)) or for_number(family, word)
+    near = near or suggestion(word, known(family))
     if near.endswith(" more"):
         near += f" in 'steersman list {family}'"
     return ConfigError(f"unknown {family} {shortened(word)!r}{near}")
@@ -193,9 +196,8 @@ def wrapped() -> dict[str, str]:
 
 def _endings(family: str) -> list[str]:
     """Of files that stand for a component of the family."""
-    return list(
-        dict.fromkeys([*YAML, *(e for cls in components(family).values() for e in cls.suffixes)])
-    )
+    found = (ending for cls in components(family).values() for ending in cls.suffixes)
+    return list(dict.fromkeys([*YAML, *found]))
 
 
 def for_number(family: str, given: Any) -> str:
