@@ -48,12 +48,18 @@ def sections(results: StudyResult) -> list[article.Section]:
 
 def _smoke(results: StudyResult) -> bool:
     """Whether its trainings were cut down until they only show that everything runs."""
-    return bool(results.plan["words"])
+    return bool(_cuts(results.plan))
+
+
+def _cuts(plan: Mapping[str, Any]) -> list[str]:
+    """Settings beside the departures, which records of the first version hold among them."""
+    known = {row["setting"] for row in plan["departures"]}
+    return [word for word in plan["words"] if word not in known]
 
 
 def _departures(plan: Mapping[str, Any]) -> list[dict[str, str]]:
     """What was set over the preset, with reasons; settings of a smoke run come last and win."""
-    rows = [*plan["departures"], *({"setting": w, "why": "smoke run"} for w in plan["words"])]
+    rows = [*plan["departures"], *({"setting": w, "why": "smoke run"} for w in _cuts(plan))]
     return list({row["setting"].partition("=")[0]: row for row in rows}.values())
 
 

@@ -132,7 +132,7 @@ WRONG = [
     ("drive trained/config.yaml", "of 'steersman train'; its policy drives with controller=policy"),
     ("drive training.yaml", "of 'steersman train'; it has no policy yet (policy.onnx)"),
     ("drive imitation.yaml", "of 'steersman imitate'; it has no policy yet"),
-    ("drive runs/nosuch", "unknown controller 'runs/nosuch'; no such file or folder"),
+    ("drive controller=runs/nosuch", "unknown controller 'runs/nosuch'; no such file or folder"),
     ("drive tuning.yaml", "is the configuration of 'steersman tune'; what it found is tuned.yaml"),
     ("drive search.yaml", "'steersman falsify search.yaml' takes it"),
     ("tune suite.yaml --out new", "'steersman bench suite.yaml' takes it"),
