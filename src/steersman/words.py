@@ -22,11 +22,9 @@ from collections.abc import Iterable
 from pathlib import Path as FilePath
 from typing import Any
 
-from steersman import policies, tuned
+from steersman import errors, policies, tuned
 from steersman.core_yaml import read_yaml
-from steersman.errors import (
-    ConfigError, DataError, near_file, no_such_place, shortened, suggestion,
-)  # fmt: skip
+from steersman.errors import ConfigError, DataError, near_file, shortened, suggestion
 from steersman.messages import field_unit
 from steersman.registry import components, families
 
@@ -62,8 +60,8 @@ def unknown(family: str, word: str) -> ConfigError:
     if family == _CONTROLLER and word.strip("/") == "tuned":
         return ConfigError(f"unknown {family} {word!r}; write one of {', '.join(tuned.names())}")
     file = near_file(word, _endings(family))
-    near = f"; {file}" if file else no_such_place(word, known(family)) or for_number(family, word)
-    near = near or suggestion(word, known(family))
+    near = f"; {file}" if file else errors.no_such_place(word, known(family))
+    near = near or for_number(family, word) or suggestion(word, known(family))
     if near.endswith(" more"):
         near += f" in 'steersman list {family}'"
     return ConfigError(f"unknown {family} {shortened(word)!r}{near}")
