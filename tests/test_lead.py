@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from steersman import episode as ending
 from steersman.bench.suites import suite
+from steersman.cli import app
 from steersman.config import build, resolve
 from steersman.controllers.policy import Policy
 from steersman.controllers.time_gap import TimeGap
@@ -118,6 +120,13 @@ def test_without_one_nothing_is_measured_of_it(tmp_path: FilePath) -> None:
     driven().save(tmp_path / "behind.npz")
     kept = load_episode(tmp_path / "behind.npz")
     assert np.array_equal(kept["gap"], driven()["gap"])
+
+
+def test_a_drive_prints_the_gap_where_a_car_is_ahead() -> None:
+    words = ["drive", "controller=time_gap", "path=straight", "duration=1"]
+    shown = [CliRunner().invoke(app, [*words, *more]).output for more in ((), ("lead.speed=nedc",))]
+    assert [text.count("gap to the car ahead") for text in shown] == [0, 1]
+    assert [text.count("RMS longitudinal jerk") for text in shown] == [0, 1]
 
 
 def test_speeds_along_the_path_are_none_of_a_car_ahead() -> None:

@@ -26,6 +26,11 @@ def ended(row: StudyDrive) -> str:
     return f"{row.end.replace('_', ' ')} after {number(row.distance, 'm')}"
 
 
+def counted(count: int, noun: str) -> str:
+    """So many of them: "1 training"."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
 def percent(share: float | None) -> str:
     """A share as percent."""
     return NOTHING if share is None or not math.isfinite(share) else f"{100.0 * share:.0f} %"

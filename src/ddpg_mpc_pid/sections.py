@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 
-from ddpg_mpc_pid.page import interval, number, ratio
+from ddpg_mpc_pid.page import counted, interval, number, ratio
 from ddpg_mpc_pid.plan import FULL_METHOD
 from ddpg_mpc_pid.results import StudyResult
 from ddpg_mpc_pid.section_driving import (
@@ -22,11 +23,16 @@ from steersman import article
 TITLE = "The paper's experiments on the embedded simulator"
 # Where c_track settles to the letter, and where the larger share begins.
 _SETTLED, _HALF = 2.0 / 3.0, 0.5
+_SMOKE = (
+    "A smoke run (--quick): it shows that every stage runs. Trainings and drives are far too short "
+    "to say anything about a method, so the figures on this page mean nothing, and nothing is "
+    "concluded from them."
+)
 
 
 def sections(results: StudyResult) -> list[article.Section]:
-    """All sections, from what ``results.json`` holds."""
-    return [
+    """All sections, from what ``results.json`` holds; those of a smoke run conclude nothing."""
+    made = [
         setup_section(results),
         learning_section(results),
         coefficient_section(results),
@@ -37,6 +43,24 @@ def sections(results: StudyResult) -> list[article.Section]:
         timing_section(results.timing),
         ablation_section(results),
     ]
+    return [section._replace(findings=[]) for section in made] if _smoke(results) else made
+
+
+def _smoke(results: StudyResult) -> bool:
+    """Whether its trainings were cut down until they only show that everything runs."""
+    return bool(_cuts(results.plan))
+
+
+def _cuts(plan: Mapping[str, Any]) -> list[str]:
+    """Settings beside the departures, which records of the first version hold among them."""
+    known = {row["setting"] for row in plan["departures"]}
+    return [word for word in plan["words"] if word not in known]
+
+
+def _departures(plan: Mapping[str, Any]) -> list[dict[str, str]]:
+    """What was set over the preset, with reasons; settings of a smoke run come last and win."""
+    rows = [*plan["departures"], *({"setting": w, "why": "smoke run"} for w in _cuts(plan))]
+    return list({row["setting"].partition("=")[0]: row for row in rows}.values())
 
 
 def write_page(results: StudyResult, out: FilePath) -> FilePath:
@@ -57,14 +81,15 @@ def setup_section(results: StudyResult) -> article.Section:
     return article.Section(
         "What was run",
         [
-            f"{len(plan['trainings'])} trainings; made by commit {made}.",
+            f"{counted(len(plan['trainings']), 'training')}; made by commit {made}.",
             "The trainings are those of the preset 'paper' (where the paper is silent, "
             "Stable-Baselines3's defaults), with the departures below. Intervals are 95 % "
             "bootstrap intervals over seeds, each method resampled within itself; with so few "
             "seeds they are rough. IQM: interquartile mean over seeds. 'agrees' and 'differs' "
             "are decided by the rule that the sentence gives.",
         ],
-        tables=[article.Table("Departures from the preset", plan["departures"])],
+        tables=[article.Table("Departures from the preset", _departures(plan))],
+        warnings=[_SMOKE] if _smoke(results) else [],
     )
 
 

@@ -145,4 +145,6 @@ def check_command(name: str, tree: Mapping[str, Any], command: str) -> None:
             folder = FilePath(name).parent
             inside = "" if folder == FilePath() else f"{folder}/"
             what = entry.elsewhere.format(inside=inside, file=name)
+            if entry.elsewhere is _POLICY and not (folder / "policy.onnx").is_file():
+                what = f"it has no policy yet ({inside}policy.onnx)"
             raise DataError(f"{name}: is the configuration of 'steersman {other}'; {what}")

@@ -92,6 +92,26 @@ def three_digits(value: float) -> str:
     return f"{value:.0f}" if "e+" in text else text
 
 
+def counted(number: int, noun: str) -> str:
+    """So many of them.
+
+    >>> counted(1, "road"), counted(2, "road")
+    ('1 road', '2 roads')
+    """
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def no_such_place(word: str, names: Iterable[str]) -> str:
+    """The end of a message about a word with a folder before it; empty if it is rather a name.
+
+    >>> no_such_place("runs/nosuch", ["pid", "tuned/lqr"]), no_such_place("tuned/pi", ["tuned/lqr"])
+    ('; no such file or folder', '')
+    """
+    first, slash, rest = word.partition("/")
+    known = any(name.startswith(f"{first}/") for name in names)
+    return "; no such file or folder" if slash and rest and not known else ""
+
+
 def suggestion(word: str, allowed: Iterable[str]) -> str:
     """The end of a message about an unknown ``word``: the nearest match, or what is allowed.
 

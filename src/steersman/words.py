@@ -22,7 +22,7 @@ from collections.abc import Iterable
 from pathlib import Path as FilePath
 from typing import Any
 
-from steersman import policies, tuned
+from steersman import errors, policies, tuned
 from steersman.core_yaml import read_yaml
 from steersman.errors import ConfigError, DataError, near_file, shortened, suggestion
 from steersman.messages import field_unit
@@ -60,7 +60,8 @@ def unknown(family: str, word: str) -> ConfigError:
     if family == _CONTROLLER and word.strip("/") == "tuned":
         return ConfigError(f"unknown {family} {word!r}; write one of {', '.join(tuned.names())}")
     file = near_file(word, _endings(family))
-    near = f"; {file}" if file else for_number(family, word) or suggestion(word, known(family))
+    near = f"; {file}" if file else errors.no_such_place(word, known(family))
+    near = near or for_number(family, word) or suggestion(word, known(family))
     if near.endswith(" more"):
         near += f" in 'steersman list {family}'"
     return ConfigError(f"unknown {family} {shortened(word)!r}{near}")
@@ -193,9 +194,8 @@ def wrapped() -> dict[str, str]:
 
 def _endings(family: str) -> list[str]:
     """Of files that stand for a component of the family."""
-    return list(
-        dict.fromkeys([*YAML, *(e for cls in components(family).values() for e in cls.suffixes)])
-    )
+    found = (ending for cls in components(family).values() for ending in cls.suffixes)
+    return list(dict.fromkeys([*YAML, *found]))
 
 
 def for_number(family: str, given: Any) -> str:

@@ -52,6 +52,9 @@ def wrong_files(tmp_path: FilePath) -> None:
     }
     for name, text in texts.items():
         (tmp_path / name).write_text(text, encoding="utf-8")
+    (tmp_path / "trained").mkdir()
+    (tmp_path / "trained" / "config.yaml").write_text(texts["training.yaml"], encoding="utf-8")
+    (tmp_path / "trained" / "policy.onnx").write_bytes(b"x")
     (tmp_path / "binary.yaml").write_bytes(b"\x00\xff\xfe")
     _policy(tmp_path / "nonsense", {})
     _policy(tmp_path / "period", {"dt": 0.1})

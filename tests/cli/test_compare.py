@@ -198,6 +198,7 @@ def test_trainings_drive_with_their_policies(
         (("pid",), "two are needed to compare; given pid"),
         (("pid", "lqrr"), "unknown controller 'lqrr'; did you mean 'lqr'?"),
         (("pid", "none/"), "unknown controller 'none/'"),
+        (("pid", "none/here"), "unknown controller 'none/here'; no such file or folder"),
         (("pid", "empty"), "empty: holds nothing to compare"),
         (("pid", "several"), "several: name one of those in it: several/a, several/b\n"),
         (("pid", "lqr", "suite=quik"), "unknown suite 'quik'; did you mean 'quick'?"),

@@ -129,8 +129,10 @@ WRONG = [
     (f"drive {POLICY} controller.file=nonsense.onnx", "nonsense.onnx: not a network of layers"),
     (f"drive {POLICY} controller.file=period.onnx", "trained for a control period of 0.1 s, but"),
     # the configuration of another command
-    ("drive training.yaml", "of 'steersman train'; its policy drives with controller=policy"),
-    ("drive imitation.yaml", "is the configuration of 'steersman imitate'; its policy drives"),
+    ("drive trained/config.yaml", "of 'steersman train'; its policy drives with controller=policy"),
+    ("drive training.yaml", "of 'steersman train'; it has no policy yet (policy.onnx)"),
+    ("drive imitation.yaml", "of 'steersman imitate'; it has no policy yet"),
+    ("drive controller=runs/nosuch", "unknown controller 'runs/nosuch'; no such file or folder"),
     ("drive tuning.yaml", "is the configuration of 'steersman tune'; what it found is tuned.yaml"),
     ("drive search.yaml", "'steersman falsify search.yaml' takes it"),
     ("tune suite.yaml --out new", "'steersman bench suite.yaml' takes it"),

@@ -472,6 +472,18 @@ def test_sections_are_made_of_the_numbers(smoke: tuple[FilePath, StudyResult]) -
     assert len(files) == len(set(files))
 
 
+def test_a_smoke_run_says_so_and_concludes_nothing() -> None:
+    file = FilePath(__file__).parents[2] / "results" / "paper" / "results.json"
+    full = StudyResult.read(file)
+    plan = {**full.plan, "words": ["steps=600"]}
+    made = study.sections(full.model_copy(update={"plan": plan}))
+    assert "mean nothing" in made[0].warnings[0]
+    assert not any(section.findings for section in made)
+    shown = {row["setting"]: row["why"] for row in made[0].tables[0].rows}
+    assert shown["steps=600"] == "smoke run"
+    assert sum(word.startswith("steps=") for word in shown) == 1
+
+
 def saving(low: float, high: float) -> SeedInterval:
     return SeedInterval(value=0.5 * (low + high), low=low, high=high)
 
@@ -577,4 +589,5 @@ def test_results_of_the_first_version_still_become_sections() -> None:
     file = FilePath(__file__).parents[2] / "results" / "paper" / "results.json"
     made = study.sections(StudyResult.read(file))
     assert len(made) == 9
+    assert not made[0].warnings
     assert sum(len(section.findings) for section in made) > 20

@@ -80,6 +80,18 @@ def test_a_notebook_is_kept_without_outputs_and_is_named(notebook: FilePath) -> 
         assert f"notebooks/{notebook.name})" in (ROOT / page).read_text(encoding="utf-8")
 
 
+def test_the_sheet_of_the_exercises_has_no_solution() -> None:
+    """What is left without the tagged cells: imports, tasks, and where to go on."""
+    (notebook,) = [each for each in NOTEBOOKS if "exercises" in each.stem]
+    cells = content(notebook)["cells"]
+    left = [cell for cell in cells if "solution" not in cell["metadata"].get("tags", ())]
+    assert [cell["cell_type"] for cell in left].count("code") == 1
+    words = ["".join(c["source"]) for c in left if c["cell_type"] == "markdown"]
+    assert [text.startswith("## ") for text in words] == [False, *[True] * 7, False]
+    assert not any("solution" in text.lower() for text in words)
+    assert words[-1].startswith("**Further.**")
+
+
 def test_a_cell_that_fails_is_found() -> None:
     for source in ("x = 1\nassert x == 2", "x = 1\nx.y", "!steersman drive path=circel"):
         with pytest.raises((AssertionError, AttributeError)):

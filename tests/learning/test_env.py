@@ -95,6 +95,19 @@ def test_fields_of_the_problem_are_keywords() -> None:
         gymnasium.make("steersman/PathFollowing-v0", path="circle")
 
 
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ("demo", r"problem: 'demo' is neither .*sm\.configure\('train', 'demo'\)\.problem"),
+        ({"problem.roads": ["circle"]}, r"nested: write {'roads': \['circle'\]}"),
+        ({"task.kind": "precise"}, "nested: write {'task': {'kind': 'precise'}}"),
+    ],
+)
+def test_words_of_the_command_line_are_told_from_fields(given: Any, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        gymnasium.make("steersman/PathFollowing-v0", problem=given)
+
+
 def test_same_seed_same_episodes(env: PathFollowingEnv) -> None:
     first = play(env, 3)
     assert equal(play(env, 3), first)

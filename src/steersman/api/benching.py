@@ -17,7 +17,7 @@ from steersman.api.driving import Folder, announce, workers_for
 from steersman.command_table import build_for
 from steersman.commands import Notify, configuration, split, suite_settings
 from steersman.config import dump, lay_over, override
-from steersman.errors import ConfigError, how_to_install
+from steersman.errors import ConfigError, counted, how_to_install
 from steersman.ranges import seed_list
 from steersman.words import named as named_word
 
@@ -104,7 +104,7 @@ def bench(  # noqa: PLR0913 - the options of the command
         if left_out := plan.left_out(numbers):
             what = f"{sum(left_out.values())} scenarios, left out: {', '.join(left_out)}"
             tell(f"plant={plan.plant.kind} cannot do {what}")
-        tell(f"{len(scenarios)} scenarios x {len(found)} controllers")
+        tell(f"{counted(len(scenarios), 'scenario')} x {counted(len(found), 'controller')}")
         rows = run(scenarios, found, folder, engine=engine, jobs=jobs, progress=progress)
         outcome = results(name, plan, numbers, rows, found, read)
         outcome.write(folder / RESULTS)
@@ -221,7 +221,7 @@ def compare(
         tell_cars(found, [*over.suite.vehicles.values()], tell)
     with kept(out) as folder:
         if drivers:
-            tell(f"{len(over.scenarios)} scenarios x {drivers} controllers")
+            tell(f"{counted(len(over.scenarios), 'scenario')} x {counted(drivers, 'controller')}")
         result, cases = compare_scenarios(
             found, over, folder, engine=engine, jobs=jobs, progress=progress
         )

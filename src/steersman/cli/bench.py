@@ -11,7 +11,7 @@ import typer
 from steersman.cli import settings
 from steersman.cli.outcome import goes_on
 from steersman.cli.output import console, note, show, show_json, suite_progress, table
-from steersman.errors import three_digits
+from steersman.errors import counted, three_digits
 
 if TYPE_CHECKING:
     from steersman.bench.results import BenchResult, ControllerSummary, IntervalEstimate
@@ -121,7 +121,7 @@ def _show(outcome: BenchResult, folder: str) -> None:
     for name, row in cells.items():
         out.add_row(name, *(row[column] for column in columns))
     notes = (
-        f"{_counted(summary.scenarios, 'scenario')} on {_counted(summary.paths, 'path')}; 95 %"
+        f"{counted(summary.scenarios, 'scenario')} on {counted(summary.paths, 'path')}; 95 %"
         " intervals of a bootstrap over paths, none over one path, and over seeds where a"
         " controller has several. clean, disturbed:"
         " RMS lateral error [mm]; typical: geometric mean of disturbed errors [mm]; lost: runs"
@@ -168,10 +168,6 @@ def _fitting(cells: Mapping[str, Mapping[str, str]]) -> tuple[list[str], list[st
             columns.remove(name)
             left_out.append(name)
     return columns, left_out
-
-
-def _counted(number: int, of: str) -> str:
-    return f"{number} {of}" if number == 1 else f"{number} {of}s"
 
 
 def _number(value: float | None, factor: float = 1.0) -> str:

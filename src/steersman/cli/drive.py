@@ -90,7 +90,7 @@ def drive(
     if as_json:
         show_json({"config": dump(config), "metrics": metrics})
     else:
-        _show(config, metrics, folder)
+        _show(config, metrics, folder, episode)
     if interrupted:
         raise typer.Exit(INTERRUPTED)
 
@@ -125,8 +125,11 @@ def _replay(page: FilePath | None, config: RunConfig, episode: Episode) -> None:
     note(f"replay: {page}")
 
 
-def _show(config: RunConfig, found: dict[str, Any], folder: FilePath | None) -> None:
-    from steersman.metrics.base import metrics, readable
+def _show(
+    config: RunConfig, found: dict[str, Any], folder: FilePath | None, episode: Episode
+) -> None:
+    from steersman.metrics.base import evaluate, metrics, readable
+    from steersman.metrics.following import following
     from steersman.report.tables import text
 
     steady = found["steady"]
@@ -135,6 +138,10 @@ def _show(config: RunConfig, found: dict[str, Any], folder: FilePath | None) -> 
         unit, value = readable(metric, found[name])
         late = text(readable(metric, steady[name])[1]) if name in steady else ""
         figures.add_row(metric.meaning, unit, text(value), late)
+    ahead = following() if config.lead is not None else {}
+    for name, value in evaluate(episode, ahead).items():
+        unit, shown = readable(ahead[name], value)
+        figures.add_row(ahead[name].meaning, unit, text(shown), "")
     who = f"{config.controller.kind} drives {config.plant.car(config.vehicle)}"
     where = f"on {config.path.kind}, {config.speed.kind}"
     end = str(found["end"]).replace("_", " ")

@@ -14,7 +14,7 @@ from steersman import files
 from steersman.cli import settings
 from steersman.cli.outcome import goes_on
 from steersman.cli.output import animated, note, steps_bar, write
-from steersman.errors import ConfigError
+from steersman.errors import ConfigError, counted
 
 EXAMPLES = (
     "\b\n"
@@ -73,7 +73,7 @@ def reproduce(
     folder = files.out_folder(out)
     work = study.estimate(plan)
     note(
-        f"{work.trainings} trainings of {work.updates} updates and their tests: about "
+        f"{counted(work.trainings, 'training')} of {work.updates} updates and their tests: about "
         f"{max(work.minutes, 1.0):.0f} min on 2 cores, if nothing is done yet"
     )
     with goes_on(str(folder)), _progress() as progress:

@@ -62,8 +62,8 @@ class PathFollowingEnv(gymnasium.Env[Features, Features]):
             ConfigError: a field or the mode is not allowed.
         """
         if fields or not isinstance(problem, Problem):
-            given = dump(problem) if isinstance(problem, Problem) else problem
-            problem = build(Problem, merge(merge({}, given or {}), fields))
+            given = dump(problem) if isinstance(problem, Problem) else _fields(problem or {})
+            problem = build(Problem, merge(merge({}, given or {}), _fields(fields)))
         if render_mode not in (None, *self.metadata["render_modes"]):
             near = suggestion(str(render_mode), self.metadata["render_modes"])
             raise ConfigError(f"{render_mode!r} is not allowed{near}", ("render_mode",))
@@ -259,3 +259,26 @@ def _options(given: Mapping[str, Any] | None) -> EpisodeOptions:
         return build(EpisodeOptions, given or {})
     except ConfigError as error:
         raise ConfigError(error.what, ("options", *error.where)) from None
+
+
+def _fields(given: object) -> Mapping[str, Any]:
+    """Fields of a problem as they were given, after a look at how.
+
+    Raises:
+        ConfigError: they are a preset's name, or dotted as on the command line.
+    """
+    if not isinstance(given, Mapping):
+        raise ConfigError(
+            f"{given!r} is neither a Problem nor a dictionary of its fields; a preset has one: "
+            "sm.configure('train', 'demo').problem",
+            ("problem",),
+        )
+    for name, value in given.items():
+        if "." in str(name):
+            first, _, rest = str(name).removeprefix("problem.").partition(".")
+            meant = {first: {rest: value} if rest else value}
+            raise ConfigError(
+                f"dots are for the command line; here fields are nested: write {meant!r}",
+                (str(name),),
+            )
+    return given

@@ -7,11 +7,24 @@ import math
 import numpy as np
 
 from steersman.episode import COLLISION, LEAD_COLUMNS, Episode
-from steersman.metrics.base import metric
+from steersman.metrics.base import Metric, metric, metrics
 from steersman.types import FloatArray
 
+_NAMES = (
+    "collided",
+    "least_gap_m",
+    "rms_gap_error_m",
+    "rms_time_gap_error_s",
+    "rms_longitudinal_jerk_m_s3",
+)
 # Below this speed a time gap tells nothing [m/s].
 _SLOW = 1.0
+
+
+def following() -> dict[str, type[Metric]]:
+    """The metrics of a drive behind another car, by name."""
+    known = metrics(benchmark=True)
+    return {name: known[name] for name in _NAMES}
 
 
 def _follows(episode: Episode) -> bool:

@@ -11,6 +11,7 @@ from steersman.bench.along import ALONG, STEP, AlongComparison
 from steersman.bench.pairs import FIGURES, PairedComparison, PathPairs
 from steersman.bench.replay import ShownCase
 from steersman.episode import Episode
+from steersman.errors import counted
 from steersman.report import benchmark
 from steersman.report.article import LinePlot, PlotLine, Section, Table, write_article
 from steersman.report.cases import replays
@@ -91,16 +92,12 @@ def replicate_words(found: ReplicatedComparison) -> str:
     """What the table of methods over seeds shows."""
     shown = ", ".join(f"{one.shown}" for one in found.methods if len(one.runs) > 1)
     return (
-        f"Over seeds, on {_count(found.scenarios, 'scenario')}. IQM: interquartile mean of the"
+        f"Over seeds, on {counted(found.scenarios, 'scenario')}. IQM: interquartile mean of the"
         " error over seeds and scenarios. RMS, lost: of each. P(better): that a seed has a"
         f" smaller error than one of {found.methods[0].name} on the same scenario. In brackets:"
         " 95 % intervals of a bootstrap over seeds. Everything else shows the median seed:"
         f" {shown}."
     )
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def _sentence(words: str) -> str:
@@ -117,7 +114,7 @@ def sentences(found: AnyComparison, k: int) -> list[str]:
     compared = found.comparisons[k]
     title, b = _title(found, k), found.contestants[k + 1]
     if isinstance(compared, PairedComparison):
-        where = f"{_count(compared.scenarios, 'scenario')} on {_count(compared.paths, 'path')}"
+        where = f"{counted(compared.scenarios, 'scenario')} on {counted(compared.paths, 'path')}"
         better = f"{b.letter} has the smaller RMS error in {compared.better} of them"
         return [f"{title}: {where}, pair by pair; {better}."]
     return [f"{title}: {_stretch(compared.along)}", *_differing(compared.differ)]
