@@ -60,8 +60,8 @@ def unknown(family: str, word: str) -> ConfigError:
     if family == _CONTROLLER and word.strip("/") == "tuned":
         return ConfigError(f"unknown {family} {word!r}; write one of {', '.join(tuned.names())}")
     file = near_file(word, _endings(family))
-    near = f"; {file}" if file else errors.no_such_place(word, known(family))
-    near = near or for_number(family, word) or suggestion(word, known(family))
+    near = f"; {file}" if file else for_number(family, word)
+    near = near or errors.no_such_place(word, known(family)) or suggestion(word, known(family))
     if near.endswith(" more"):
         near += f" in 'steersman list {family}'"
     return ConfigError(f"unknown {family} {shortened(word)!r}{near}")

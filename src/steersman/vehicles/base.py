@@ -154,14 +154,14 @@ class Vehicle(Component):
     def _earlier(cls, data: Any) -> Any:
         if not isinstance(data, dict):
             return data
-        if "height" in data and "roll_arm" not in data:  # an arm that fits another height
-            data = {"roll_arm": None} | data
-        if "map_acceleration" not in data:
-            return data
         # A map of one's own has one's own drag; a whole vehicle without a roll arm was written
         # before there were any, and stays what it was.
-        whole = data.keys() >= _WHOLE and "roll_arm" not in data
-        return (_BEFORE if whole else {"map_drag_area": None}) | data
+        if "map_acceleration" in data:
+            whole = data.keys() >= _WHOLE and "roll_arm" not in data
+            data = (_BEFORE if whole else {"map_drag_area": None}) | data
+        if "height" in data:  # a base's arm fits its own height
+            data = {"roll_arm": None} | data
+        return data
 
     @model_validator(mode="after")
     def _shapes(self) -> Vehicle:
