@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from functools import cache
+from functools import cache, reduce
 
 import pytest
 
@@ -70,16 +70,18 @@ def test_what_a_search_may_choose_leaves_as_c(word: str) -> None:
     """All settings at the lower and at the upper ends of the search, and each switch turned."""
     setting = exported(word).setting
     controller = setting.controller
-    low, high = controller, controller
+    choices = [controller, controller]
     for name, ends in controller.search.items():
-        low, high = (
+        choices = [
             replaced(each, name.split("."), end)
-            for each, end in zip((low, high), ends[:2], strict=True)
-        )
+            for each, end in zip(choices, ends[:2], strict=True)
+        ]
     switches = [name for name, value in controller if isinstance(value, bool)]
-    turned = [replaced(controller, [name], not getattr(controller, name)) for name in switches]
-    for each in (low, high, *turned):
-        translated(setting._replace(controller=each))
+    choices += [replaced(controller, [name], not getattr(controller, name)) for name in switches]
+    for chosen in choices:
+        table = entries(translated(setting._replace(controller=chosen)))
+        found = {one.name: one.value for one in table if one.name in controller.search}
+        assert found == {name: reduce(getattr, name.split("."), chosen) for name in found}
 
 
 def test_what_a_design_is_made_of_is_constant() -> None:
