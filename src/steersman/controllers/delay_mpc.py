@@ -117,7 +117,8 @@ class DelayMpc(ControllerComponent):
         self, state: DelayMpcState, observation: Observation
     ) -> tuple[float, Status, DelayMpcState]:
         """Normalised steering, unclipped."""
-        o, state = observation, self._watched(state, observation)
+        o = observation
+        state = self._watched(state, o)
         known = state.motion
         delay, motion = known.delay, pose(nearer(o, self.horizon * known.dt))
         kernel.through_delay(
