@@ -12,7 +12,7 @@ from steersman.columns import find
 from steersman.errors import ConfigError, DataError
 from steersman.kernels import speed as kernel
 from steersman.kernels.speed import SpeedTable
-from steersman.kernels.speed_profile import brake_ahead, curvatures, fastest
+from steersman.kernels.speed_profile import brake_ahead, curvatures, fastest, gain_ahead
 from steersman.logs.columns import SIGNALS
 from steersman.paths.points import COLUMNS as PATH_COLUMNS
 from steersman.protocols import Path
@@ -51,7 +51,10 @@ class RoadSpeed(NamedTuple):
 
 
 class Profile(NamedTuple):
-    """Longitudinal demand: a constant throttle, or speed over time and along the path."""
+    """Longitudinal demand: a constant throttle, or speed over time and along the path.
+
+    Where ``road`` is given, its engine limits the acceleration, and ``acceleration`` does not.
+    """
 
     throttle: float | None
     times: FloatArray
@@ -62,13 +65,17 @@ class Profile(NamedTuple):
     k_i: float = 0.0
     cap_scale: float = 1.0
     road: RoadSpeed | None = None
+    acceleration: float = math.inf
 
 
-def curvature_cap(path: Path, a_lat_max: float | None, deceleration: float) -> FloatArray:
+def curvature_cap(
+    path: Path, a_lat_max: float | None, deceleration: float, acceleration: float = math.inf
+) -> FloatArray:
     """Speed limits every metre along a path [m/s].
 
     At each place sqrt(a_lat_max / |kappa|), lowered ahead of corners so that braking with
-    ``deceleration`` [m/s^2] suffices. Empty without a limit.
+    ``deceleration`` [m/s^2] suffices, and behind them so that the car speeds up by at most
+    ``acceleration`` [m/s^2]. Empty without a limit.
     """
     if a_lat_max is None:
         return _NO_CAP
@@ -77,6 +84,7 @@ def curvature_cap(path: Path, a_lat_max: float | None, deceleration: float) -> F
     curvatures(path.table, 0, CAP_STEP, path.length, kappa)
     limit: FloatArray = np.sqrt(a_lat_max / np.maximum(np.abs(kappa), 1e-4))
     brake_ahead(path.table, 0, 2.0 * deceleration * CAP_STEP, limit)
+    gain_ahead(path.table, 0, 2.0 * acceleration * CAP_STEP, limit)
     return limit
 
 
@@ -88,7 +96,8 @@ def road_limits(path: Path, profile: Profile) -> tuple[FloatArray, float]:
     """
     road = profile.road
     if road is None:
-        return curvature_cap(path, profile.a_lat_max, profile.deceleration), CAP_STEP
+        limits = profile.a_lat_max, profile.deceleration, profile.acceleration
+        return curvature_cap(path, *limits), CAP_STEP
     count = max(math.ceil(path.length / CAP_STEP), 1)
     step = path.length / count * _LONGER
     places = np.arange(count + 1) * step

@@ -67,7 +67,9 @@ class SpeedTracking(SpeedComponent):
         None, "m/s^2", "Cap the speed at sqrt(a_lat_max R) over the path ahead; null: off.", gt=0
     )
     deceleration: float = param(2.0, "m/s^2", "Braking that the cap reckons with.", gt=0)
-
+    acceleration: float | None = param(
+        None, "m/s^2", "Speeding up behind bends; null: as fast as the engine can.", gt=0
+    )
     end: float | None = param(
         None, "m/s", "Speed to brake to at the end of an open path; null: it is not braked.", ge=0
     )
@@ -78,7 +80,10 @@ class SpeedTracking(SpeedComponent):
 
     def along(self) -> RoadSpeed | None:
         """What limits the speed along the path, beside the cap."""
-        return None if self.end is None else RoadSpeed(end=self.end)
+        return None if self.end is None else RoadSpeed(end=self.end, engine=self._gain())
+
+    def _gain(self) -> float:
+        return math.inf if self.acceleration is None else self.acceleration
 
     def profile(self) -> Profile:
         """The demand, as the kernels read it."""
@@ -87,7 +92,8 @@ class SpeedTracking(SpeedComponent):
     def demand(self, times: FloatArray, speeds: FloatArray) -> Profile:
         """The demand for speeds [m/s] at times [s]."""
         demand = Profile(None, times, speeds, self.a_lat_max, self.deceleration)
-        return demand._replace(k_p=self.k_p, k_i=self.k_i, road=self.along())
+        demand = demand._replace(k_p=self.k_p, k_i=self.k_i, acceleration=self._gain())
+        return demand._replace(road=self.along())
 
     def start_speed(self, path: Path, s: float) -> float:
         """Speed at which a run starts at arc length ``s`` [m/s]."""

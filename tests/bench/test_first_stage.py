@@ -18,7 +18,7 @@ LATER: dict[str, Any] = {
     "disturbances": [],
 }
 LATER_OF_SENSOR = {"latency": 0.0, "v_y_noise": None}
-LATER_OF_SPEED = {"end": None}
+LATER_OF_SPEED = {"end": None, "acceleration": None}
 LATER_OF_VEHICLE = {
     "map_drag_area": 0.33,
     "roll_arm": None,

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import steersman as sm
 from steersman.controllers import nmpc_plan
 from steersman.controllers.mpc_delay import MpcDelay
 from steersman.controllers.nmpc import Nmpc
@@ -15,6 +16,7 @@ from steersman.controllers.nmpc_plan import Limits, Nlp, improved, iterated, lin
 from steersman.disturbances import SensorBias
 from steersman.kernels import grip
 from steersman.kernels import vehicle as car
+from steersman.kernels.nmpc_model import N_WORK, move, steady_turn
 from steersman.paths.analytic import Circle, FigureEight, Straight
 from steersman.plants.simulator import SimulatorConfig
 from steersman.speed import ConstantSpeed
@@ -61,6 +63,32 @@ def test_the_gradient_is_the_one_of_finite_differences() -> None:
     assert step.linear == pytest.approx(numeric, rel=1e-5, abs=1e-7)
     assert np.linalg.eigvalsh(step.hessian).min() > 0.0
     assert np.array_equal(step.hessian, step.hessian.T)
+
+
+@pytest.mark.parametrize("kappa", [0.0, 0.005, -0.012, 0.017])
+@pytest.mark.parametrize("lacks", [(0.0, 0.0), (-0.5, 0.2)])
+def test_the_steady_turn_stays_as_it_is(kappa: float, lacks: tuple[float, float]) -> None:
+    """Also near the grip, up to 0.9 of the rear axle's: no term of the cost pulls it away."""
+    v, grips, lack = 20.0, np.array([9e3, 6e3]), np.array(lacks)
+    heading, angle = steady_turn(ROW, v, kappa, lack, grips)
+    z = np.array([0.0, heading, -v * math.tan(heading), v * kappa])
+    held, rest = z.copy(), (np.empty((4, 4)), np.empty(4), np.empty((N_WORK, 4)))
+    move(ROW, v, kappa * v / math.hypot(v, z[2]), lack, grips, angle, 1e-3, held, *rest)
+    assert held[1:] == pytest.approx(z[1:], abs=5e-5)
+    assert held[0] == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("estimator", [None, "kalman"])
+def test_a_turn_near_the_grip_is_held_from_its_first_moment(estimator: str | None) -> None:
+    """At 0.68 of it the plan once steered towards the heading error of tyres without a limit."""
+    found = sm.drive(
+        "tuned/nmpc",
+        path="circle",
+        speed={"kind": "constant_speed", "speed": 31.6},
+        estimator=estimator,
+        duration=4.0,
+    )
+    assert np.abs(found["lateral_error"]).max() < 0.02
 
 
 def test_iterations_find_the_least_cost() -> None:

@@ -45,6 +45,9 @@ class Disturbance(Settings):
     used_grip: float = param(
         0.6, "-", "Share of that friction which speeds ask for in bends.", gt=0, le=2
     )
+    used_along: float | None = param(
+        None, "-", "Share which speeding up behind bends asks for; null: what the engine has.", gt=0
+    )
     steer_rate: float = param(1.0, "-", "Factor on the steering actuator's rates.", gt=0)
     steer_bias: float = param(0.0, "rad", "Inner wheel angle at centred steering.")
     wind: float = param(0.0, "m/s", "Strongest gust of side wind.", ge=0)
@@ -115,7 +118,10 @@ class Disturbance(Settings):
             return speed
         cap = self.used_grip * self.friction * GRAVITY
         cap = cap if speed.a_lat_max is None else min(cap, speed.a_lat_max)
-        return speed.model_copy(update={"a_lat_max": cap})
+        changes = {"a_lat_max": cap}
+        if self.used_along is not None:
+            changes["acceleration"] = self.used_along * self.friction * GRAVITY
+        return speed.model_copy(update=changes)
 
     def _car(self, vehicle: Vehicle) -> Vehicle:
         figures: dict[str, float] = {}

@@ -61,6 +61,8 @@ def digest(scenario: Scenario) -> str:
     """Changes with the name and with everything in the run of a scenario but its controller."""
     plan = dump(scenario.run) or {}
     del plan["controller"]
+    if plan["speed"].get("acceleration", 0.0) is None:
+        del plan["speed"]["acceleration"]
     for name in ("lead", "fault", "disturbances", "estimator", "predictor"):
         if not plan[name]:
             del plan[name]
@@ -96,7 +98,7 @@ def measure(scenario: Scenario, entrant: Entrant, key: str = "") -> BenchRow:
         scenario=scenario.name,
         **{name: getattr(scenario, name) for name in FACTORS},
         applied=scenario.applied.figures(),
-        grip_share=demanded_grip(config),
+        grip_share=demanded_grip(config) if scenario.graded else None,
         dt_s=episode.dt,
         end=episode.end,
         driven_share=share,

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from steersman.bench.courses import Speeds, changing, constant, course, known_courses
 from steersman.bench.disturbance import Disturbance
+from steersman.bench.grip import burden
 from steersman.bench.maps import ALONE, Map, read_maps, with_maps
 from steersman.bench.standard import GENERATORS, core
 from steersman.bench.suite import CLEAN, Course, Suite
@@ -149,8 +150,9 @@ def _tracks(folders: ForeignFolders, notify: Callable[[str], None]) -> Iterator[
 
 def _profile(car: Vehicle, share: float) -> SpeedProfile:
     grip = share * car.friction * GRAVITY
+    along = grip / burden(car)
     brakes = _BRAKES * car.brake_force / car.mass
-    return SpeedProfile(a_lat_max=grip, deceleration=min(grip, brakes), acceleration=2.5)
+    return SpeedProfile(a_lat_max=grip, deceleration=min(along, brakes), acceleration=2.5)
 
 
 def _tum(folders: ForeignFolders, notify: Callable[[str], None]) -> Iterator[tuple[str, Course]]:

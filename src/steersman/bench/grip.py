@@ -10,6 +10,7 @@ from steersman.kernels import grip_demand as kernel
 from steersman.profiles import stack_profiles
 from steersman.rollout import RunConfig
 from steersman.run_length import goal
+from steersman.vehicles import Vehicle
 
 GripClass: TypeAlias = Literal["within 60 %", "60 to 90 %", "beyond"]
 BEYOND: GripClass = "beyond"
@@ -21,9 +22,9 @@ _STEP = 0.5
 def demanded_grip(run: RunConfig) -> float:
     """The largest share of grip that path and speeds of the run need [-].
 
-    Lateral and longitudinal demand together, see :mod:`steersman.kernels.grip_demand`, on a road
-    whose disturbances may change its friction on the way. Where it differs between left and right,
-    the car has the mean of both.
+    Of the axle that needs more, lateral and longitudinal together, see
+    :mod:`steersman.kernels.grip_demand`, on a road whose disturbances may change its friction on
+    the way. Where it differs between left and right, the car has the mean of both.
     """
     path, start = run.path, run.start.s
     places = np.arange(0.0, path.length, _STEP).tolist()
@@ -45,6 +46,16 @@ def demanded_grip(run: RunConfig) -> float:
             distance,
         )
     )
+
+
+def burden(car: Vehicle) -> float:
+    """The most that an axle drives or brakes of the car, over what it carries of the weight [-].
+
+    1 would be a car that uses the grip of both axles alike; one with rear drive has about 2.
+    """
+    on_front = car.l_r / (car.l_f + car.l_r)
+    shares = (car.drive_front, car.brake_front)
+    return max(max(one / on_front, (1.0 - one) / (1.0 - on_front)) for one in shares)
 
 
 def grip_class(share: float) -> GripClass:

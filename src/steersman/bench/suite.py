@@ -64,6 +64,8 @@ class Scenario(NamedTuple):
     """The benchmark's seed, from which everything random in ``run`` follows."""
     applied: Disturbance
     run: RunConfig
+    graded: bool = True
+    """Whether what it asks of the grip decides where it is counted."""
 
     @property
     def name(self) -> str:
@@ -91,6 +93,9 @@ class Suite(Settings):
     corridor: float = param(1.5, "m", "Half width of the corridor; leaving it ends a run.", gt=0)
     plant: Annotated[PlantComponent, Of("plant")] = param(
         SimulatorConfig(), "-", "Plant; scenarios that it cannot do are left out, and counted."
+    )
+    graded: bool = param(
+        True, "-", "Scenarios that ask an axle for more than 90 % of its grip are counted apart."
     )
     sample: int | None = param(
         None, "-", "So many scenarios of each disturbance, drawn from the seed; null: all.", ge=1
@@ -193,7 +198,8 @@ class Suite(Settings):
             predictor=self.predictor,
             seed=own,
         )
-        return Scenario(path, speed, disturbance, vehicle, seed, applied, applied.apply(run))
+        driven = applied.apply(run)
+        return Scenario(path, speed, disturbance, vehicle, seed, applied, driven, self.graded)
 
 
 def _redrawn(source: SpeedComponent, seed: int, *words: str) -> SpeedComponent:

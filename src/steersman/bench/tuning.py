@@ -2,7 +2,7 @@
 
 It holds every class of disturbance of the test suite at other values, on roads of a generator that
 neither tests nor trainings use. Each disturbance is met once, on one of the roads, and every road
-has two drives that slide: a trial of the search drives the whole suite.
+has two drives near its grip: a trial of the search drives the whole suite.
 """
 
 from __future__ import annotations
@@ -57,9 +57,10 @@ def disturbances() -> dict[str, Disturbance]:
         "oversteer": Disturbance(c_f=stiff, c_r=soft),
         "slow_actuator": Disturbance(steer_rate=0.35),
         "bias_0.7deg": Disturbance(steer_bias=math.radians(-0.7)),
-        "friction_0.8": Disturbance(friction=0.8, used_grip=0.65),
-        "friction_0.55": Disturbance(friction=0.55, used_grip=0.65),
-        "friction_0.9_fast": Disturbance(friction=0.9, used_grip=0.8),
+        "friction_0.8": Disturbance(friction=0.8, used_grip=0.65, used_along=0.25),
+        "friction_0.55": Disturbance(friction=0.55, used_grip=0.65, used_along=0.35),
+        "friction_0.8_floored": Disturbance(friction=0.8, used_grip=0.65),
+        "friction_0.9_fast": Disturbance(friction=0.9, used_grip=0.8, used_along=0.25),
         "side_wind": Disturbance(wind=15.0),
         "pose_noise": Disturbance(position_noise=0.04, heading_noise=math.radians(0.4)),
         "speed_noise": Disturbance(speed_noise=0.15, yaw_rate_noise=0.008),
@@ -78,15 +79,17 @@ def disturbances() -> dict[str, Disturbance]:
         "dropouts": Disturbance(disturbances=(Dropouts(share=0.06),)),
         "beside": Disturbance(start_offset=-0.4),
         "turned": Disturbance(start_offset=0.25, start_heading=-0.07),
-        "wet_patches": Disturbance(friction=0.95, used_grip=0.4, disturbances=(wet,)),
-        "icy_edge": Disturbance(friction=0.95, used_grip=0.4, disturbances=(edge,)),
+        "wet_patches": Disturbance(
+            friction=0.95, used_grip=0.4, used_along=0.2, disturbances=(wet,)
+        ),
+        "icy_edge": Disturbance(friction=0.95, used_grip=0.4, used_along=0.2, disturbances=(edge,)),
     }
 
 
-# On the way out of a bend the wheels' drive takes what grip the bend leaves, and the car slides.
-_SLIDES = {
-    "friction_0.75_fast": Disturbance(friction=0.75, used_grip=0.76),
-    "friction_0.65_fast": Disturbance(friction=0.65, used_grip=0.7),
+# Little grip is left: an axle uses up to 87 % of its own.
+_FAST = {
+    "friction_0.75_fast": Disturbance(friction=0.75, used_grip=0.76, used_along=0.35),
+    "friction_0.65_fast": Disturbance(friction=0.65, used_grip=0.7, used_along=0.35),
 }
 
 
@@ -100,13 +103,13 @@ def tuning() -> Suite:
         steady, more = names[k :: 2 * _ROADS], names[k + _ROADS :: 2 * _ROADS]
         speeds: Speeds = {"steady": constant(14.0), "changing": changing(23.0)}
         only = {"steady": (CLEAN, *steady), "changing": (CLEAN, *more)}
-        only["changing"] += tuple(_SLIDES)
+        only["changing"] += tuple(_FAST)
         if k < len(_STOPPING):
             speeds["stop_and_go"] = StopAndGo(speed=7.0, hold=6.0, a_lat_max=5.0)
             only["stop_and_go"] = _STOPPING[k]
         road = HarmonicRoad(seed=k, distance=_LENGTH)
         courses[f"harmonic_{k}"] = Course(path=road, speeds=speeds, only=only)
-    single = {CLEAN: Disturbance(), **known, **_SLIDES}
+    single = {CLEAN: Disturbance(), **known, **_FAST}
     return Suite(courses=courses, disturbances=single, mixed=mixed)
 
 

@@ -19,7 +19,7 @@ from steersman.controllers.mpc_delay_plan import Tables, Weights, largest_step
 from steersman.controllers.quadratic import optimum
 from steersman.kernels import mpc_delay as delay_kernel
 from steersman.kernels import nmpc as kernel
-from steersman.kernels.nmpc_model import N_STATES, SLOWEST
+from steersman.kernels.nmpc_model import N_STATES, SLOWEST, steady_turn
 from steersman.types import FloatArray, Observation
 
 # Time over which an acceleration that is measured goes on [s].
@@ -110,27 +110,28 @@ def problem(
         kappa: curvature at which it was to act [1/m].
     """
     o, vehicle, dt, v = observation, known.vehicle, known.dt, ahead.v
-    model, n = tables.at(v), tables.horizon
+    n = tables.horizon
     goes_on = -np.expm1(-dt / _SURGE * np.arange(n + 1))
     speeds = np.maximum(v + known.acceleration * _SURGE * goes_on, SLOWEST)
     road, start = np.empty(n + 1), float(ahead.motion[delay_kernel.WAY])
     delay_kernel.road_at(o.preview, o.spacing, o.curvature, start, speeds, dt, road)
     lacks = np.array(known.disturbance)
-    lean, hold = (model.steady[:, 1:] @ lacks).tolist()
-    bend, turn = model.steady[:, 0].tolist()
+    row, headings, angles = vehicle.table.rows[0], np.empty(n + 1), np.empty(n)
+    kernel.steady_turns(row, speeds, road, lacks, known.grips, headings, angles)
+    _, held = steady_turn(row, max(v, SLOWEST), kappa, lacks, known.grips)
     nlp = Nlp(
-        vehicle.table.rows[0],
+        row,
         speeds,
         road,
-        bend * road + lean,
-        turn * road[:-1] + hold,
+        headings,
+        angles,
         lacks,
         known.grips,
         _diagonal(weights),
         weights.change,
-        model.terminal,
+        tables.at(v).terminal,
         np.ascontiguousarray(ahead.motion[:N_STATES]),
-        last - turn * kappa - hold,
+        last - held,
         delay_kernel.wheel_angle(vehicle.table, 1.0, v),
         dt,
     )

@@ -257,7 +257,7 @@ def begin(
         cov[D, D], cov[HEADING, HEADING] = _FIRST[0] * _FIRST[0], _FIRST[1] * _FIRST[1]
         for i in range(4):
             cov[VX + i, VX + i] = _FIRST_MOTION[i] * _FIRST_MOTION[i]
-        cov[LACK_Y, LACK_Y] = cov[LACK_RATE, LACK_RATE] = 0.01
+        cov[LACK_Y, LACK_Y], cov[LACK_RATE, LACK_RATE] = 4.0, 1.0
         cov[BIAS_VY, BIAS_VY] = settings[SD_VY] * settings[SD_VY]
         cov[BIAS_RATE, BIAS_RATE] = settings[SD_RATE] * settings[SD_RATE]
         cov[SCALE, SCALE] = settings[SD_SCALE] * settings[SD_SCALE]

@@ -91,17 +91,24 @@ def force_slope(stiffness: float, slip: float, grip: float) -> float:
 
 
 @kernel
+def slip_for_force(stiffness: float, force: float, grip: float) -> float:
+    """Slip angle [rad] at which an axle has a side force [N], or nearly all of its ``grip`` [N].
+
+    The brush tyre's force is grip (1 - (1 - z)^3) at the slip 3 grip z / stiffness.
+    """
+    left = max(1.0 - abs(force) / (grip + 1e-9), _LEFT)
+    z = 1.0 - left ** (1.0 / 3.0)
+    return float(math.copysign(3.0 * grip * z / stiffness, force))
+
+
+@kernel
 def angle_for_linear(row: FloatArray, grip: float, points: float, angle: float) -> float:
     """Wheel angle [rad] with the front force that ``angle`` has on tyres without a limit.
 
-    Where that is beyond the front axle's ``grip`` [N], the angle with nearly all of it. The brush
-    tyre's force is grip (1 - (1 - z)^3) at the slip 3 grip z / stiffness. ``points`` is the
-    direction in which the front axle moves [rad].
+    Where that is beyond the front axle's ``grip`` [N], the angle with nearly all of it.
+    ``points`` is the direction in which the front axle moves [rad].
     """
-    linear = row[C_F] * (angle - points)
-    left = max(1.0 - abs(linear) / (grip + 1e-9), _LEFT)
-    z = 1.0 - left ** (1.0 / 3.0)
-    return float(points + math.copysign(3.0 * grip * z / row[C_F], linear))
+    return points + slip_for_force(row[C_F], row[C_F] * (angle - points), grip)
 
 
 @kernel

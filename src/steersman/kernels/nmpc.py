@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from steersman.kernels.compiled import kernel
-from steersman.kernels.nmpc_model import N_STATES, errors, move
+from steersman.kernels.nmpc_model import N_STATES, errors, move, steady_turn
 from steersman.kernels.nmpc_model import N_WORK as MOVE_WORK
 from steersman.kernels.vehicle import C_F, L_F
 from steersman.types import FloatArray
@@ -19,6 +19,24 @@ from steersman.types import FloatArray
 N_TERMS = N_STATES + 1
 # Rows of scratch that ``condense`` needs.
 N_WORK = 4 + 3 * N_STATES + 2 * N_TERMS + MOVE_WORK
+
+
+@kernel
+def steady_turns(
+    row: FloatArray,
+    speeds: FloatArray,
+    road: FloatArray,
+    lacks: FloatArray,
+    grips: FloatArray,
+    headings: FloatArray,
+    angles: FloatArray,
+) -> None:
+    """Heading errors (N + 1,) and wheel angles (N,) [rad] of the steady turns along a road; out."""
+    for k in range(road.shape[0]):
+        heading, angle = steady_turn(row, speeds[k], road[k], lacks, grips)
+        headings[k] = heading
+        if k < angles.shape[0]:
+            angles[k] = angle
 
 
 @kernel

@@ -4,6 +4,7 @@ Errors along the road and a single track as in ``kernels.mpc_delay``; wheel angl
 road's curvature are held over the period. The wheel angle is that of a front tyre without a limit
 (``grip.angle_for_linear`` has the real one): its force is linear up to the grip, so that
 Gauss-Newton steps neither overshoot nor stall where the tyre slides. The rear is a brush tyre.
+The steady turn is Rajamani's (Vehicle Dynamics and Control, 2nd ed., sec. 3.3) with these tyres.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 import math
 
 from steersman.kernels.compiled import kernel
-from steersman.kernels.grip import force_slope
+from steersman.kernels.grip import force_slope, slip_for_force
 from steersman.kernels.tyre import side_force
 from steersman.kernels.vehicle import C_F, C_R, INERTIA, L_F, L_R, MASS
 from steersman.types import FloatArray
@@ -28,6 +29,26 @@ _SUBSTEP = 0.0125
 _NEAREST = 0.2
 # A sliding tyre counts as a little stiff, lest a plan sees no way back [share of its stiffness].
 _LEAST_SLOPE = 0.05
+# A steady turn takes at most this share of an axle's grip: beyond it there is none.
+_MOST_GRIP = 0.98
+
+
+@kernel
+def steady_turn(
+    row: FloatArray, v: float, kappa: float, lacks: FloatArray, grips: FloatArray
+) -> tuple[float, float]:
+    """Heading error and wheel angle [rad] of the steady turn on the path of curvature ``kappa``.
+
+    ``lacks`` are the accelerations that the model lacks, (2,) [m/s^2], [rad/s^2]; ``grips`` the
+    largest side forces of both axles (2,) [N].
+    """
+    l_f, l_r, rate = row[L_F], row[L_R], v * kappa
+    force, moment = row[MASS] * (v * rate - lacks[0]), row[INERTIA] * lacks[1]
+    most_f, most_r = _MOST_GRIP * grips[0], _MOST_GRIP * grips[1]
+    front = min(max((l_r * force - moment) / (l_f + l_r), -most_f), most_f)
+    rear = min(max((l_f * force + moment) / (l_f + l_r), -most_r), most_r)
+    v_y = l_r * rate - v * slip_for_force(row[C_R], rear, grips[1])
+    return -math.atan(v_y / v), front / row[C_F] + (v_y + l_f * rate) / v
 
 
 @kernel

@@ -128,6 +128,20 @@ def fastest(
 
 
 @kernel
+def gain_ahead(table: PathTable, p: int, reach: float, limit: FloatArray) -> None:
+    """Lower speed limits along path ``p`` so that they rise as fast as the car may, in place.
+
+    Arguments as of :func:`brake_ahead`; ``reach`` is what the square of the speed gains.
+    """
+    closed = table.meta[p, CLOSED] > 0.0
+    for _ in range(2 if closed else 1):
+        for i in range(1, limit.shape[0]):
+            limit[i] = min(limit[i], math.sqrt(limit[i - 1] ** 2 + reach))
+        if closed:
+            limit[0] = min(limit[0], limit[-1])
+
+
+@kernel
 def curvatures(table: PathTable, p: int, step: float, end: float, kappa: FloatArray) -> None:
     """Fill ``kappa`` [1/m] with the curvature of path ``p`` every ``step`` [m].
 
