@@ -14,7 +14,9 @@ from steersman.errors import DataError
 from steersman.kernels import vehicle as kernel
 from steersman.kernels.path import PathTable
 from steersman.kernels.steady_turn import steady_turn
+from steersman.paths.analytic import FigureEight
 from steersman.paths.base import PathComponent
+from steersman.paths.generated import HarmonicRoad
 from steersman.paths.segments import Segment, from_segments
 from steersman.plants.simulator import SimulatorConfig
 from steersman.profiles import Profile, curvature_cap, read_profile, stack_profiles
@@ -125,6 +127,26 @@ def test_cap_ahead_of_one_corner() -> None:
     assert limit[100:] == pytest.approx(10.0)
     for before in (1, 10, 50):
         assert limit[100 - before] == pytest.approx(math.sqrt(100.0 + 2.0 * 3.0 * before))
+
+
+@pytest.mark.parametrize("path", [CIRCUIT, FigureEight(), HarmonicRoad(seed=3, distance=200.0)])
+@pytest.mark.parametrize("most", [0.5, 2.0])
+def test_behind_corners_the_cap_rises_as_gently_as_asked(path: PathComponent, most: float) -> None:
+    """Nowhere faster than without, and as slow as needed only: bends have their speed."""
+    free, gentle = curvature_cap(path, 4.0, 2.0), curvature_cap(path, 4.0, 2.0, most)
+    assert np.diff(gentle**2).max() <= 2.0 * most + 1e-9
+    assert (gentle <= free).all()
+    assert gentle.min() == pytest.approx(free.min())
+    if path.closed:
+        assert gentle[0] <= gentle[-1] + 1e-9
+
+
+@pytest.mark.parametrize("end", [None, 0.0])
+def test_a_car_speeds_up_as_gently_as_asked(end: float | None) -> None:
+    speed = ConstantSpeed(speed=15.0, a_lat_max=3.0, acceleration=1.0, end=end)
+    road = HarmonicRoad(seed=3, distance=200.0)
+    limit = stack_profiles([speed.profile()], [road]).cap
+    assert np.diff(limit**2).max() <= 2.0 + 1e-6
 
 
 # ------------------------------------------------------------------------------ closed loop
