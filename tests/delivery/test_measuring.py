@@ -1,4 +1,4 @@
-"""What an exported controller costs on a Cortex-M4F stands in its card, and tells what is absent."""
+"""What an exported controller costs on a Cortex-M4F stands in its card; what is absent is told."""
 
 from __future__ import annotations
 
