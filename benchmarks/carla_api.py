@@ -1,8 +1,10 @@
 """CARLA's own smoke tests, examples and tools, run against the stand-in: which of them pass.
 
-    python benchmarks/carla_api.py CHECKOUT [--towns DIR] [--only NAME ...] [--out FILE.json]
+    python benchmarks/carla_api.py CHECKOUT [--source TEXT] [--towns DIR] [--only NAME ...]
+                                   [--out FILE.json]
 
-With ``--only``, FILE.json keeps its rows of the other programs.
+TEXT says in FILE.json where the programs come from. With ``--only``, FILE.json keeps its rows of
+the other programs.
 
 CHECKOUT is one of CARLA 0.9.16, or its folder PythonAPI; none of it is part of this project, and
 none of its files is changed. Each program runs in a process of its own, in an empty folder, against
@@ -246,12 +248,14 @@ def main() -> None:
     """Run them, print the table, write the record."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("checkout", type=Path)
+    parser.add_argument("--source", default="")
     parser.add_argument("--towns", type=Path)
     parser.add_argument("--only", nargs="*", default=[])
     parser.add_argument("--out", type=Path)
     given = parser.parse_args()
     found = run(given.checkout, given.towns, given.only)
-    found |= {"commits": [provenance()["commit"]], "versions": provenance()["versions"]}
+    found |= {"source": given.source, "commits": [provenance()["commit"]]}
+    found |= {"versions": provenance()["versions"]}
     if given.out is not None:
         if given.only and given.out.exists():
             old = json.loads(given.out.read_text(encoding="utf-8"))

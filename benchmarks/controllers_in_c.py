@@ -7,7 +7,8 @@
 Each is compiled by gcc and clang, those that there are, with -O2 and -O3, in double, in float, and
 in double between floats (mixed), and answers drawn observations, extremes and NaN among them, 30 to
 a drive; the largest distance of its steering from Python's and the number of other statuses are
-recorded, and the largest number of steps of a quadratic program. The first 5000 run under the
+recorded, and the largest number of steps of a quadratic program, here and in drives of the suite
+``standard`` (sample=8). The first 5000 run under the
 sanitisers, too. A drive in which the C code steers, with a tenth of the observations lost, is
 compared with Python's drive, in each precision. For a Cortex-M4F, if arm-none-eabi-gcc and
 qemu-system-arm are there: ROM, RAM, stack, and instructions a step, counted by qemu.
@@ -36,6 +37,7 @@ from steersman.delivery.compiled import CompiledController
 from steersman.delivery.controller import Setting
 from steersman.delivery.controller_package import write_controller
 from steersman.delivery.controller_text import TOLERANCE
+from steersman.delivery.measuring import cortex_m4, missing, programs_of
 from steersman.delivery.observations import Row, drawn, observations, single, with_gaps, with_wishes
 from steersman.delivery.vector_text import answers, counted_steps
 from steersman.episode import Episode
@@ -73,11 +75,6 @@ SANITISED = 5000
 SANITISERS = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-pedantic", "-Wshadow")
 PORTABLE = "-ffp-contract=off"
-M4 = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16", "-O2")
-QEMU = (
-    "-M", "mps2-an386", "-nographic", "-icount", "shift=0",
-    "-semihosting-config", "enable=on,target=native",
-)  # fmt: skip
 
 
 def untrained(preset: str, folder: Path) -> Path:
@@ -254,31 +251,6 @@ def microseconds(code: CompiledController, setting: Setting) -> dict[str, float]
     return {"c": found["c"] - found["call"], "python": found["python"]}
 
 
-def cortex_m4(setting: Setting, folder: Path) -> dict[str, int] | None:
-    """On a Cortex-M4F under QEMU, in float: sizes [bytes], instructions a step, parity; if there.
-
-    Instructions are the mean over 200 steps of a drive; ``steering_e9`` is 1e9 times the largest
-    distance of the steering from Python's.
-    """
-    if not all(map(shutil.which, ("arm-none-eabi-gcc", "qemu-system-arm"))):
-        return None
-    here, name = Path(__file__).parent / "cortex_m4", setting.prefix.removeprefix("steersman_")
-    text = (here / "main.c.in").read_text(encoding="ascii")
-    text = text.replace("@NAME@", name).replace("@PREFIX@", setting.prefix)
-    write_text(folder / "main.c", text)
-
-    def call(*words: str) -> str:
-        done = subprocess.run(words, check=True, cwd=folder, capture_output=True, text=True)
-        return done.stdout + done.stderr  # QEMU writes what the program says to the latter
-
-    script = ("-nostartfiles", "-T", str(here / "mps2.ld"))
-    call("arm-none-eabi-gcc", *M4, *STRICT, PORTABLE, "-c", f"{setting.prefix}.c", "-o", "code.o")
-    rom = int(call("arm-none-eabi-size", "code.o").splitlines()[1].split()[0])
-    call("arm-none-eabi-gcc", *M4, *script, "main.c", "code.o", "-lm", "-o", "m4")
-    said = call("qemu-system-arm", *QEMU, "-kernel", "m4")
-    return {"rom": rom} | {k: int(v) for k, v in (line.split() for line in said.splitlines())}
-
-
 def measured(
     named: str, count: int, builds: Mapping[str, Sequence[str]], made: Path
 ) -> dict[str, Any]:
@@ -294,6 +266,7 @@ def measured(
     found: dict[str, Any] = {}
     if of.steps:
         found["qp"] = {"programs": len(of.steps), "steps": max(of.steps), "bound": MOST_STEPS}
+        found["qp_in_benchmark"] = programs_of(double)
     for name in builds:
         setting = double._replace(precision=name)
         with tempfile.TemporaryDirectory() as scratch:
@@ -310,14 +283,14 @@ def measured(
             if name == "double" and "gcc -O2" in builds[name]:
                 figures["sanitised"] = sanitised(setting, folder, of)._asdict()
             else:
-                figures["cortex_m4"] = cortex_m4(setting, folder)
+                figures["cortex_m4"] = None if missing() else cortex_m4(setting, folder, *STRICT)
         found[name] = figures
     return found
 
 
 COSTS = (
     "size and time", "lines", "ROM [B]", "RAM [B]", "stack [B]", "instructions a step",
-    "us here: C, Python", "QP steps",
+    "us here: C, Python", "QP steps: drawn, benchmark", "their bound",
 )  # fmt: skip
 _OF_EACH = ("largest", "beyond", "statuses", "in a drive")
 PARITY = (
@@ -343,27 +316,29 @@ def _table(
 
 def _costs(of: dict[str, Any]) -> list[Any]:
     """Sizes and instructions on the Cortex-M4F in float, mixed; times here in double."""
-    m4 = [of[k].get("cortex_m4") or {} for k in ("single", "mixed")]
+    m4 = [of.get(k, {}).get("cortex_m4") or {} for k in ("single", "mixed")]
     sizes = [
         ", ".join(str(each.get(what, "-")) for each in m4)
         for what in ("rom", "ram", "stack", "instructions")
     ]
-    us, qp = of["double"]["us"], of.get("qp")
-    steps = f"{qp['steps']} of {qp['bound']}" if qp else "-"
-    return [of["double"]["lines"], *sizes, f"{us['c']:.1f}, {us['python']:.0f}", steps]
+    us, drawn, driven = of["double"]["us"], of.get("qp"), of.get("qp_in_benchmark")
+    steps = f"{drawn['steps']}, {driven['largest'] if driven else '-'}" if drawn else "-"
+    bound = drawn["bound"] if drawn else "-"
+    return [of["double"]["lines"], *sizes, f"{us['c']:.1f}, {us['python']:.0f}", steps, bound]
 
 
 def _distances(of: dict[str, Any]) -> list[Any]:
     """Of the worst build of each precision."""
-    out: list[Any] = []
+    out: list[Any] = [of["double"]["gcc -O2"]["observations"]]
     for k in BOUND:
-        builds = [each for name, each in of[k].items() if "-O" in name]
-        out = out or [builds[0]["observations"]]
-        worst = (
+        builds = [each for name, each in of.get(k, {}).items() if "-O" in name]
+        if not builds:
+            out += ["-"] * len(_OF_EACH)
+            continue
+        away, *counts = (
             max(each[what] for each in builds) for what in ("steering", "beyond", "other_statuses")
         )
         drive = next(each["drive"] for each in builds if "drive" in each)
-        away, *counts = worst
         out += [f"{away:.1e}", *counts, f"{drive:.1e}"]
     return out
 
@@ -380,11 +355,15 @@ def main() -> None:
         name: [each for each in those if shutil.which(each.split()[0])]
         for name, those in BUILDS.items()
     }
-    found = {}
+    found, failed = {}, list[str]()
     count, wanted = arguments.count, arguments.controllers
     with tempfile.TemporaryDirectory() as scratch, ProcessPoolExecutor(arguments.jobs) as pool:
         jobs = {pool.submit(measured, each, count, builds, Path(scratch)): each for each in wanted}
         for job in as_completed(jobs):
+            if (fault := job.exception()) is not None:
+                failed.append(jobs[job])
+                print(jobs[job], repr(fault), flush=True)  # noqa: T201 - its output
+                continue
             found[jobs[job]] = job.result()
             print(jobs[job], json.dumps(job.result()), flush=True)  # noqa: T201 - its output
             if arguments.out is not None:  # what is measured is kept, whatever comes after it
@@ -392,6 +371,7 @@ def main() -> None:
                 record = {"builds": builds, "controllers": rows, **provenance()}
                 write_text(arguments.out / "controllers.json", json.dumps(record, indent=1) + "\n")
                 write_text(arguments.out / "table.md", tables(rows))
+    raise SystemExit(f"failed: {', '.join(failed)}" if failed else 0)
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import io
 import json
 import zipfile
@@ -123,6 +124,8 @@ def targets(place: Path) -> dict[str, Target]:
         "metrics": Target(".json", [b'{"a": 1.5, "b": [1, {"c": null}]}'], _metrics),
         "wire": Target(".bin", [_request(), _request("apply_batch", [[1, [2, None]]] * 3)], _wire),
     }
+    if importlib.util.find_spec("lanelet2") is not None:
+        found["lanelet2"] = Target(".osm", [_lanelets(local) for local in (False, True)], _osm)
     found["calls"] = Target(".bin", [_request(*each) for each in _CALLS], _calls)
     found["results"] = Target(".json", [shipped.read_bytes()], BenchResult.read)
     try:
@@ -130,12 +133,62 @@ def targets(place: Path) -> dict[str, Target]:
     except ImportError:
         return found
     write_episode(place / "a.mcap", episode, CarlaModel3().table)
-    found["recording"] = Target(".mcap", [(place / "a.mcap").read_bytes()], read_episode)
+    recording = (place / "a.mcap").read_bytes()
+    found["recording"] = Target(".mcap", [recording], read_episode)
+    found["line"] = Target(".mcap", [recording], _path("mcap"))
+    found["sqlite"] = Target(".db3", [_sqlite(recording, place)], _path("mcap"))
     return found
+
+
+def _sqlite(recording: bytes, place: Path) -> bytes:
+    """The Odometry of a recording, in an SQLite file."""
+    from mcap.reader import make_reader
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    from steersman.logs import schemas
+
+    folder = place / "bag"
+    with Writer(folder, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        kind = schemas.ODOMETRY_TYPE
+        connection = writer.add_connection("/odometry", kind, typestore=schemas.typestore())
+        for schema, _, message in make_reader(io.BytesIO(recording)).iter_messages():
+            if schema is not None and schema.name == kind:
+                writer.write(connection, message.log_time, message.data)
+    [file] = folder.glob("*.db3")
+    return file.read_bytes()
 
 
 def _path(kind: str) -> Callable[[Path], object]:
     return lambda file: resolve("path", {"kind": kind, "file": str(file)}).length
+
+
+def _lanelets(local: bool) -> bytes:
+    """A map of two lanelets, one behind the other."""
+    nodes, ways, relations = "", "", ""
+    for k in range(6):
+        for side in range(2):
+            x, y = 10.0 * k, 3.0 * side
+            tags = f'<tag k="local_x" v="{x}"/><tag k="local_y" v="{y}"/>' * local
+            place = f'lat="{48.1 + y / 111e3:.8f}" lon="{11.5 + x / 74e3:.8f}"'
+            nodes += f'<node id="{10 + 2 * k + side}" {place}>{tags}</node>'
+    for way, (side, first) in enumerate((side, first) for first in (0, 3) for side in (0, 1)):
+        refs = "".join(
+            f'<nd ref="{10 + 2 * k + side}"/>' for k in range(first, first + 3 + (not first))
+        )
+        ways += f'<way id="{100 + way}">{refs}<tag k="type" v="line_thin"/></way>'
+    for name, (right, left) in {11: (100, 101), 12: (102, 103)}.items():
+        sides = "".join(
+            f'<member type="way" ref="{way}" role="{role}"/>'
+            for way, role in ((left, "left"), (right, "right"))
+        )
+        kinds = {"type": "lanelet", "subtype": "road", "location": "urban", "one_way": "yes"}
+        tags = "".join(f'<tag k="{key}" v="{value}"/>' for key, value in kinds.items())
+        relations += f'<relation id="{name}">{sides}{tags}</relation>'
+    return f'<?xml version="1.0"?><osm version="0.6">{nodes}{ways}{relations}</osm>'.encode()
+
+
+def _osm(file: Path) -> object:
+    return resolve("path", {"kind": "lanelet2", "file": str(file), "route": [11, 12]}).length
 
 
 def _speed(file: Path) -> object:

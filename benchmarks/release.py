@@ -45,7 +45,7 @@ EACH = (
     "steersman drive precision duration=5",
 )
 WITH_EXTRAS = (
-    "steersman report first",
+    "steersman report first --out first.html",
     "steersman export precision --to c --out policy",
     f"python -c {NOTEBOOK}",
 )

@@ -2,6 +2,8 @@
 
     python benchmarks/soak.py [--minutes 60] [--kills 100] [--seed 0] [--out results/soak]
 
+A part that is given 0 is left out; each has its record.
+
 Memory: a training, benchmarks one after another in one process, a CARLA stand-in with clients
 that come and go, and a drive of ten hours run side by side for that time, the drive to its end.
 The resident memory of each (with its workers) is read twice a second. A job is flat if the median
@@ -31,7 +33,7 @@ import time
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -170,31 +172,35 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=Path("results/soak"))
     words = parser.parse_args()
-    made = {"minutes": words.minutes, "seed": words.seed, **provenance()}
-    record: dict[str, Any] = {"made": made}
+    made = {"minutes": words.minutes, "kills": words.kills, "seed": words.seed, **provenance()}
+    rows = defaultdict[str, list[Row]](list)
     rng = np.random.default_rng(words.seed)
     share = -(-words.kills // len(COMMANDS))
     found: queue.Queue[tuple[str, Row | None]] = queue.Queue()
-    held, left = True, 2
+    held = True
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for file, text in (("small", SMALL), ("copied", COPIED), ("suite", SUITE)):
             (folder / f"{file}.yaml").write_text(text)
-        killing = (kills(command, folder, share, rng) for command in COMMANDS if share)
-        watching = watched(begun(folder), 60.0 * words.minutes)
-        for part, rows in (("kills", killing), ("memory", watching)):
-            record[part] = list[Row]()
-            threading.Thread(target=told, args=(found, part, rows), daemon=True).start()
+        parts: dict[str, Iterator[Row]] = {}
+        if share:
+            parts["kills"] = (kills(command, folder, share, rng) for command in COMMANDS)
+        if words.minutes:
+            parts["memory"] = watched(begun(folder), 60.0 * words.minutes)
+        for each in parts.items():
+            threading.Thread(target=told, args=(found, *each), daemon=True).start()
+        left = len(parts)
         while left:
             part, row = found.get()
             if row is None:
                 left -= 1
                 continue
-            record[part].append(row)
+            rows[part].append(row)
             held &= bool(row["held"])
             sys.stdout.write(json.dumps(row) + "\n")
             sys.stdout.flush()
-            write_text(words.out / "soak.json", json.dumps(record, indent=1) + "\n")
+            record = json.dumps({"made": made, "rows": rows[part]}, indent=1)
+            write_text(words.out / f"{part}.json", record + "\n")
     raise SystemExit(not held)
 
 

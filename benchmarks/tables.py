@@ -26,7 +26,7 @@ FOREIGN = "results/foreign/results.json"
 MARKED = re.compile(rf"(<!-- (?:{RECORD}|{FOREIGN}) -->\n)((?:\|.*\n?)+)(?<!\n)")
 COPIED = re.compile(r"(<!-- (results/\S+\.md) -->\n)((?:\|.*\n?)+)(?<!\n)")
 PAGES = ("README.md", "docs/bench.md")
-COPIES = ("docs/node.md",)
+COPIES = ("docs/export.md", "docs/node.md")
 FOUR_DIGITS = 1000.0
 
 

@@ -228,7 +228,8 @@ def _execute(calls: Dispatcher, command: Any, subject: int | None) -> list[Any]:
         case [[int() as kind, [actor, *_]]] if kind in _WITHOUT_EFFECT:
             return [[1, actor if subject is None else subject]]
         case [[int() as kind, _]]:
-            return [[0, [f"stand-in: command {kind} of a batch is not implemented"]]]
+            what = f"command {kind} of a batch"
+            return [[0, [calls.left_out(what, answered=subject is None)]]]
     return [[0, ["stand-in: not a command of a batch"]]]
 
 

@@ -58,7 +58,7 @@ def _car(model: VehicleBlueprint) -> list[list[Any]]:
         _given("object_type", _STRING, ""),
         _given("base_type", _STRING, model.base),
         _given("special_type", _STRING, model.special),
-        _given("number_of_wheels", _INT, "4"),
+        _given("number_of_wheels", _INT, str(model.wheels)),
         _given("generation", _INT, str(model.generation)),
         _given("has_dynamic_doors", _BOOL, fittings),
         _given("has_lights", _BOOL, fittings),

@@ -29,15 +29,20 @@ _NOTHING_ELSEWHERE = frozenset(
         "unload_map_layer",
     }
 )
-# Calls about what is not here, so that they change nothing: street lights, doors, drawings.
+# Calls that change nothing that a client could ask for: street and traffic lights, of which there
+# are none, and what is only looked at, doors, drawings and how pictures are made.
 _WITHOUT_EFFECT = frozenset(
     {
+        "clear_debug_shape",
+        "clear_debug_string",
         "close_vehicle_door",
         "draw_debug_shape",
         "freeze_all_traffic_lights",
         "open_vehicle_door",
         "reset_all_traffic_lights",
+        "set_annotations_traverse_translucency",
         "show_vehicle_debug_telemetry",
+        "update_day_night_cycle",
         "update_lights_state",
     }
 )
@@ -89,13 +94,20 @@ class Dispatcher:
         self.atlas = atlas
         self._port = stream_port
         self.streams = streams
+        self.untold = ""
+        """What of the last call is not implemented, and in no answer that the client reads."""
+        self._awaited = True
 
-    def answer(self, name: str, arguments: list[Any], owed: str = "") -> Any:
+    def answer(
+        self, name: str, arguments: list[Any], owed: str = "", *, awaited: bool = True
+    ) -> Any:
         """The result of a call; whatever is wrong with it becomes the error that is answered.
 
         ``owed`` is an earlier error of the client, which it gets instead: the call is not made.
+        ``awaited``: the client reads the answer.
         """
         known = _answers.get(name)
+        self.untold, self._awaited = "" if awaited else self.unanswered(name), awaited
         if known is not None and owed:
             return failure(owed, known[0])
         if known is None:
@@ -121,6 +133,13 @@ class Dispatcher:
         if name in _answers or name in _WITHOUT_EFFECT:
             return ""
         return f"stand-in: {name!r} is not implemented; docs/carla_standin.md lists what is"
+
+    def left_out(self, what: str, *, answered: bool) -> str:
+        """The error of a part of a call; ``answered``: the call's answer has it."""
+        text = f"stand-in: {what} is not implemented"
+        if not (answered and self._awaited):
+            self.untold = self.untold or text
+        return text
 
     def execute(self, name: str, arguments: list[Any]) -> str:
         """Make a call as part of a batch; what went wrong, or nothing."""

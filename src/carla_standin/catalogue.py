@@ -31,6 +31,16 @@ class VehicleBlueprint(NamedTuple):
     """Whether it has lights and doors there; here it has neither."""
     base: str = "car"
     """Base type there."""
+    wheels: int = 4
+    """Their number there; behind a name with two drives a car that is as narrow as that."""
+
+    @property
+    def extent(self) -> tuple[float, float, float]:
+        """Half of its box: along, across, up [m]."""
+        length, width = self.vehicle.body_length, self.vehicle.width
+        if self.wheels == _TWO:
+            length, width = _RIDER
+        return 0.5 * length, 0.5 * width, 0.5 * self.height
 
 
 class _Named(NamedTuple):
@@ -40,8 +50,14 @@ class _Named(NamedTuple):
     generation: int
     special: str = ""
     base: str = "car"
+    wheels: int = 4
 
 
+_TWO = 2
+# Length and width of those with two wheels [m], and their height with a rider: about those of such
+# things in general.
+_RIDER = (2.0, 0.7)
+_RIDDEN = 1.7
 _SMALL, _LARGE, _TESLA, _SALOON = "bmw_320i", "vw_t7", "carla_model3", "carla_mkz2020"
 # Names, generations and types: https://carla.readthedocs.io/en/0.9.16/catalogue_vehicles/. The
 # nearest is chosen by size: small cars, saloons (those with batteries apart), vans and lorries.
@@ -49,19 +65,24 @@ _NAMED = {
     "vehicle.audi.a2": _Named(_SMALL, 1),
     "vehicle.audi.etron": _Named(_TESLA, 1, "electric"),
     "vehicle.audi.tt": _Named(_SMALL, 1),
+    "vehicle.bh.crossbike": _Named(_SMALL, 1, base="bicycle", wheels=_TWO),
     "vehicle.bmw.grandtourer": _Named(_SMALL, 1),
     "vehicle.carlamotors.carlacola": _Named(_LARGE, 1, base="truck"),
     "vehicle.carlamotors.european_hgv": _Named(_LARGE, 2, base="truck"),
     "vehicle.carlamotors.firetruck": _Named(_LARGE, 2, "emergency", "truck"),
     "vehicle.chevrolet.impala": _Named(_SALOON, 1),
     "vehicle.citroen.c3": _Named(_SMALL, 1),
+    "vehicle.diamondback.century": _Named(_SMALL, 1, base="bicycle", wheels=_TWO),
     "vehicle.dodge.charger_2020": _Named(_SALOON, 2),
     "vehicle.dodge.charger_police": _Named(_SALOON, 1, "emergency"),
     "vehicle.dodge.charger_police_2020": _Named(_SALOON, 2, "emergency"),
     "vehicle.ford.ambulance": _Named(_LARGE, 2, "emergency", "van"),
     "vehicle.ford.crown": _Named(_SALOON, 2, "taxi"),
     "vehicle.ford.mustang": _Named(_SALOON, 1),
+    "vehicle.gazelle.omafiets": _Named(_SMALL, 1, base="bicycle", wheels=_TWO),
+    "vehicle.harley-davidson.low_rider": _Named(_SMALL, 1, base="motorcycle", wheels=_TWO),
     "vehicle.jeep.wrangler_rubicon": _Named(_SMALL, 1),
+    "vehicle.kawasaki.ninja": _Named(_SMALL, 1, base="motorcycle", wheels=_TWO),
     "vehicle.lincoln.mkz_2017": _Named(_SALOON, 1),
     "vehicle.mercedes.coupe": _Named(_SALOON, 1),
     "vehicle.mercedes.coupe_2020": _Named(_SALOON, 2),
@@ -76,8 +97,10 @@ _NAMED = {
     "vehicle.seat.leon": _Named(_SMALL, 1),
     "vehicle.tesla.cybertruck": _Named(_LARGE, 1, "electric", "truck"),
     "vehicle.toyota.prius": _Named(_SMALL, 1),
+    "vehicle.vespa.zx125": _Named(_SMALL, 1, base="motorcycle", wheels=_TWO),
     "vehicle.volkswagen.t2": _Named(_LARGE, 1, base="van"),
     "vehicle.volkswagen.t2_2021": _Named(_LARGE, 2, base="van"),
+    "vehicle.yamaha.yzf": _Named(_SMALL, 1, base="motorcycle", wheels=_TWO),
 }
 # Height of the body and radius of the wheels [m] of the two that are not CARLA's: those of the
 # BMW 320i of 2005 with 195/65 tyres and of the T7 Multivan, rounded.
@@ -105,8 +128,10 @@ def models(model3: sm.Vehicle) -> dict[str, VehicleBlueprint]:
     for name, said in _NAMED.items():
         model = ours[said.nearest]
         found[name] = model._replace(
-            generation=said.generation, special=said.special, base=said.base
+            generation=said.generation, special=said.special, base=said.base, wheels=said.wheels
         )
+        if said.wheels == _TWO:
+            found[name] = found[name]._replace(height=_RIDDEN)
     return found
 
 

@@ -132,22 +132,22 @@ class CallConnection(ClientConnection):
 
         Replies that are not waited for travel with the next one that is.
         """
-        awaited = False
+        pressing = False
         while not self._paused:
             message = self.incoming.message()
             if message is None:
                 break
             call = request(message)
-            owed, self._owed = self._owed, ""
-            if call.ignores_reply:
-                owed, self._owed = "", owed or self._calls.unanswered(call.name)
+            awaited = not call.ignores_reply
+            owed, self._owed = (self._owed, "") if awaited else ("", self._owed)
             self.sessions.streams.asker = self
-            outcome = self._calls.answer(call.name, call.arguments, owed)
+            outcome = self._calls.answer(call.name, call.arguments, owed, awaited=awaited)
+            self._owed = self._owed or self._calls.untold
             self._replies += self._pack(response(call.number, outcome))
-            awaited = awaited or not call.ignores_reply
+            pressing = pressing or awaited
             if len(self._replies) > _REPLIES:
                 self._flush()
-        if awaited:
+        if pressing:
             self._flush()
 
     def _flush(self) -> None:

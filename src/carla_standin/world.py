@@ -155,11 +155,10 @@ class StandinWorld:
         model = self.vehicles[description[1]]
         car = Car(model.vehicle, model.offset)
         car.transform = where
-        half = (0.5 * model.vehicle.body_length, 0.5 * model.vehicle.width, 0.5 * model.height)
         given = {key: value for key, _, value in description[2]}
         control = VehicleControl(given.get("sticky_control", "true").lower() != "false")
         return self._enter(
-            Actor(0, description, where, extent=half, car=car, model=model, control=control)
+            Actor(0, description, where, extent=model.extent, car=car, model=model, control=control)
         )
 
     def _add_bystander(

@@ -34,7 +34,9 @@ def test_patterns_find_what_carlas_would(world: Any) -> None:
         assert len(found) >= least
         assert all(name.startswith(beginning) for name in found), pattern
     assert {n for n in names if n.startswith("vehicle.")} == {
-        blueprint.id for blueprint in library(world).filter_by_attribute("number_of_wheels", "4")
+        blueprint.id
+        for wheels in ("2", "4")
+        for blueprint in library(world).filter_by_attribute("number_of_wheels", wheels)
     }
     blueprint = library(world).filter("vehicle.tesla.model3")[0]
     blueprint.set_attribute("role_name", "hero")
@@ -373,6 +375,44 @@ def test_a_call_that_waits_for_no_answer_is_answered_at_the_next(world: Any) -> 
     with pytest.raises(RuntimeError, match=r"stand-in: 'add_actor_\w+' is not implemented"):
         world.tick()
     assert world.tick() == frame + 1
+
+
+def test_what_no_answer_has_of_a_batch_is_answered_at_the_next(client: Any, world: Any) -> None:
+    """Commands of a batch without an answer, and those that follow the spawning of an actor."""
+    car, model = spawn(world), library(world).filter("model3")[0]
+    torque, other = carla.command.ApplyTorque, at(60.0)
+    client.apply_batch([torque(car.id, carla.Vector3D(z=100.0))])
+    with pytest.raises(RuntimeError, match=r"stand-in: command 13 of a batch is not implemented"):
+        world.tick()
+    [answer] = client.apply_batch_sync([torque(car.id, carla.Vector3D(z=100.0))])
+    assert "command 13 of a batch is not implemented" in answer.error
+    world.tick()  # which has been told
+    later = torque(carla.command.FutureActor, carla.Vector3D(z=100.0))
+    [answer] = client.apply_batch_sync([carla.command.SpawnActor(model, other).then(later)])
+    assert not answer.error
+    with pytest.raises(RuntimeError, match=r"stand-in: command 13 of a batch is not implemented"):
+        world.tick()
+    world.tick()
+
+
+def test_behind_a_two_wheeler_a_narrow_car_drives(world: Any) -> None:
+    ridden = [
+        each
+        for each in library(world).filter("vehicle.*")
+        if int(each.get_attribute("number_of_wheels")) == 2
+    ]
+    assert {each.get_attribute("base_type").as_str() for each in ridden} == {
+        "bicycle",
+        "motorcycle",
+    }
+    rider = world.spawn_actor(library(world).find("vehicle.bh.crossbike"), at(0.0, -20.0))
+    beside = spawn(world, 0.0, -18.0)  # no car would have room there
+    for _ in range(20):
+        rider.apply_control(carla.VehicleControl(throttle=0.5))
+        world.tick()
+    assert rider.bounding_box.extent.y == pytest.approx(0.35)
+    assert rider.attributes["stand_in"] == "bmw_320i"
+    assert rider.get_velocity().x > 1.0 > beside.get_velocity().x
 
 
 def test_lights_are_told_as_they_were_switched(client: Any, world: Any) -> None:

@@ -29,6 +29,7 @@ EXAMPLES = (
     "  steersman export precision --to c --out build/precision\n"
     "  steersman export tuned/lqr --to c --precision single\n"
     "  steersman export tuned/lqr --to c --with estimator,supervisor\n"
+    "  steersman export tuned/mpc --to c --precision mixed --measure\n"
     "  steersman export tuned/lqr --to c --parameters lqr.csv sensor.count=20\n"
     "  steersman export runs/tune --to c                   (for the car of the tuning)\n"
     "  steersman export tuned/lqr --to c nominal=my_car.yaml\n"
@@ -70,7 +71,7 @@ def _c(wanted: ToExport, folder: FilePath) -> Sequence[FilePath]:
     from steersman.delivery.controller_package import write_controller
     from steersman.delivery.package import proven, try_out
 
-    files = write_controller(setting_of(wanted), folder, note)
+    files = write_controller(setting_of(wanted), folder, note, measure=wanted.measure)
     note(proven(files, partial(try_out, files[0])))
     return files
 
@@ -171,6 +172,14 @@ def export(  # noqa: PLR0913, PLR0917 - typer's options
             help="Of a controller in C: what is put around it; some of these.",
         ),
     ] = "",
+    measure: Annotated[
+        bool,
+        typer.Option(
+            "--measure",
+            help="Of a controller in C: size and instructions on a Cortex-M4F (arm-none-eabi-gcc,"
+            " qemu-system-arm), steps of its quadratic programs in a benchmark; into its card.",
+        ),
+    ] = False,
     name: Annotated[
         str,
         typer.Option("--name", metavar="NAME", help="Of a controller in C: its name there."),
@@ -194,11 +203,13 @@ def export(  # noqa: PLR0913, PLR0917 - typer's options
         raise ConfigError(f"--fmi: {fmi} is not allowed; expected 2 or 3, with --to fmu")
     if not run.strip():
         raise DataError("RUN: expected the name of what to export, given nothing")
+    if measure and to != "c":
+        raise ConfigError(f"--measure: is for --to c, given --to {to}")
     if out is None:
         out = chosen.home() or f"{FilePath(run).resolve().stem}_{to}"
     table = None if parameters is None else FilePath(parameters)
     run = with_parts(run, around)
-    wanted = ToExport(run, words or [], precision, table, fmi, name)
+    wanted = ToExport(run, words or [], precision, table, fmi, name, measure)
     was_there = FilePath(out).exists()
     folder = files.out_folder(out)
     try:

@@ -35,6 +35,8 @@ class ToExport(NamedTuple):
     """Version of an FMU's interface."""
     name: str = ""
     """What the names of files and functions hold; nothing: a short name of RUN."""
+    measure: bool = False
+    """Whether a controller's costs on a processor are measured."""
 
 
 def setting_of(wanted: ToExport) -> Setting:

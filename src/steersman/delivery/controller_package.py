@@ -16,6 +16,7 @@ from steersman.delivery import controller_text as text
 from steersman.delivery import vector_text
 from steersman.delivery.c_text import identifier
 from steersman.delivery.controller import Setting, Translated, translated
+from steersman.delivery.measuring import measured
 from steersman.delivery.package import Tell, try_out, unsaid
 from steersman.delivery.parameter_table import COLUMNS, entries, table_text
 from steersman.errors import DataError, suggestion
@@ -53,10 +54,13 @@ def check_float(setting: Setting) -> None:
         try_out(write_controller(setting, FilePath(scratch))[0])
 
 
-def write_controller(setting: Setting, folder: FilePath, tell: Tell = unsaid) -> Sequence[FilePath]:
+def write_controller(
+    setting: Setting, folder: FilePath, tell: Tell = unsaid, *, measure: bool = False
+) -> Sequence[FilePath]:
     """The controller as C99: source, header, test vector and its program, parameters, card.
 
-    ``tell`` gets sentences on its parameters.
+    ``tell`` gets sentences on its parameters. ``measure``: the card gets what
+    :func:`~steersman.delivery.measuring.measured` finds.
 
     Raises:
         ConfigError: its Python holds what C cannot be made of.
@@ -79,7 +83,8 @@ def write_controller(setting: Setting, folder: FilePath, tell: Tell = unsaid) ->
     for each, content in contents.items():
         with replacing(folder / each) as stream:
             stream.write(_bytes(content))
-    write_text(folder / f"{name}.json", controller_card(made, contents, steps))
+    costs = measured(setting, folder, tell, solves=bool(steps)) if measure else {}
+    write_text(folder / f"{name}.json", controller_card(made, contents, steps, costs))
     return [folder / each for each in (*contents, f"{name}.json")]
 
 
@@ -88,12 +93,15 @@ def _bytes(content: str | bytes) -> bytes:
 
 
 def controller_card(
-    made: Translated, contents: Mapping[str, str | bytes], steps: Sequence[int] = ()
+    made: Translated,
+    contents: Mapping[str, str | bytes],
+    steps: Sequence[int] = (),
+    costs: Mapping[str, object] | None = None,
 ) -> str:
     """What a controller in C was made from, with the SHA-256 of its files, as JSON.
 
     Of a policy it is the policy's own card with all of that in ``made_for``. ``steps`` are those of
-    the quadratic programs that Python solved for the test vector.
+    the quadratic programs that Python solved for the test vector, ``costs`` what was measured.
     """
     s = made.setting
     programs = {
@@ -111,6 +119,7 @@ def controller_card(
         "precision": s.precision,
         "constant_parameters": sorted(made.program.pinned),
         **({"quadratic_programs": programs} if steps else {}),
+        **(costs or {}),
         **provenance(),
     }
     if isinstance(s.controller, Policy):

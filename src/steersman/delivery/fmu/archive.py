@@ -38,7 +38,10 @@ def write_fmu(
     }
     digest = hashlib.sha256(repr((sources, model.variables, fmi)).encode()).digest()
     token = f"{{{uuid.UUID(bytes=digest[:16], version=4)}}}"
-    words = {"title": c_text.comment(model.title), "prefix": model.prefix, "token": token}
+    state = "state" if fmi == VERSIONS[0] else "State"
+    same = {"version": fmi, "prefix": model.prefix, "state": state}
+    sources["fmi.h"] = c_text.fill("fmi.h.in", same)
+    words = {"title": c_text.comment(model.title), "token": token}
     sources[f"fmi{fmi}.c"] = c_text.fill(f"fmi{fmi}.c.in", words)
     contents: dict[str, bytes] = {
         "modelDescription.xml": model_description(model, fmi, token).encode(),
