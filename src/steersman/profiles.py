@@ -123,6 +123,7 @@ def road_limits(path: Path, profile: Profile) -> tuple[FloatArray, float]:
         period = path.length if path.closed else None
         own = road.recorded * np.interp(places, *known, period=period)
         limit = np.minimum(limit, own)
+        gain_ahead(path.table, 0, 2.0 * road.engine * step, limit)
     return np.maximum(limit, CRAWL), step
 
 

@@ -252,7 +252,7 @@ class PathSpeed(RoadSpeedTracking):
 
     def along(self) -> RoadSpeed:
         """The path's speeds."""
-        return RoadSpeed(end=self.end, recorded=self.scale)
+        return RoadSpeed(end=self.end, recorded=self.scale, engine=self._gain())
 
 
 @register("speed", "profile")

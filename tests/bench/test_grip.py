@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from steersman.bench.disturbance import Disturbance
 from steersman.bench.grip import demanded_grip, grip_class
 from steersman.bench.standard import disturbances, standard
 from steersman.config import build
+from steersman.paths.generated import ClothoidRoad
+from steersman.profiles import curvature_cap
 from steersman.rollout import RunConfig
 from steersman.vehicles import CarlaModel3
 
@@ -49,6 +54,33 @@ def test_a_way_out_of_a_bend_that_is_taken_gently_needs_less() -> None:
     floored = share(**bend, speed=speed)
     gentle = share(**bend, speed=speed | {"acceleration": 1.0})
     assert 0.6 < gentle < 0.9 < floored
+
+
+@pytest.mark.parametrize(
+    "speed",
+    [
+        {"kind": "constant_speed", "speed": 15.0},
+        {"kind": "stop_and_go", "speed": 12.0, "hold": 30.0},
+        {"kind": "path"},
+        {"kind": "profile", "a_lat_max": 8.0, "deceleration": 1.5, "acceleration": 5.0},
+    ],
+    ids=lambda speed: str(speed["kind"]),
+)
+@pytest.mark.parametrize("friction", [0.4, 0.8])
+def test_a_slippery_road_leaves_every_source_of_speed_some_grip(
+    tmp_path: Path, speed: dict[str, Any], friction: float
+) -> None:
+    """The recorded speeds brake gently and start like a drag racer behind each bend."""
+    road = ClothoidRoad(seed=1, distance=300.0)
+    s = np.arange(0.0, 300.0, 1.0)
+    points = [road.at(float(each)) for each in s]
+    fast = curvature_cap(road, 8.0, 1.5)[: len(s)]
+    rows = [f"{p.x:.6f},{p.y:.6f},{v:.3f}" for p, v in zip(points, fast, strict=True)]
+    (tmp_path / "line.csv").write_text("\n".join(["x,y,speed", *rows]), encoding="utf-8")
+    path = {"kind": "csv", "file": str(tmp_path / "line.csv")}
+    run = build(RunConfig, {"path": path, "speed": speed})
+    slippery = Disturbance(friction=friction).apply(run)
+    assert 0.3 < demanded_grip(slippery) < 0.9
 
 
 def test_a_patch_takes_its_share_where_the_drive_meets_it() -> None:

@@ -36,10 +36,12 @@ def beyond_grip() -> Suite:
         courses=courses,
         disturbances={
             **{
-                f"{word}_{used:g}": Disturbance(friction=friction, used_grip=used)
+                f"{word}_{used:g}": Disturbance(friction=friction, used_grip=used, used_along=None)
                 for word, friction in FRICTION.items()
                 for used in (1.15, 1.4)
             },
-            "icy_patches": Disturbance(friction=1.0, used_grip=0.6, disturbances=(patches,)),
+            "icy_patches": Disturbance(
+                friction=1.0, used_grip=0.6, used_along=None, disturbances=(patches,)
+            ),
         },
     )

@@ -46,7 +46,7 @@ class Disturbance(Settings):
         0.6, "-", "Share of that friction which speeds ask for in bends.", gt=0, le=2
     )
     used_along: float | None = param(
-        None, "-", "Share which speeding up behind bends asks for; null: what the engine has.", gt=0
+        0.3, "-", "Share which speeding up behind bends asks for; null: what the engine has.", gt=0
     )
     steer_rate: float = param(1.0, "-", "Factor on the steering actuator's rates.", gt=0)
     steer_bias: float = param(0.0, "rad", "Inner wheel angle at centred steering.")
@@ -120,7 +120,9 @@ class Disturbance(Settings):
         cap = cap if speed.a_lat_max is None else min(cap, speed.a_lat_max)
         changes = {"a_lat_max": cap}
         if self.used_along is not None:
-            changes["acceleration"] = self.used_along * self.friction * GRAVITY
+            along = self.used_along * self.friction * GRAVITY
+            own = speed.acceleration
+            changes["acceleration"] = along if own is None else min(along, own)
         return speed.model_copy(update=changes)
 
     def _car(self, vehicle: Vehicle) -> Vehicle:

@@ -45,7 +45,7 @@ def disturbances() -> dict[str, Disturbance]:
     )
     return {
         **first_disturbances(),
-        **{f"friction_{mu}": _slippery(mu, 0.6) for mu in (1.0, 0.7, 0.5)},
+        **{f"friction_{mu}": Disturbance(friction=mu) for mu in (1.0, 0.7, 0.5)},
         "v_y_bias": Disturbance(disturbances=(SensorBias(v_y=0.1),)),
         "yaw_rate_bias": Disturbance(disturbances=(SensorBias(yaw_rate=0.01),)),
         "v_x_high": Disturbance(disturbances=(SensorBias(v_x_scale=0.05),)),
@@ -62,17 +62,12 @@ def disturbances() -> dict[str, Disturbance]:
         "icy_edge": Disturbance(
             friction=1.0, used_grip=0.35, used_along=0.17, disturbances=(edge,)
         ),
-        "friction_0.7_fast": _slippery(0.7, 0.75),
-        "friction_0.7_floored": Disturbance(friction=0.7),
-        "friction_0.5_floored": Disturbance(friction=0.5),
-        "friction_0.6_beyond": _slippery(0.6, 0.95),
-        "friction_0.5_beyond": _slippery(0.5, 1.1),
+        "friction_0.7_fast": Disturbance(friction=0.7, used_grip=0.75),
+        "friction_0.7_floored": Disturbance(friction=0.7, used_along=None),
+        "friction_0.5_floored": Disturbance(friction=0.5, used_along=None),
+        "friction_0.6_beyond": Disturbance(friction=0.6, used_grip=0.95),
+        "friction_0.5_beyond": Disturbance(friction=0.5, used_grip=1.1),
     }
-
-
-def _slippery(friction: float, used: float) -> Disturbance:
-    """Bends ask for a share of the friction, the way out of them for less."""
-    return Disturbance(friction=friction, used_grip=used, used_along=0.3)
 
 
 def standard() -> Suite:

@@ -59,7 +59,7 @@ def disturbances() -> dict[str, Disturbance]:
         "bias_0.7deg": Disturbance(steer_bias=math.radians(-0.7)),
         "friction_0.8": Disturbance(friction=0.8, used_grip=0.65, used_along=0.25),
         "friction_0.55": Disturbance(friction=0.55, used_grip=0.65, used_along=0.35),
-        "friction_0.8_floored": Disturbance(friction=0.8, used_grip=0.65),
+        "friction_0.8_floored": Disturbance(friction=0.8, used_grip=0.65, used_along=None),
         "friction_0.9_fast": Disturbance(friction=0.9, used_grip=0.8, used_along=0.25),
         "side_wind": Disturbance(wind=15.0),
         "pose_noise": Disturbance(position_noise=0.04, heading_noise=math.radians(0.4)),

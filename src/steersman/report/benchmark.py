@@ -227,7 +227,10 @@ def _disturbances(summary: Summary) -> Section:
         for name, axis in _SWEEPS.items()
         if len(steps := summary.sweeps.get(name, [])) >= _SEVERAL
     ]
-    slippery = "On slippery roads speeds are lower too: they need at most 60 % of the grip."
+    slippery = (
+        "On slippery roads speeds are lower too: of the friction they need 60 % in bends and 30 %"
+        " behind them, unless the name says otherwise."
+    )
     return section._replace(text=[*section.text, slippery], figures=[*section.figures, *sweeps])
 
 
