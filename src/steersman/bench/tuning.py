@@ -1,8 +1,8 @@
 """The suite ``tuning``, on which gains are tuned, and suites on a user's car and road.
 
 It holds every class of disturbance of the test suite at other values, on roads of a generator that
-neither tests nor trainings use. Each disturbance is met once, on one of the roads, and every road
-has two drives near its grip: a trial of the search drives the whole suite.
+neither tests nor trainings use. Each disturbance is met once, on one of six roads, and each of them
+has two drives near its grip; a seventh is driven at up to 60 m/s. A trial drives the whole suite.
 """
 
 from __future__ import annotations
@@ -86,6 +86,8 @@ def disturbances() -> dict[str, Disturbance]:
     }
 
 
+# A wide road for speeds at which a car is far less damped.
+_MOTORWAY = "harmonic_fast"
 # Little grip is left: an axle uses up to 87 % of its own.
 _FAST = {
     "friction_0.75_fast": Disturbance(friction=0.75, used_grip=0.76, used_along=0.35),
@@ -109,6 +111,14 @@ def tuning() -> Suite:
             only["stop_and_go"] = _STOPPING[k]
         road = HarmonicRoad(seed=k, distance=_LENGTH)
         courses[f"harmonic_{k}"] = Course(path=road, speeds=speeds, only=only)
+    courses[_MOTORWAY] = Course(
+        path=HarmonicRoad(seed=_ROADS, distance=1000.0, min_radius=70.0, shortest=120.0),
+        speeds={"fast": constant(40.0, 8.0), "sporty": constant(60.0, 22.0)},
+        only={
+            "fast": (CLEAN, "noise_0.06m", "pose_noise", "delay_80ms", "mixed_1"),
+            "sporty": (CLEAN, "v_y_bias", "speed_noise", "oversteer"),
+        },
+    )
     single = {CLEAN: Disturbance(), **known, **_FAST}
     return Suite(courses=courses, disturbances=single, mixed=mixed)
 
@@ -136,11 +146,15 @@ def _capped(speeds: Mapping[str, SpeedComponent], cap: float) -> Speeds:
 
 
 def on_road(found: Suite, road: PathComponent) -> Suite:
-    """The suite on this road alone: each course begins at another place of it, 40 s at most."""
-    count = len(found.courses)
+    """The suite on this road alone: each course begins at another place of it, 40 s at most.
+
+    The course for high speeds stays out: its speeds are those of its own road.
+    """
+    known = {name: one for name, one in found.courses.items() if name != _MOTORWAY}
+    count = len(known)
     changes = {"path": road, "laps": None, "duration": _SECONDS}
     courses = {
         name: one.model_copy(update={**changes, "start": k / count * road.length})
-        for k, (name, one) in enumerate(found.courses.items())
+        for k, (name, one) in enumerate(known.items())
     }
     return found.model_copy(update={"courses": courses})
