@@ -1,6 +1,6 @@
 """What the estimator and the predictor are worth: biases, noise against its bound, delay, time.
 
-    python benchmarks/estimation.py biases noise delay time --out results/estimation
+    python benchmarks/estimation.py biases noise suite delay time --out results/estimation
 
 Each part writes a file of its own.
 
@@ -13,6 +13,9 @@ given all waypoints so far, were the car's motion known exactly and the road's t
 2 m normal with the root mean square that it has on these roads. A linear problem: the inverse of
 the information, of a grid of the road across.
 
+suite: the same bound for the benchmark's drives with waypoint noise, of each road's own third
+difference and each drive's mean speed; root mean squares over the drives of a disturbance.
+
 delay: random roads at changing speed with 0.2 s of steering delay, alone and behind the predictor.
 
 time: a step of the estimator and of the predictor in one process with a decision of LQR.
@@ -24,14 +27,16 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydantic import PrivateAttr
 
+from steersman.bench.drive import fitted
 from steersman.bench.entrants import entrant
+from steersman.bench.suites import suite
 from steersman.config import build
 from steersman.contracts.scenes import CAR, DT, PosedRoad, scenes
 from steersman.controllers.base import ControllerComponent
@@ -40,6 +45,7 @@ from steersman.episode import Episode
 from steersman.estimators.kalman import Kalman, KalmanState
 from steersman.estimators.single_track import SingleTrack
 from steersman.files import make_folder, write_text
+from steersman.paths.base import PathComponent
 from steersman.paths.random_road import RandomRoad
 from steersman.provenance import provenance
 from steersman.rollout import RunConfig, attempt
@@ -55,6 +61,10 @@ BIASES: dict[str, dict[str, float]] = {
 }
 ROADS = tuple(range(2020, 2026))
 NOISES = (0.1, 0.3)
+# Scenarios of each disturbance in results/bench.
+SAMPLE = 8
+# A road whose curvature never changes is taken to change by this all the same [m].
+_STRAIGHT = 1e-5
 SPEED = 15.0
 DELAY = 0.2
 DELAYED = ("lqr", "stanley", "stanley_cm", "sliding_mode", "mpc", "mpc_pid", "mpc_pid_scheduled")
@@ -138,26 +148,25 @@ def _biased(bias: dict[str, float]) -> dict[str, Any]:
     }
 
 
-def third_difference(spacing: float = 2.0) -> float:
+def third_difference(roads: Iterable[PathComponent], spacing: float = 2.0) -> float:
     """Root mean square of the third difference of the roads across, at points 2 m apart [m]."""
     found = []
-    for seed in ROADS:
-        road = RandomRoad(seed=seed, distance=600.0)
-        kappa = [road.at(s).curvature for s in np.arange(0.0, 600.0, spacing)]
+    for road in roads:
+        kappa = [road.at(s).curvature for s in np.arange(0.0, road.length, spacing)]
         found.append(np.diff(kappa) * spacing**2)
-    return rms(np.concatenate(found))
+    return max(rms(np.concatenate(found)), _STRAIGHT)
 
 
-def bound(half: float, third: float, spacing: float = 2.0, count: int = 15) -> float:
+def bound(half: float, third: float, v: float = SPEED, *, count: int = 15) -> float:
     """Standard deviation of the lateral error given the waypoints of the last 60 m [m].
 
     Args:
         half: waypoints are shifted uniformly by up to this [m].
-        third: standard deviation of the road's third difference at points ``spacing`` apart [m].
-        spacing: distance between waypoints [m].
-        count: number of waypoints.
+        third: standard deviation of the road's third difference at points 2 m apart [m].
+        v: speed [m/s].
+        count: number of waypoints, 2 m apart.
     """
-    h, back = SPEED * DT, 60.0
+    h, back, spacing = v * DT, 60.0, 2.0
     size = int((back + count * spacing) / h) + 8
     differences = np.zeros((size - 3, size))
     for i in range(size - 3):
@@ -176,7 +185,7 @@ def bound(half: float, third: float, spacing: float = 2.0, count: int = 15) -> f
 
 def noise() -> dict[str, Any]:
     """What the estimator leaves of waypoint noise, what drives make of it, and the bound."""
-    third = third_difference()
+    third = third_difference(RandomRoad(seed=seed, distance=600.0) for seed in ROADS)
     out: dict[str, Any] = {"third_difference_mm": _mm(third), "speed_m_s": SPEED}
     for half in NOISES:
         left, driven, alone = [], [], []
@@ -209,6 +218,19 @@ def noise() -> dict[str, Any]:
         }
         sys.stdout.write(f"{half}: {out[f'{half} m']}\n")
     return out
+
+
+def suite_bounds() -> dict[str, Any]:
+    """The bound in the benchmark's drives with waypoint noise."""
+    found: dict[str, list[float]] = {}
+    driver = entrant("estimated/tuned/mpc_delay")
+    for one in suite("standard", [f"sample={SAMPLE}"]).scenarios():
+        half = one.run.sensor.error_range
+        if one.disturbance.startswith("noise_"):
+            speeds = attempt(fitted(one, driver)).of_controller()["v_x"]
+            least = bound(half, third_difference([one.run.path]), float(np.mean(speeds)))
+            found.setdefault(one.disturbance, []).append(least)
+    return {name: {"bound_mm": _mm(rms(np.array(v))), "of": len(v)} for name, v in found.items()}
 
 
 def delay() -> dict[str, Any]:
@@ -275,6 +297,7 @@ def times() -> dict[str, Any]:
 PARTS: dict[str, Callable[[], dict[str, Any]]] = {
     "biases": biases,
     "noise": noise,
+    "suite": suite_bounds,
     "delay": delay,
     "time": times,
 }

@@ -10,10 +10,11 @@ it that begins alike. Everything else of a page is prose, which stays as it is.
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
 from steersman.bench.results import BenchResult, IntervalEstimate, PooledErrors, Summary
@@ -22,6 +23,8 @@ from steersman.files import write_text
 ROOT = Path(__file__).resolve().parents[1]
 RECORD = "results/bench/results.json"
 FOREIGN = "results/foreign/results.json"
+# What can be known at best of noisy waypoints, by disturbance.
+BOUNDS = "results/estimation/suite.json"
 # A record's mark and the table under it.
 MARKED = re.compile(rf"(<!-- (?:{RECORD}|{FOREIGN}) -->\n)((?:\|.*\n?)+)(?<!\n)")
 COPIED = re.compile(r"(<!-- (results/\S+\.md) -->\n)((?:\|.*\n?)+)(?<!\n)")
@@ -81,17 +84,20 @@ def every_controller(summary: Summary) -> Iterator[list[str]]:
 
 def by_disturbance(summary: Summary, header: list[str]) -> Iterator[list[str]]:
     """The controllers of a table's header, disturbance by disturbance."""
-    names = [cell.strip("`") for cell in header[1:]]
+    bounds = json.loads((ROOT / BOUNDS).read_text(encoding="utf-8"))["found"]
     yield header
     for disturbance, rows in summary.by["disturbance"].items():
-        cells = (rows[name] for name in names)
-        yield [
-            disturbance,
-            *(
-                f"{three(1e3 * (one.rms_m.value or 0.0))}, {one.failures} of {one.runs}"
-                for one in cells
-            ),
-        ]
+        least = bounds.get(disturbance)
+        bound = "" if least is None else three(least["bound_mm"])
+        yield [disturbance, *(lost_and_rms(rows, cell, bound) for cell in header[1:])]
+
+
+def lost_and_rms(rows: Mapping[str, PooledErrors], cell: str, bound: str) -> str:
+    """A controller's error [mm] and lost drives, or the bound."""
+    if cell == "bound":
+        return bound
+    one = rows[cell.strip("`")]
+    return f"{three(1e3 * (one.rms_m.value or 0.0))}, {one.failures} of {one.runs}"
 
 
 # Foreign worlds by the names of their courses; what is none of them is a recorded line.

@@ -2,7 +2,7 @@
 
 Each axle carries its part of m v^2 kappa (steady turn) and of what drives or brakes the car; the
 resultant over friction times load is its share ("friction circle", Rajamani, Vehicle Dynamics and
-Control, 2nd ed., sec. 13.6), the load with the transfer by the acceleration. The car follows its
+Control, 2nd ed., sec. 13.10.2), the load with the transfer by the acceleration. The car follows its
 speeds as well as engine and brakes allow.
 """
 
