@@ -205,15 +205,6 @@ def towns(folder: Path | None) -> Iterator[Path | None]:
         yield Path(made)
 
 
-def table(rows: list[dict[str, str]]) -> str:
-    """The record as a Markdown table: programs in their order, their tests in a line each."""
-    lines = ["| program | test, arguments | outcome | what it said |", "|---|---|---|---|"]
-    for each in rows:
-        what, said = each["what"] and f"`{each['what']}`", each["said"].replace("|", "/")
-        lines.append(f"| `{each['program']}` | {what} | {each['outcome']} | {said} |")
-    return "\n".join(lines)
-
-
 def run(checkout: Path, folder: Path | None, only: list[str]) -> dict[str, Any]:
     """All programs of a checkout, or only those; the record."""
     api = checkout / "PythonAPI" if (checkout / "PythonAPI").is_dir() else checkout
@@ -245,7 +236,7 @@ def merged(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Run them, print the table, write the record."""
+    """Run them, print a line for each, write the record."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("checkout", type=Path)
     parser.add_argument("--source", default="")

@@ -5,7 +5,8 @@
 A table stands under its record's mark, ``<!-- results/bench/results.json -->``. Its first
 column says what it shows: all controllers, chosen ones by disturbance, or chosen ones by world.
 Under the mark of a record that is text, ``<!-- results/export/table.md -->``, stands the table of
-it that begins alike. Everything else of a page is prose, which stays as it is.
+it that begins alike, and under that of ``results/carla/api.json`` its rows. Everything else of a
+page is prose, which stays as it is.
 """
 
 from __future__ import annotations
@@ -28,8 +29,9 @@ BOUNDS = "results/estimation/suite.json"
 # A record's mark and the table under it.
 MARKED = re.compile(rf"(<!-- (?:{RECORD}|{FOREIGN}) -->\n)((?:\|.*\n?)+)(?<!\n)")
 COPIED = re.compile(r"(<!-- (results/\S+\.md) -->\n)((?:\|.*\n?)+)(?<!\n)")
+PROGRAMS = re.compile(r"(<!-- (results/carla/api\.json) -->\n)((?:\|.*\n?)+)(?<!\n)")
 PAGES = ("README.md", "docs/bench.md")
-COPIES = ("docs/export.md", "docs/node.md")
+COPIES = ("docs/carla_standin.md", "docs/export.md", "docs/node.md")
 FOUR_DIGITS = 1000.0
 
 
@@ -154,8 +156,24 @@ def written(text: str, summary: Summary) -> str:
 
 
 def copied(text: str) -> str:
-    """A page with the tables of text records as they stand there."""
+    """A page with the tables of text records as they stand there, and of CARLA's programs."""
+    text = PROGRAMS.sub(lambda found: found[1] + of_programs(rows_of(found[2])), text)
     return COPIED.sub(lambda found: found[1] + its_table(found[2], found[3]), text)
+
+
+def rows_of(record: str) -> list[dict[str, str]]:
+    """The rows of a record."""
+    found: list[dict[str, str]] = json.loads((ROOT / record).read_text(encoding="utf-8"))["rows"]
+    return found
+
+
+def of_programs(rows: list[dict[str, str]]) -> str:
+    """The rows of ``carla_api.py``: programs in their order, their tests in a line each."""
+    lines = ["| program | test, arguments | outcome | what it said |", "|---|---|---|---|"]
+    for each in rows:
+        what, said = each["what"] and f"`{each['what']}`", each["said"].replace("|", "/")
+        lines.append(f"| `{each['program']}` | {what} | {each['outcome']} | {said} |")
+    return "\n".join(lines)
 
 
 def its_table(record: str, old: str) -> str:

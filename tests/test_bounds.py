@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from steersman.bounds import DEEPEST, from_json, read_arrays
+from steersman.commands import configuration
 from steersman.config import override, read_yaml
 from steersman.core_yaml import MOST_BYTES
 from steersman.episode import load_episode
@@ -168,6 +169,30 @@ def test_archives_are_measured_before_they_are_unpacked(
     file.write_bytes(data[:place] + claimed + data[place + 4 :])
     with pytest.raises(DataError, match="unpacks to 4000 MB"):
         reader(file)
+
+
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("speed=random_profile speed.interval=1e-6", "speed.interval: 1e-06 is not allowed"),
+        ("speed=random_profile speed.seconds=1e300", "speed.seconds: 1e+300 is not allowed"),
+        ("speed=random_profile speed.low=30", "low 30.0 m/s is more than high 25.0 m/s"),
+        ("path=harmonic_road path.shortest=300", "shortest 300.0 m is more than longest 250.0 m"),
+        ("path=clothoid_road path.longest=5", "shortest 12.0 m is more than longest 5.0 m"),
+        ("path=clothoid_road path.min_radius=400", "min_radius 400.0 m is more than max_radius"),
+        ("path=spline_road path.shortest=1e12", "path.shortest: 1000000000000.0 is not allowed"),
+        ("path=surveyed_road path.max_radius=5", "min_radius 15.0 m is more than max_radius"),
+        ("path=random_road path.max_clothoid=2", "min_clothoid 8.0 m is more than max_clothoid"),
+        ("vehicle.l_f=1e300", "vehicle.l_f: 1e+300 is not allowed"),
+        ("controller=mpc_pid controller.v0=1e300", "controller.v0: 1e+300 is not allowed"),
+        ("sensor.spacing=1e300", "sensor.spacing: 1e+300 is not allowed"),
+    ],
+)
+def test_numbers_that_nothing_drives_with_are_named(word: str, said: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        configuration("drive", word.split())
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_what_is_written_is_read() -> None:

@@ -10,7 +10,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from steersman.errors import one_line, shortened
+from steersman.errors import ConfigError, one_line, shortened
 
 DEEPEST, MOST_DIGITS = 50, 300
 """How deep plain data may nest, and the digits of a whole number: it still fits a float."""
@@ -20,6 +20,17 @@ MOST_ARRAYS = 400_000_000
 """Most that the arrays of a compressed file may take [bytes]."""
 # Ends of member names that hold one array each, and kinds of numpy's types that are plain.
 _ARRAY, _PLAIN = ".npy", "biufU"
+
+
+def in_order(of: object, low: str, high: str, unit: str) -> None:
+    """Refuse a range whose ends, two fields of ``of``, are the wrong way round.
+
+    Raises:
+        ConfigError: they are.
+    """
+    least, most = getattr(of, low), getattr(of, high)
+    if least > most:
+        raise ConfigError(f"{low} {least} {unit} is more than {high} {most} {unit}")
 
 
 def from_json(text: str | bytes) -> Any:

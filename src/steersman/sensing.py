@@ -113,7 +113,7 @@ class WaypointSensor(Component):
     """
 
     count: int = param(15, "-", "Number of waypoints, the first beside the car.", ge=4, le=100)
-    spacing: float = param(2.0, "m", "Distance between waypoints.", gt=0)
+    spacing: float = param(2.0, "m", "Distance between waypoints.", gt=0, le=1e3)
     error_range: float = param(
         0.0, "m", "Waypoints are shifted by up to this in x and in y, uniformly.", ge=0
     )

@@ -7,10 +7,12 @@ from abc import abstractmethod
 from functools import cache
 from importlib.resources import files
 from pathlib import Path as FilePath
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
+from pydantic import model_validator
 
+from steersman.bounds import in_order
 from steersman.config import Component, param, register, required
 from steersman.kernels import speed as kernel
 from steersman.profiles import Profile, RoadSpeed, read_ggv, read_profile, stack_profiles
@@ -178,15 +180,20 @@ class RandomProfile(SpeedTracking):
 
     low: float = param(4.0, "m/s", "Lowest speed drawn.", gt=0, le=FASTEST)
     high: float = param(25.0, "m/s", "Highest speed drawn.", gt=0, le=FASTEST)
-    interval: float = param(5.0, "s", "Time between breakpoints.", gt=0)
+    interval: float = param(5.0, "s", "Time between breakpoints.", ge=0.1, le=1e5)
     change: float = param(2.0, "m/s^2", "Largest acceleration between breakpoints.", ge=0)
     cap_low: float = param(
         0.3, "-", "The cap's a_lat_max is scaled by a draw from here to 1.", gt=0, le=1
     )
     seed: int = param(0, "-", "Seed of a single run's draw; training draws from its own.", ge=0)
     seconds: float = param(
-        60.0, "s", "Length of a single run's draw; after it the last speed is held.", gt=0
+        60.0, "s", "Length of a single run's draw; after it the last speed is held.", gt=0, le=1e5
     )
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        in_order(self, "low", "high", "m/s")
+        return self
 
     def breakpoints(self) -> tuple[FloatArray, FloatArray]:
         """The draw of ``seed``."""

@@ -71,7 +71,7 @@ def test_the_command_writes_every_table_as_it_stands(page: str) -> None:
 @pytest.mark.parametrize("page", TABLES.COPIES)
 def test_the_command_copies_every_table_as_it_stands(page: str) -> None:
     text = (ROOT / page).read_text(encoding="utf-8")
-    assert TABLES.COPIED.search(text)
+    assert TABLES.COPIED.search(text) or TABLES.PROGRAMS.search(text)
     assert TABLES.copied(text) == text, "python benchmarks/tables.py"
 
 

@@ -22,6 +22,7 @@ pytest.importorskip("carla", reason="the wheel 'carla' is not installed")
 ROOT = FilePath(__file__).resolve().parents[2]
 RECORD = ROOT / "results/carla/api.json"
 api = script("benchmarks/carla_api.py")
+tables = script("benchmarks/tables.py")
 
 TESTS = """
 import unittest
@@ -77,7 +78,7 @@ def test_it_tells_what_passes_and_why_not(
     outcome, said = rows["util/broken.py", ""]
     assert (outcome, said) == ("fails", "ModuleNotFoundError: No module named 'absent_module'")
     assert len(rows) == 4
-    text = api.table(found["rows"])
+    text = tables.of_programs(found["rows"])
     assert "| `examples/endless.py` |  | passes | until it is interrupted |" in text
     # Run again alone, it takes its old place among the others.
     again = {**found, "rows": [{**found["rows"][-2], "outcome": "fails"}]}
@@ -89,7 +90,7 @@ def test_it_tells_what_passes_and_why_not(
 def test_the_page_shows_the_record() -> None:
     record = json.loads(RECORD.read_text(encoding="utf-8"))
     page = (ROOT / "docs/carla_standin.md").read_text(encoding="utf-8")
-    assert "<!-- results/carla/api.json -->\n" + api.table(record["rows"]) in page
+    assert "<!-- results/carla/api.json -->\n" + tables.of_programs(record["rows"]) in page
 
 
 @pytest.mark.skipif("CARLA_PYTHONAPI" not in os.environ, reason="no CARLA_PYTHONAPI")

@@ -54,7 +54,7 @@ class Mpc(ControllerComponent):
     }
 
     horizon: int = param(20, "-", "Steps of the MPC, one control period each.", ge=2, le=200)
-    v0: float = param(30.0 / 3.6, "m/s", "Speed of the linear model.", gt=0)
+    v0: float = param(30.0 / 3.6, "m/s", "Speed of the linear model.", gt=0, le=150)
     q: float = param(1.0, "1/m^2", "Weight of the squared lateral error.", gt=0)
     p: float = param(35.6, "1/m^2", "Additional weight at the end of the horizon.", ge=0)
     r: float = param(0.0325, "1/rad^2", "Weight of the squared wheel angle.", gt=0)

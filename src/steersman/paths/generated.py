@@ -11,10 +11,12 @@ from __future__ import annotations
 import hashlib
 import math
 from abc import abstractmethod
-from typing import Any
+from typing import Any, ClassVar, Self
 
 import numpy as np
+from pydantic import model_validator
 
+from steersman.bounds import in_order
 from steersman.config import param, register
 from steersman.kernels.path import PathTable
 from steersman.paths.base import PathComponent
@@ -30,9 +32,18 @@ _FAR = 1.2
 class GeneratedRoad(PathComponent):
     """An open road whose curvature is drawn as a function of arc length, linear between knots."""
 
+    ranges: ClassVar[tuple[tuple[str, str], ...]] = ()
+    """Pairs of fields, the ends of what is drawn between them [m]."""
+
     seed: int = param(0, "-", "decides the road, together with the kind", ge=0)
     distance: float = param(600.0, "m", "length of the road", ge=50.0, le=1e5)
     min_radius: float = param(15.0, "m", "smallest radius", ge=1.0, le=1e4)
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        for low, high in self.ranges:
+            in_order(self, low, high, "m")
+        return self
 
     @abstractmethod
     def curvature(self, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
@@ -54,9 +65,11 @@ class GeneratedRoad(PathComponent):
 class HarmonicRoad(GeneratedRoad):
     """A sum of sines over arc length, with random wavelengths and phases, is the curvature."""
 
+    ranges: ClassVar = (("shortest", "longest"),)
+
     waves: int = param(6, "-", "number of sines", ge=1, le=100)
-    shortest: float = param(40.0, "m", "shortest wavelength", ge=5.0)
-    longest: float = param(250.0, "m", "longest wavelength", ge=5.0)
+    shortest: float = param(40.0, "m", "shortest wavelength", ge=5.0, le=1e5)
+    longest: float = param(250.0, "m", "longest wavelength", ge=5.0, le=1e5)
 
     def curvature(self, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
         """The largest curvature of the road is that of the smallest radius."""
@@ -74,9 +87,11 @@ class HarmonicRoad(GeneratedRoad):
 class ClothoidRoad(GeneratedRoad):
     """Clothoid follows clothoid between curvatures that are drawn: it never stops changing."""
 
-    max_radius: float = param(300.0, "m", "largest radius at a knot", ge=1.0)
-    shortest: float = param(12.0, "m", "shortest clothoid", ge=1.0)
-    longest: float = param(45.0, "m", "longest clothoid", ge=1.0)
+    ranges: ClassVar = (("shortest", "longest"), ("min_radius", "max_radius"))
+
+    max_radius: float = param(300.0, "m", "largest radius at a knot", ge=1.0, le=1e5)
+    shortest: float = param(12.0, "m", "shortest clothoid", ge=1.0, le=1e3)
+    longest: float = param(45.0, "m", "longest clothoid", ge=1.0, le=1e3)
 
     def curvature(self, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
         """Radii are drawn evenly in their logarithm; bends turn a road back that swings out."""
@@ -97,8 +112,10 @@ class ClothoidRoad(GeneratedRoad):
 class SplineRoad(GeneratedRoad):
     """A cubic spline through random points, as a road is drawn by hand on a map."""
 
-    shortest: float = param(18.0, "m", "shortest distance between points", ge=1.0)
-    longest: float = param(45.0, "m", "longest distance between points", ge=1.0)
+    ranges: ClassVar = (("shortest", "longest"),)
+
+    shortest: float = param(18.0, "m", "shortest distance between points", ge=1.0, le=1e3)
+    longest: float = param(45.0, "m", "longest distance between points", ge=1.0, le=1e3)
     turn: float = param(0.45, "rad", "SD of the turn at a point", gt=0.0, le=1.5)
 
     def curvature(self, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
@@ -125,8 +142,10 @@ class SurveyedRoad(GeneratedRoad):
     a smoothing spline that keeps that error from them is the road.
     """
 
-    max_radius: float = param(250.0, "m", "largest radius of an arc", ge=1.0)
-    longest: float = param(80.0, "m", "longest straight", ge=1.0)
+    ranges: ClassVar = (("min_radius", "max_radius"),)
+
+    max_radius: float = param(250.0, "m", "largest radius of an arc", ge=1.0, le=1e5)
+    longest: float = param(80.0, "m", "longest straight", ge=1.0, le=1e5)
     spacing: float = param(10.0, "m", "distance between points", ge=1.0, le=100.0)
     error: float = param(0.03, "m", "SD of a point in x and in y", gt=0.0, le=1.0)
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from pydantic import model_validator
 
+from steersman.bounds import in_order
 from steersman.config import param, register
-from steersman.errors import ConfigError
 from steersman.kernels.path import PathTable
 from steersman.paths.base import PathComponent
 from steersman.paths.segments import Segment, from_segments, turned
@@ -39,9 +39,7 @@ class RandomRoad(PathComponent):
     @model_validator(mode="after")
     def _check(self) -> RandomRoad:
         for name in ("radius", "clothoid"):
-            least, most = getattr(self, f"min_{name}"), getattr(self, f"max_{name}")
-            if least > most:
-                raise ConfigError(f"min_{name} {least} m is more than max_{name} {most} m")
+            in_order(self, f"min_{name}", f"max_{name}", "m")
         return self
 
     def segments(self) -> list[Segment]:

@@ -75,8 +75,8 @@ class Vehicle(Component):
 
     mass: float = param(1845.0, "kg", "Mass.", gt=0)
     yaw_inertia: float = param(3958.0, "kg m^2", "Moment of inertia about the z axis.", gt=0)
-    l_f: float = param(1.168, "m", "Centre of mass to front axle.", gt=0)
-    l_r: float = param(1.836, "m", "Centre of mass to rear axle.", gt=0)
+    l_f: float = param(1.168, "m", "Centre of mass to front axle.", gt=0, le=1e3)
+    l_r: float = param(1.836, "m", "Centre of mass to rear axle.", gt=0, le=1e3)
     track_width: float = param(1.667, "m", "Distance between left and right wheels.", gt=0)
     height: float = param(0.55, "m", "Height of the centre of mass.", gt=0)
     roll_arm: float | None = param(
