@@ -3,8 +3,10 @@ r"""The benchmark made anew by one command: tune every classical controller, the
     python benchmarks/yardstick.py --out runs/yardstick --tracks ../shared/data/racetracks \
         --maps ../shared/data/opendrive --tum ../shared/data/tum_control
 
-Each controller of the package is tuned with three seeds of the search on the suite ``tuning``, all
-with the same budget; all its seeds and the policies of the package then drive ``standard``,
+Each controller of the package is tuned with three seeds of the search on the suite ``tuning``. All
+have the same budget: ``--trials``, and as many again while the median seed is more than ``--apart``
+worse than the best, ``--most`` times at most: until then the search decides, not the controller.
+All its seeds and the policies of the package then drive ``standard``,
 ``standard_1`` and the foreign worlds. Everything goes through the engine (``--jobs``,
 ``--engine``), and the same command goes on where an interrupted one stopped. With ``--keep`` what
 belongs into the repository is copied there: gains of the median seed, records, pages.
@@ -22,6 +24,7 @@ from pathlib import Path
 import steersman as sm
 from steersman import policies, tuned
 from steersman.provenance import provenance
+from steersman.studies.trials import TuningTrials
 from steersman.studies.tune_seeds import SeedsResult
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -38,17 +41,26 @@ def tune(names: Sequence[str], given: argparse.Namespace) -> dict[str, Path]:
     for name in names:
         short = name.removeprefix("tuned/")
         out[short] = given.out / "tune" / short
-        sm.tune(
-            name,
-            trials=given.trials,
-            seeds=given.seeds,
-            out=out[short],
-            progress=partial(tried, short),
-            notify=say,
-            engine=given.engine,
-            jobs=given.jobs,
-        )
+        for times in range(1, given.most + 1):
+            sm.tune(
+                name,
+                trials=times * given.trials,
+                seeds=given.seeds,
+                out=out[short],
+                progress=partial(tried, short),
+                notify=say,
+                engine=given.engine,
+                jobs=given.jobs,
+            )
+            costs = sorted(seed.cost_m for seed in seeds_of(out[short]).seeds)
+            if costs[len(costs) // 2] <= (1.0 + given.apart) * costs[0]:
+                break
     return out
+
+
+def seeds_of(folder: Path) -> SeedsResult:
+    """The costs of a controller's seeds."""
+    return SeedsResult.read(folder / "seeds.json")
 
 
 def tried(name: str, done: float, cost: float) -> None:
@@ -77,11 +89,12 @@ def keep(folders: dict[str, Path], given: argparse.Namespace) -> None:
     results = ROOT / "results"
     for name, folder in folders.items():
         into = results / "tune" / name
-        median = SeedsResult.read(folder / "seeds.json").median
+        median = seeds_of(folder).median
         copy((folder / file for file in ("tuned.yaml", "seeds.json")), into)
         copy((folder / f"seed_{median}" / file for file in OF_SEED), into)
         text = (folder / "tuned.yaml").read_text(encoding="utf-8")
-        command = f"steersman tune tuned/{name} seeds={given.seeds} --trials {given.trials}"
+        trials = len(TuningTrials.read(folder / f"seed_{median}" / "pareto.json").trials)
+        command = f"steersman tune tuned/{name} seeds={given.seeds} --trials {trials}"
         head = f"# At commit {provenance()['commit']}, from the gains of before: {command}\n"
         (ROOT / "src/steersman/tuned" / f"{name}.yaml").write_text(head + text, encoding="utf-8")
     names = {"standard": "bench", "foreign": "foreign"}
@@ -109,6 +122,8 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--controllers", nargs="*", default=tuned.names(), help="tuned/NAME")
     parser.add_argument("--others", nargs="*", default=policies.names(), help="not tuned, driven")
     parser.add_argument("--trials", type=int, default=200)
+    parser.add_argument("--apart", type=float, default=0.1, help="share of the cost")
+    parser.add_argument("--most", type=int, default=4, help="times --trials")
     parser.add_argument("--seeds", default="0..2", help="of the search")
     parser.add_argument("--suites", nargs="*", default=SUITES)
     for name in FOLDERS:
