@@ -13,6 +13,7 @@ from steersman.commands import Notify, Word, configuration
 from steersman.config import resolve
 from steersman.errors import ConfigError, how_to_install
 from steersman.ranges import seed_list
+from steersman.seed_folders import refuse_seeds, seed_folder
 
 if TYPE_CHECKING:
     from steersman.studies.findings import FalsifyResult
@@ -60,7 +61,7 @@ def tune(
     from steersman.report.tuning import chosen_words, spent_words, write_tuning
     from steersman.studies.trials import TuneResult, TuningTrials
     from steersman.studies.tune import tune as run
-    from steersman.studies.tune_seeds import seed_folder, tune_seeds
+    from steersman.studies.tune_seeds import tune_seeds
     from steersman.studies.unseen import warning
 
     tell = notify or (lambda _: None)
@@ -72,6 +73,7 @@ def tune(
         tell(f"warning: {blind}")
     folder = files.out_folder(str(out))
     if seeds is None:
+        refuse_seeds(folder)
         folders, result = [folder], run(chosen, folder, progress, engine=engine, jobs=jobs)
     else:
         numbers = seed_list(seeds)

@@ -35,7 +35,8 @@ def train_seeds(
         typer.Exit: one of them failed, or Ctrl-C.
     """
     import steersman as sm
-    from steersman.learning.seeds import folder_of, name_of
+    from steersman.learning.seeds import name_of
+    from steersman.seed_folders import seed_folder
 
     names = [name_of(seed) for seed in chosen]
     try:
@@ -62,7 +63,7 @@ def train_seeds(
                 resume=resume,
             )
     except KeyboardInterrupt:
-        folders = [folder_of(folder, seed) for seed in chosen]
+        folders = [seed_folder(folder, seed) for seed in chosen]
         raise interrupted(folder, folders, "the last checkpoints") from None
     _summary(result)
     for seed, fault in result.failed.items():
