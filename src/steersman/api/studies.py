@@ -12,6 +12,7 @@ from steersman.api.driving import Folder, announce, workers_for
 from steersman.commands import Notify, Word, configuration
 from steersman.config import resolve
 from steersman.errors import ConfigError, how_to_install
+from steersman.given import as_text
 from steersman.ranges import seed_list
 from steersman.seed_folders import refuse_seeds, seed_folder
 
@@ -177,7 +178,7 @@ def identify(  # noqa: PLR0913 - the recording's options and where the fit runs
     if lock is not None and not lock > 0.0:
         raise ConfigError(f"{lock:g} is not allowed; must be greater than 0 [rad]", ("--lock",))
     start = vehicle_of(vehicle)
-    files = list(log) if isinstance(log, (list, tuple)) else [cast(Folder, log)]
+    files = list(log) if isinstance(log, (list, tuple)) else [as_text(log)]
     logs = [read_log(FilePath(file), lock, ahead, columns) for file in files]
     tell, workers = notify or (lambda _: None), Workers(engine, jobs)
     found = fit(joined(logs), start, holdout, tell, workers, last=last)
