@@ -143,6 +143,14 @@ class Episode(Shown):
         ]
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What is worth a word: figures that no car has, a bend taken too fast, fallbacks.
+
+        ``steersman.drive`` writes them; printed, the episode has them beneath its line.
+        """
+        return tuple(map(str, self.meta.get("notes", ())))
+
+    @property
     def metrics(self) -> DriveMetrics:
         """The figures of the drive: ``episode.metrics.rms_lateral_error_m``."""
         found: DriveMetrics = import_module("steersman.metrics.base").DriveMetrics(self)
@@ -162,6 +170,11 @@ class Episode(Shown):
             f"Episode: {what}{len(self) * self.dt:.4g} s, {self.distance:.4g} m, ended by "
             f"{self.end}; lateral error RMS {rms:.3g} mm, largest {error.max(initial=0.0):.3g} mm"
         )
+
+    def __repr__(self) -> str:
+        return "\n  note: ".join([self.line(), *self.notes])
+
+    __str__ = __repr__
 
     def table(self) -> Columns:
         """The columns; :meth:`units` has their units."""

@@ -110,7 +110,7 @@ def _ranking(summary: Summary) -> Section:
         tables=[Table("Controllers, best first", rows)],
         figures=figures,
         warnings=_few_paths(found)
-        + [words for name, one in found.items() if (words := one.failed_words(name))],
+        + [said for name, one in found.items() if (said := one.failed_words(name))],
     )
 
 
