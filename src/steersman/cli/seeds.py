@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
@@ -74,8 +75,9 @@ def train_seeds(
 
 def progress_text(row: TrainRow) -> str:
     """A row of ``progress.csv`` in a few words."""
+    score = "" if math.isnan(row.validation_score) else f"score {row.validation_score:.4g}, "
     return (
-        f"reward {row.reward_mean:.3g}, error {three_digits(row.validation_error_mm)} mm, "
+        f"reward {row.reward_mean:.3g}, error {three_digits(row.validation_error_mm)} mm, {score}"
         f"off track {row.off_track_resets:.0f}"
     )
 

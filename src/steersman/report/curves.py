@@ -23,6 +23,7 @@ TITLES = {
     "validation_error_mm": "validation error [mm]",
     "validation_rms_mm": "validation, RMS error [mm]",
     "validation_failures": "validation drives that failed",
+    "validation_score": "validation score, the less the better",
     "steer_activity": "validation, RMS steering change",
     "q_mean": "mean Q value",
     "saturated_share": "share of actions at their limit",
