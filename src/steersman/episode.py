@@ -144,10 +144,7 @@ class Episode(Shown):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is worth a word: figures that no car has, a bend taken too fast, fallbacks.
-
-        ``steersman.drive`` writes them; printed, the episode has them beneath its line.
-        """
+        """What ``steersman.drive`` found worth a word: a bend taken too fast, fallbacks."""
         return tuple(map(str, self.meta.get("notes", ())))
 
     @property
@@ -170,11 +167,6 @@ class Episode(Shown):
             f"Episode: {what}{len(self) * self.dt:.4g} s, {self.distance:.4g} m, ended by "
             f"{self.end}; lateral error RMS {rms:.3g} mm, largest {error.max(initial=0.0):.3g} mm"
         )
-
-    def __repr__(self) -> str:
-        return "\n  note: ".join([self.line(), *self.notes])
-
-    __str__ = __repr__
 
     def table(self) -> Columns:
         """The columns; :meth:`units` has their units."""

@@ -81,15 +81,15 @@ class InInit(Mine):
         return vehicle.wheelbas  # type: ignore[attr-defined]
 
 
-EXPECTED = "where (steer, status, state) is expected: return steer, sm.Status.SOLVED, state"
+EXPECTED = "decide has to return (steer, status, state): return steer, sm.Status.SOLVED, state"
 
 
 @pytest.mark.parametrize(
     ("controller", "message"),
     [
-        (Alone(), f"decide returned -0.5, {EXPECTED}"),
+        (Alone(), f"{EXPECTED} (cannot unpack non-iterable float object)"),
         (NoNumber(), EXPECTED),
-        (NoStatus(), EXPECTED),
+        (NoStatus(), f"the status is 'fine'; {EXPECTED}"),
         (Keeps(), "sets self.gain, but one object drives many cars and is frozen: what changes"),
         (Misspelt(), "raised AttributeError: 'Observation' object has no attribute 'lateral_eror'"),
         (Deeper(), "raised ValidationError"),

@@ -46,7 +46,7 @@ def after(config: RunConfig, episode: Episode) -> list[str]:
     fast = too_fast(config, episode) if config.plant.computed else None
     held = int(np.count_nonzero(episode["status"] == Status.FALLBACK))
     out = [] if fast is None else [f"speed: {fast}"]
-    if held > _OFTEN * len(episode):
+    if held > max(1.0, _OFTEN * len(episode)):
         out.append(
             f"controller: {held} of {len(episode)} steps were fallbacks: it gave no finite number,"
             " or its own method failed"

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 from pydantic import Field, model_validator
 
 from steersman.bench.grip import BEYOND, grip_class
+from steersman.bench.map_record import MapRecord
 from steersman.bench.statistics import Interval
 from steersman.metrics.base import Values
 from steersman.stored import ShownResult, SourcedResult, StoredResult, optional
@@ -260,21 +261,6 @@ class Summary(StoredResult):
     """By the number that differs: ``delay``, ``waypoint_noise``, ``friction``."""
     paths: int
     scenarios: int
-
-
-class MapRecord(StoredResult):
-    """What a benchmark made of an OpenDRIVE map."""
-
-    sha256: str | None
-    courses: list[str]
-    distance_m: list[float]
-    """Lengths of the courses."""
-    min_radius_m: float
-    lanes_km: float
-    """Length of all lanes that can be driven."""
-    lanes_too_sharp_km: float
-    """Length of those that are left out because they bend below ``min_radius_m``."""
-    why_not_more: str = ""
 
 
 class BenchResult(ShownResult, SourcedResult):

@@ -22,6 +22,7 @@ from steersman.types import Decision, Observation, Status
 from steersman.vehicles import Vehicle
 
 _STATUSES = frozenset(Status)
+_ANSWER = "decide has to return (steer, status, state): return steer, sm.Status.SOLVED, state"
 # Steps without effect before the first: a disturbance estimate needs one before it computes.
 _WARM_UPS = 3
 
@@ -96,15 +97,8 @@ class ControllerComponent(Component):
         seen = usable(observation)
         if seen is None:
             return present(observation)._replace(speed_limit=self.speed_limit(state)), state
-        answer = self.decide(state, seen)
-        try:
-            steer, status, after = answer
-            finite = math.isfinite(steer)
-        except (TypeError, ValueError):
-            raise wrong_answer(self, answer) from None
-        if type(status) is not Status and status not in _STATUSES:
-            raise wrong_answer(self, answer)
-        if not finite:
+        steer, status, after = self.decide(state, seen)
+        if not math.isfinite(steer):
             return present(observation)._replace(speed_limit=self.speed_limit(state)), state
         if not -1.0 <= steer <= 1.0:
             steer = within_limits(steer)
@@ -167,12 +161,15 @@ def _name(controller: ControllerComponent) -> str:
     return controller.kind or type(controller).__name__
 
 
-def wrong_answer(controller: ControllerComponent, answer: Any) -> ControllerError:
-    """The error of a ``decide`` that returns something else than it has to."""
-    return ControllerError(
-        f"controller {_name(controller)!r}: decide returned {shortened(one_line(repr(answer)))},"
-        " where (steer, status, state) is expected: return steer, sm.Status.SOLVED, state"
-    )
+def check_status(controller: ControllerComponent, decision: Decision) -> None:
+    """Refuse a decision whose status is none.
+
+    Raises:
+        ControllerError: it is not.
+    """
+    if type(decision.status) is not Status and decision.status not in _STATUSES:
+        given = shortened(repr(decision.status))
+        raise ControllerError(f"controller {_name(controller)!r}: the status is {given}; {_ANSWER}")
 
 
 def raised(controller: ControllerComponent, error: Exception) -> str:
@@ -180,6 +177,8 @@ def raised(controller: ControllerComponent, error: Exception) -> str:
     frame = _authors(traceback.extract_tb(error.__traceback__))
     where = f"{FilePath(frame.filename).name}, line {frame.lineno}"
     what = f"raised {type(error).__name__}: {error}"
+    if frame.filename == __file__:  # what decide returned was no answer
+        return one_line(f"controller {_name(controller)!r}: {_ANSWER} ({error})")
     first = error.errors()[0] if isinstance(error, ValidationError) else None
     if first is not None and first["type"] == "frozen_instance":
         what = (
@@ -233,4 +232,5 @@ def timed_step(
             f"controller {_name(controller)!r} returned steering {decision.steer}, where a finite"
             " number in [-1, 1] is expected"
         )
+    check_status(controller, decision)
     return decision, controller_state, took
