@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import html
 import json
+import math
 from pathlib import Path as FilePath
 
 import pytest
@@ -35,6 +37,39 @@ def told(*words: str) -> list[str]:
     lines: list[str] = []
     announce_drive(sm.configure("drive", *words), words, lines.append)
     return lines
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("vehicle.c_f=155", "vehicle.c_r=99"), "vehicle: c_f / (mass g) is"),
+        (("speed.speed=50",), "m/s in a bend of 50 m ask for"),
+        (("path.radius=2",), "path: "),
+    ],
+)
+def test_python_is_told_as_the_shell_is(words: tuple[str, ...], expected: str) -> None:
+    words = ("lqr", "path=circle", "speed=constant_speed", *words)
+    episode = sm.drive(*words, duration=1)
+    assert any(expected in note for note in episode.notes)
+    before = [each for each in episode.notes if not each.startswith(("speed:", "controller:"))]
+    assert before == told(*words)
+    for text in (str(episode), repr(episode)):
+        assert text == "\n  note: ".join([episode.line(), *episode.notes])
+    assert html.escape(episode.notes[0], quote=False) in html.unescape(episode._repr_html_())
+
+
+def test_a_drive_of_fallbacks_says_so(tmp_path: FilePath) -> None:
+    class NotANumber(sm.Controller):
+        def init(self, vehicle: Vehicle, dt: float) -> None:
+            """Nothing."""
+
+        def decide(self, state: None, observation: sm.Observation) -> tuple[float, sm.Status, None]:
+            return math.nan, sm.Status.SOLVED, state
+
+    episode = sm.drive(NotANumber(), path="circle", duration=0.5, out=tmp_path)
+    assert episode.notes[0].startswith("controller: 10 of 10 steps were fallbacks")
+    assert sm.load(tmp_path).notes == episode.notes
+    assert sm.drive("lqr", path="circle", duration=0.5).notes == ()
 
 
 def test_what_a_car_leaves_to_its_base_is_listed_once(mine: FilePath) -> None:

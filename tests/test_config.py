@@ -1,4 +1,6 @@
 import math
+import subprocess
+import sys
 from collections.abc import Iterator
 from datetime import date
 from pathlib import Path as FilePath
@@ -243,6 +245,34 @@ def test_a_kind_cannot_be_declared_twice() -> None:
         register("widget", "plain")(Impostor)
     assert Impostor.kind == ""
     assert register("widget", "plain")(Plain) is Plain
+
+
+# In a process of its own, where nothing of the family is imported yet.
+_NAMED_LIKE_OURS = """
+import steersman as sm
+for family, kind in (("controller", "lqr"), ("path", "circle"), ("reward", "progress")):
+    base = sm.Controller if family == "controller" else sm.Component
+    try:
+        sm.register(family, kind)(type("Mine", (base,), {"__module__": "__main__"}))
+    except sm.ConfigError as error:
+        print(error)
+assert type(sm.make("controller", "lqr")).__name__ == "Lqr"  # the session goes on
+"""
+
+
+def test_a_name_of_the_package_is_refused_at_once() -> None:
+    result = subprocess.run(
+        [sys.executable, "-c", _NAMED_LIKE_OURS], capture_output=True, text=True, check=False
+    )
+    assert result.returncode == 0, result.stderr
+    lines = result.stdout.splitlines()
+    assert lines[0] == (
+        "controller 'lqr' is steersman.controllers.lqr.Lqr of the package; give yours another name"
+    )
+    assert [line.partition(" is ")[2].partition(";")[0] for line in lines[1:]] == [
+        "steersman.paths.analytic.Circle of the package",
+        "steersman.learning.rewards.Progress of the package",
+    ]
 
 
 def test_lookup_and_listing() -> None:

@@ -181,3 +181,57 @@ def test_an_interrupted_drive_keeps_what_was_driven(tmp_path: FilePath) -> None:
     with pytest.raises(KeyboardInterrupt):
         sm.drive("pid", duration=60, out=tmp_path, progress=stop)
     assert 0.0 < sm.load(tmp_path)["time"][-1] < 59.0
+
+
+class Handed(sm.Controller):
+    """What a user writes; it has no registered name."""
+
+    gain: float = sm.param(0.3, "1/m", "Gain.")
+
+    def init(self, vehicle: sm.Vehicle, dt: float) -> None:
+        """Nothing is kept."""
+
+    def decide(self, state: None, observation: sm.Observation) -> tuple[float, sm.Status, None]:
+        """Feedback of the lateral error alone."""
+        return -self.gain * observation.lateral_error, sm.Status.SOLVED, state
+
+
+NO_WORDS = [
+    (Handed, r"Handed is a class.*write Handed\(\)"),
+    (lambda seen: 0.0, "<lambda> is a function"),
+    (["lqr"], r"\['lqr'\] of type list is neither a word"),
+    (42, "42 of type int"),
+    (None, "None of type NoneType"),
+]
+
+
+@pytest.mark.parametrize(("value", "message"), NO_WORDS)
+@pytest.mark.parametrize("command", ["drive", "train", "tune", "falsify", "imitate"])
+def test_what_names_nothing_is_not_passed_over(command: str, value: object, message: str) -> None:
+    with pytest.raises(sm.ConfigError, match=message):
+        sm.configure(command, value)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("value", "message"), NO_WORDS)
+def test_nor_by_what_takes_names_alone(value: object, message: str) -> None:
+    for verb in (sm.bench, sm.identify):
+        if not (verb is sm.identify and isinstance(value, list)):  # a list of recordings
+            with pytest.raises(sm.ConfigError, match=message):
+                verb(value)  # type: ignore[operator]
+
+
+def test_a_component_has_its_name_first() -> None:
+    with pytest.raises(sm.ConfigError, match="a Handed was handed over, expected a word"):
+        sm.bench(Handed())  # type: ignore[arg-type]
+    for family in ("controller", "vehicle"):
+        with pytest.raises(sm.ConfigError, match="Handed is a class"):
+            sm.make(family, Handed)
+
+
+def test_a_component_is_handed_over_as_object_path_or_fields(tmp_path: FilePath) -> None:
+    mine = Handed(gain=0.4)
+    assert sm.configure("drive", mine).controller is mine
+    for word in (LQR, tmp_path / "gains.yaml"):
+        assert sm.configure("drive", word, path="circle").controller == Lqr(r=3.0)
+    with pytest.raises(sm.ConfigError, match="'lqq' is neither a file nor"):
+        sm.configure("drive", {"kind": "lqq"})

@@ -23,6 +23,7 @@ from steersman.command_table import (
 )
 from steersman.config import Component, lay_over, override, read_yaml
 from steersman.errors import ConfigError, DataError, near_file, suggestion
+from steersman.given import as_word
 
 Word: TypeAlias = str | BaseModel | Mapping[str, Any]
 Notify: TypeAlias = Callable[[str], None]
@@ -42,7 +43,8 @@ def configuration(
     Args:
         command: ``drive``, ``train``, ``imitate``, ``tune`` or ``falsify``.
         words: the name of a YAML file, a preset or a component; assignments ``key.field=value``;
-            mappings of fields; components, each of which goes to the field of its family.
+            mappings of fields; components, as objects or as mappings with ``kind``, each of which
+            goes to the field of its family.
         settings: fields, laid over what the names give and under the assignments.
         notify: called with a sentence if something was changed to fit a plant with one car.
 
@@ -51,6 +53,7 @@ def configuration(
         DataError: a file is missing or no YAML, or is another command's configuration.
     """
     cls = settings_of(command)
+    words = [as_word(word) for word in words]
     if len(words) == 1 and isinstance(words[0], cls) and not settings:
         return words[0]
     names = [w for w in words if isinstance(w, str) and "=" not in w]
@@ -64,6 +67,8 @@ def configuration(
     for word in words:
         if isinstance(word, Component):
             tree = lay_over(tree, word.family, word)
+        elif isinstance(word, Mapping) and "kind" in word:
+            tree = lay_over(tree, _field_for(command, str(word["kind"])), word)
         elif isinstance(word, BaseModel):
             tree = {name: getattr(word, name) for name in type(word).model_fields}
         elif isinstance(word, Mapping):

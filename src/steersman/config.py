@@ -155,6 +155,9 @@ def resolve(family: str, value: Any, *, optional: bool = False) -> Component | N
             given = value.family or type(value).__name__
             raise ConfigError(f"{_a(given)} was given where {_a(family)} is expected")
         return value
+    if isinstance(value, type):
+        name = value.__name__
+        raise ConfigError(f"{name} is a class, where {_a(family)} is expected; write {name}()")
     if isinstance(value, str):
         value = {"kind": value}
     if not isinstance(value, Mapping) or "kind" not in value:

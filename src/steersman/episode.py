@@ -143,6 +143,11 @@ class Episode(Shown):
         ]
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What ``steersman.drive`` found worth a word: a bend taken too fast, fallbacks."""
+        return tuple(map(str, self.meta.get("notes", ())))
+
+    @property
     def metrics(self) -> DriveMetrics:
         """The figures of the drive: ``episode.metrics.rms_lateral_error_m``."""
         found: DriveMetrics = import_module("steersman.metrics.base").DriveMetrics(self)

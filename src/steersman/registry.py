@@ -40,15 +40,24 @@ _REGISTRY: dict[str, dict[str, type[Component]]] = {family: {} for family in FAM
 
 
 def register(family: str, kind: str) -> Callable[[type[C]], type[C]]:
-    """Class decorator: make the component known as ``family=kind``."""
+    """Class decorator: make the component known as ``family=kind``.
+
+    Raises:
+        ConfigError: another class has the name: one of the package, of a plug-in, or of before.
+    """
 
     def add(cls: type[C]) -> type[C]:
+        if not _of_package(cls.__module__):
+            # The package's own come first, else its module would fail when it is imported later.
+            _import_own(family)
         other = _REGISTRY.setdefault(family, {}).get(kind)
         # The same name is the same class, loaded anew.
         if other is not None and _full_name(other) != _full_name(cls):
-            raise ConfigError(
-                f"{family} {kind!r} is declared twice: {_full_name(other)} and {_full_name(cls)}"
-            )
+            if _of_package(other.__module__):
+                what = f"is {_full_name(other)} of the package; give yours another name"
+            else:
+                what = f"is declared twice: {_full_name(other)} and {_full_name(cls)}"
+            raise ConfigError(f"{family} {kind!r} {what}")
         cls.family, cls.kind = family, kind
         _REGISTRY[family][kind] = cls
         return cls
@@ -56,16 +65,26 @@ def register(family: str, kind: str) -> Callable[[type[C]], type[C]]:
     return add
 
 
+def _of_package(module: str) -> bool:
+    return module.partition(".")[0] == __name__.partition(".")[0]
+
+
 def _full_name(cls: type) -> str:
     return f"{cls.__module__}.{cls.__qualname__}"
 
 
 @cache
-def _import_family(family: str) -> None:
+def _import_own(family: str) -> None:
+    """The family's components that come with the package."""
     module = importlib.import_module(FAMILIES[family]) if family in FAMILIES else None
     for info in pkgutil.iter_modules(getattr(module, "__path__", ())):
         if module is not None and not info.name.startswith("_"):
             importlib.import_module(f"{module.__name__}.{info.name}")
+
+
+@cache
+def _import_family(family: str) -> None:
+    _import_own(family)
     for point in entry_points(group=ENTRY_POINT_GROUP):
         if point.name == family or point.name.startswith(f"{family}."):
             try:

@@ -40,11 +40,16 @@ class Shown:
         """The unit of each column whose name does not end in it."""
         return {}
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences that are printed beneath the line."""
+        return ()
+
     def __repr__(self) -> str:
-        return self.line()
+        return "\n  note: ".join([self.line(), *self.notes])
 
     def __str__(self) -> str:
-        return self.line()
+        return repr(self)
 
     def _view(self) -> Any:
         module, _, function = self.shown_by.partition(":")

@@ -84,7 +84,7 @@ def _learned(config: Any, out: FilePath, reporter: Any, **words: Any) -> SimpleN
     """Nothing is learned, but much is told of it."""
     words["notify"](f"{out}: going on after so many steps{', as it was when it stopped' * 3}")
     row = {"steps": 10.0, "reward_mean": -123.456, "off_track_resets": 1234567.0, "loss": -1.5e-10}
-    for name in ("validation_error_mm", "validation_rms_mm", "steer_activity"):
+    for name in ("validation_error_mm", "validation_rms_mm", "validation_score", "steer_activity"):
         row[name] = 1.23456e-5
     reporter(SimpleNamespace(**row, validation_failures=12345.0))
     time.sleep(0.25)  # so that a bar shows

@@ -469,7 +469,7 @@ class TestTrain:
         def train(config: TrainConfig, out: FilePath, reporter: Any, **_: Any) -> SimpleNamespace:
             asked.append(config)
             scores = {"reward_mean": 0.51, "validation_error_mm": 12.3, "off_track_resets": 4.0}
-            reporter(TrainRow(steps=500.0, **scores))
+            reporter(TrainRow(steps=500.0, validation_score=0.01345, **scores))
             return SimpleNamespace(policy=out / "policy.onnx")
 
         monkeypatch.setattr("steersman.learning.train.train", train)
@@ -479,7 +479,9 @@ class TestTrain:
         result = steersman("train", "demo", "steps=1000", "seed=4", "--out", "agent")
         assert result.exit_code == 0
         assert result.stdout == "agent/policy.onnx\n"
-        assert result.stderr.startswith("500/1000 steps: reward 0.51, error 12.3 mm, off track 4")
+        assert result.stderr.startswith(
+            "500/1000 steps: reward 0.51, error 12.3 mm, score 0.01345, off"
+        )
         assert (trained[0].steps, trained[0].seed) == (1000, 4)
 
     def test_a_folder_does_not_hide_a_preset(

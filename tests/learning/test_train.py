@@ -78,6 +78,8 @@ def test_card_tells_where_the_policy_comes_from(trained: FilePath) -> None:
     assert {"torch", "stable-baselines3"} <= set(card["versions"])
     assert build(TrainConfig, card["training"]["config"]) == tiny()
     assert len(card["observation"]) == len(card["scale"])
+    scored = card["training"]["validation"]["total"]
+    assert scored == pytest.approx(min(row["validation_score"] for row in rows(trained)), abs=1e-6)
     best = min(row["validation_error_mm"] for row in rows(trained))
     assert 1e3 * card["training"]["validation"]["mean_error"] == pytest.approx(best, rel=1e-3)
 

@@ -18,6 +18,7 @@ from steersman.command_table import build_for
 from steersman.commands import Notify, configuration, split, suite_settings
 from steersman.config import dump, lay_over, override
 from steersman.errors import ConfigError, counted, how_to_install
+from steersman.given import as_text
 from steersman.ranges import seed_list
 from steersman.words import named as named_word
 
@@ -86,7 +87,7 @@ def bench(  # noqa: PLR0913 - the options of the command
     from steersman.bench.summary import results
 
     tell = notify or (lambda _: None)
-    named, chosen = suite_settings(controllers)
+    named, chosen = suite_settings([as_text(word) for word in controllers])
     numbers = seed_list(seeds)
     name, assignments = split([suite] if isinstance(suite, str) else suite)
     name = name or "standard"
@@ -109,6 +110,9 @@ def bench(  # noqa: PLR0913 - the options of the command
         outcome = results(name, plan, numbers, rows, found, read)
         outcome.write(folder / RESULTS)
         write_suite(plan, folder)
+        for who, one in outcome.summary.controllers.items():
+            if failed := one.failed_words(who):
+                tell(failed)
         if out is not None:
             _write_extras(folder, outcome, rows, scenarios, found, tell)
     return outcome

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Iterable, Sequence
 from os import PathLike
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-import numpy as np
-
 from steersman.api.cars import Made, about_cars
+from steersman.api.noted import before, noted
 from steersman.commands import Notify, Word, configuration
 from steersman.config import Component, dump, resolve
 from steersman.errors import ConfigError, DataError
@@ -25,9 +23,6 @@ if TYPE_CHECKING:
 
 
 Folder: TypeAlias = str | PathLike[str]
-# What a drive's last seconds asked for is looked at [s]; the share of what the car holds from which
-# on that is why it ended, and the share that leaves something for errors.
-_BEFORE_END, _NEARLY, _SAFE = 2.0, 0.7, 0.4
 
 
 def configure(command: str, *words: Word, notify: Notify | None = None, **settings: Any) -> Any:
@@ -75,6 +70,8 @@ def drive(
 ) -> Episode:
     """Drive one closed loop; the record of the drive.
 
+    What does not fit the car, and why it went wrong, is in ``episode.notes``.
+
     >>> episode = drive("controller=pid", path="circle", duration=2)
     >>> episode.end
     'duration'
@@ -104,11 +101,12 @@ def drive(
         if folder is not None:
             write_drive(folder, chosen, stopped.episode)
         raise
+    episode = noted(chosen, words, found.episode)
     if folder is not None:
-        write_drive(folder, chosen, found.episode)
+        write_drive(folder, chosen, episode)
     if found.error is not None:
         raise found.error
-    return found.episode
+    return episode
 
 
 def attempt(
@@ -205,42 +203,11 @@ def announce_drive(config: RunConfig, words: Sequence[Word], notify: Notify | No
         PlantError: the server does not answer.
         DataError: the path's file cannot be used.
     """
-    from steersman.paths.bends import too_sharp
-
     if notify is None:
         return
-    announce(config.plant, notify, [config.vehicle], [Made(config.controller, words)])
-    for note in config.path.notes():
-        notify(f"path: {note}")
-    bend = too_sharp(config.path, config.vehicle.turning_radius)
-    if bend is not None and config.plant.computed:
-        notify(f"path: {bend}")
-
-
-def too_fast(config: RunConfig, episode: Episode) -> str | None:
-    """A sentence about the bend that a drive ended in, where it asked for more than the car holds.
-
-    None where the drive did not leave the road or roll over, or not for that reason.
-    """
-    from steersman.episode import OFF_TRACK, ROLL_OVER
-    from steersman.kernels.vehicle import GRAVITY
-
-    if episode.end not in {OFF_TRACK, ROLL_OVER} or not len(episode):
-        return None
-    rows = slice(-math.ceil(_BEFORE_END / episode.dt), None)
-    speed, curvature = episode["v_x"][rows], episode["curvature"][rows]
-    asked = speed**2 * np.abs(curvature)
-    row, car = int(np.argmax(asked)), config.vehicle
-    held = min(car.friction * GRAVITY, car.roll_over_acceleration)
-    if asked[row] < _NEARLY * held:
-        return None
-    capped = "a_lat_max" in type(config.speed).model_fields
-    cure = f"{'' if capped else 'speed=constant_speed '}speed.a_lat_max={_SAFE * held:.2g}"
-    return (
-        f"{speed[row]:.1f} m/s in a bend of {1.0 / abs(curvature[row]):.2g} m ask for"
-        f" {asked[row]:.2g} m/s^2 at s = {episode['s'][rows][row]:.0f} m, the car holds {held:.2g};"
-        f" {cure} slows down for bends"
-    )
+    announce(config.plant, notify)
+    for note in before(config, words):
+        notify(note)
 
 
 def workers_for(

@@ -7,6 +7,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, overload
 
 from steersman.api.driving import Folder
+from steersman.api.resuming import resumed
 from steersman.commands import Notify, Word, configuration
 from steersman.errors import ConfigError
 from steersman.ranges import seed_list, split_seeds
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from steersman.learning.rewards import Judged
     from steersman.learning.seeds import TrainedSeeds
     from steersman.studies.search import SearchResult
+
+_ONE = "one training; call sm.train for each seed, with seed=0, out='runs/x/seed_0' and so on"
 
 
 @overload
@@ -54,7 +57,8 @@ def train(  # noqa: PLR0913 - of one training, or of several
         reward: a further term of the reward as a Python function of each judged step; for one
             training.
         overwrite: whether an earlier training in ``out`` is replaced.
-        resume: go on from the last checkpoint in ``out``.
+        resume: go on from the last checkpoint in ``out``; without a preset, a file or a
+            configuration, that of ``out`` is taken, and its seeds.
         progress: called at every validation with the new row of ``progress.csv``.
         tick: called about twice a second with the environment steps done.
         listener: called with what happens in each of several trainings, instead of ``progress``
@@ -67,7 +71,8 @@ def train(  # noqa: PLR0913 - of one training, or of several
     Raises:
         ConfigError: a word or a value is unknown or not allowed; of several trainings only what
             concerns all of them is raised.
-        DataError: a file is missing or malformed, or ``out`` holds a training already.
+        DataError: a file is missing or malformed, or ``out`` holds a training already, or another
+            command's results.
         TrainingDiverged: losses or values are no longer finite or plausible.
     """
     from steersman.learning.seeds import train_seeds
@@ -75,11 +80,13 @@ def train(  # noqa: PLR0913 - of one training, or of several
 
     named, rest = split_seeds(words)
     numbers = named if seeds is None else seed_list(seeds)
+    if resume and not overwrite:
+        rest, numbers = resumed(FilePath(out), rest, numbers, notify)
     many = {"listener": listener, "engine": engine, "jobs": jobs}
     one = {"reward": reward, "progress": progress, "tick": tick}
     for name, value in (many if numbers is None else one).items():
         if value is not None:
-            what = "several trainings (seeds=...)" if numbers is None else "one training"
+            what = "several trainings (seeds=...)" if numbers is None else _ONE
             raise ConfigError(f"goes with {what}", (name,))
     chosen = configuration("train", rest, settings, notify)
     if numbers is not None:
@@ -187,7 +194,7 @@ def imitate(
         words: a training's preset or a YAML file, assignments, or an ``ImitationConfig``.
         out: folder for policy, record and logs.
         overwrite: whether an earlier training in ``out`` is replaced.
-        resume: go on from the last round in ``out``.
+        resume: go on from the last round in ``out``, likewise.
         progress: called after every round with the new row of ``progress.csv``.
         tick: called now and then with the rounds done.
         notify: called with a sentence where something is to be said.
@@ -195,12 +202,16 @@ def imitate(
 
     Raises:
         ConfigError: a word or a value is unknown or not allowed.
-        DataError: a file is missing or malformed, or ``out`` holds a training already.
+        DataError: a file is missing or malformed, or ``out`` holds a training already, or another
+            command's results.
         TrainingDiverged: the loss is no longer finite.
     """
     from steersman.learning.imitation.imitate import imitate as run
 
-    chosen = configuration("imitate", words, settings, notify)
+    rest = list(words)
+    if resume and not overwrite:
+        rest, _ = resumed(FilePath(out), words, None)
+    chosen = configuration("imitate", rest, settings, notify)
     return run(
         chosen,
         FilePath(out),

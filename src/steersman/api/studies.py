@@ -12,7 +12,9 @@ from steersman.api.driving import Folder, announce, workers_for
 from steersman.commands import Notify, Word, configuration
 from steersman.config import resolve
 from steersman.errors import ConfigError, how_to_install
+from steersman.given import as_text
 from steersman.ranges import seed_list
+from steersman.seed_folders import refuse_seeds, seed_folder
 
 if TYPE_CHECKING:
     from steersman.studies.findings import FalsifyResult
@@ -60,7 +62,7 @@ def tune(
     from steersman.report.tuning import chosen_words, spent_words, write_tuning
     from steersman.studies.trials import TuneResult, TuningTrials
     from steersman.studies.tune import tune as run
-    from steersman.studies.tune_seeds import seed_folder, tune_seeds
+    from steersman.studies.tune_seeds import tune_seeds
     from steersman.studies.unseen import warning
 
     tell = notify or (lambda _: None)
@@ -72,6 +74,7 @@ def tune(
         tell(f"warning: {blind}")
     folder = files.out_folder(str(out))
     if seeds is None:
+        refuse_seeds(folder)
         folders, result = [folder], run(chosen, folder, progress, engine=engine, jobs=jobs)
     else:
         numbers = seed_list(seeds)
@@ -175,7 +178,7 @@ def identify(  # noqa: PLR0913 - the recording's options and where the fit runs
     if lock is not None and not lock > 0.0:
         raise ConfigError(f"{lock:g} is not allowed; must be greater than 0 [rad]", ("--lock",))
     start = vehicle_of(vehicle)
-    files = list(log) if isinstance(log, (list, tuple)) else [cast(Folder, log)]
+    files = list(log) if isinstance(log, (list, tuple)) else [as_text(log)]
     logs = [read_log(FilePath(file), lock, ahead, columns) for file in files]
     tell, workers = notify or (lambda _: None), Workers(engine, jobs)
     found = fit(joined(logs), start, holdout, tell, workers, last=last)

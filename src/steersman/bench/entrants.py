@@ -15,9 +15,12 @@ from steersman.config import dump, resolve
 from steersman.controllers.base import ControllerComponent
 from steersman.errors import ConfigError, DataError
 from steersman.policy_file import LEARNED, PolicyCard, locate, read_policy
+from steersman.seed_folders import seeds_in
 from steersman.words import RESULTS, distinct, named
 
 _ONNX = ".onnx"
+# What a training leaves beside its policy.
+_RECORD = "progress.csv"
 
 
 class Entrant(NamedTuple):
@@ -68,12 +71,15 @@ def replicates(folder: FilePath) -> list[Entrant]:
     """What a tuning or training with several seeds has left in ``seed_N``; none without any.
 
     Raises:
-        DataError: some of the seeds are not done.
+        DataError: some of the seeds are not done, or there is a training beside them.
     """
-    seeds = sorted(folder.glob("seed_*/"), key=lambda one: (len(one.name), one.name))
+    seeds = list(seeds_in(folder).values())
     kept = next((n for n in RESULTS if any((one / n).is_file() for one in seeds)), None)
     if kept is None:
         return []
+    if (folder / _RECORD).is_file():
+        names = ", ".join(one.name for one in seeds)
+        raise DataError(f"{folder}: holds one training, and {names} beside it; name one of them")
     missing = next((one for one in seeds if not (one / kept).is_file()), None)
     if missing is not None:
         raise DataError(f"{missing}: has no {kept} yet; wait until all seeds are done")

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from steersman.bench.courses import Speeds, changing, constant
-from steersman.bench.results import MapRecord
+from steersman.bench.map_record import MapRecord
 from steersman.bench.standard import core
 from steersman.bench.suite import Course, Suite
 from steersman.errors import ConfigError, DataError

@@ -184,7 +184,8 @@ def contrast(draws: Draws | None, figure: Quantity, base: FloatArray, own: Float
     def ratio(mean: Any) -> FloatArray:
         below, above = fine(mean(one)), fine(mean(other))
         undefined = np.where(above > below, math.inf, math.nan)
-        return np.where(below <= figure.finest, undefined, above / below)
+        found = np.where(root(mean(other)) == 0.0, 0.0, above / below)
+        return np.where(below <= figure.finest, undefined, found)
 
     def difference(mean: Any) -> FloatArray:
         return fine(mean(other)) - fine(mean(one))

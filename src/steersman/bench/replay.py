@@ -46,6 +46,8 @@ class ShownCase(NamedTuple):
     best: str
     """The controller with the least error there."""
     best_rms_m: float
+    error: str | None
+    """What its controller raised there."""
     episodes: dict[str, Episode]
     """By name: of the controller and of the best one, or of all that are shown of a class."""
 
@@ -117,6 +119,7 @@ def class_cases(
                 controller=best.controller,
                 scenario=name,
                 end=best.end,
+                error=best.error,
                 rms_m=best.charged_rms_m,
                 best=best.controller,
                 best_rms_m=best.charged_rms_m,
@@ -161,6 +164,7 @@ def _cases(
                 controller=name,
                 scenario=row.scenario,
                 end=row.end,
+                error=row.error,
                 rms_m=row.charged_rms_m,
                 best=best.controller,
                 best_rms_m=best.charged_rms_m,

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 from pydantic import Field, model_validator
 
 from steersman.bench.grip import BEYOND, grip_class
+from steersman.bench.map_record import MapRecord
 from steersman.bench.statistics import Interval
 from steersman.metrics.base import Values
 from steersman.stored import ShownResult, SourcedResult, StoredResult, optional
@@ -16,6 +17,8 @@ from steersman.table_file import Columns, columns_of
 FORMAT = 1
 RESULTS = "results.json"
 _APPLIED = "disturbance_"
+# Fields that a row lacks where they are None.
+_IF_ANY = ("plant", "error")
 
 
 class BenchRow(StoredResult):
@@ -55,6 +58,8 @@ class BenchRow(StoredResult):
     metrics: Values
     plant: str | None = None
     """The plant, if it was not the embedded simulator."""
+    error: str | None = None
+    """What the controller raised, and where; None where it raised nothing."""
     commit: str | None = None
     computing_time_s: float
 
@@ -82,7 +87,7 @@ class BenchRow(StoredResult):
                 out |= {f"{_APPLIED}{key}": v for key, v in value.items()}
             elif name == "metrics":
                 out |= value
-            elif name != "plant" or value is not None:
+            elif name not in _IF_ANY or value is not None:
                 out[name] = value
         return out
 
@@ -199,6 +204,8 @@ class ControllerSummary(StoredResult):
     deadline_misses_10ms: int
     control_steps: int
     computing_us_per_step: float
+    error: str | None = optional()
+    """What it raised in the first of its drives that ended by that; None if none did."""
     figures: dict[str, DistributedFigure] = Field({})
     """Metrics that are no errors, with intervals: steering, comfort, computing time."""
     replicates: int = 1
@@ -211,6 +218,13 @@ class ControllerSummary(StoredResult):
     """None where no scenario has an oracle."""
     ratio: dict[str, ErrorRatio] | None = optional()
     """By group, over the best classical controller; None without one."""
+
+    def failed_words(self, name: str) -> str | None:
+        """A sentence about the drives of ``name`` in which it raised something; None without."""
+        count = self.ends.get("error", 0)
+        if self.error is None:
+            return None
+        return f"{name}: failed in {count} of {self.runs} drives; {self.error}"
 
     def errors(self, group: str) -> PooledErrors:
         """The errors of ``all``, ``clean`` or ``disturbed`` rows."""
@@ -247,21 +261,6 @@ class Summary(StoredResult):
     """By the number that differs: ``delay``, ``waypoint_noise``, ``friction``."""
     paths: int
     scenarios: int
-
-
-class MapRecord(StoredResult):
-    """What a benchmark made of an OpenDRIVE map."""
-
-    sha256: str | None
-    courses: list[str]
-    distance_m: list[float]
-    """Lengths of the courses."""
-    min_radius_m: float
-    lanes_km: float
-    """Length of all lanes that can be driven."""
-    lanes_too_sharp_km: float
-    """Length of those that are left out because they bend below ``min_radius_m``."""
-    why_not_more: str = ""
 
 
 class BenchResult(ShownResult, SourcedResult):

@@ -136,6 +136,7 @@ def _figures(rows: Sequence[BenchRow]) -> dict[str, Any]:
         "figures": {name: _distributed(rows, name) for name in FIGURES},
         "replicates": max(len({row.replicate for row in rows}), 1),
         "runs": len(rows),
+        "error": next((row.error for row in rows if row.error is not None), None),
         "failures": len(failed),
         "ends": {end: failed.count(end) for end in set(failed)},
         "steer_change_rms": _root_mean_square(_measured(rows, "steer_change_rms")),

@@ -132,10 +132,8 @@ def _show(outcome: BenchResult, folder: str) -> None:
     if best is not None:
         notes += f"; ratio: RMS error over that of {best}, the best classical controller"
     notes += "."
-    beyond = [one.beyond for one in summary.controllers.values() if one.beyond is not None]
-    if beyond:
-        runs = beyond[0].runs
-        notes += f" With a +: lost of {runs} runs beyond grip, which no other column counts."
+    if any(one.beyond is not None for one in summary.controllers.values()):
+        notes += " With a +: lost of the runs beyond grip, which no other column counts."
     if left_out:
         notes += f" A wider terminal has {', '.join(left_out)}, too; so has the page."
     show(out, "", notes, f"written to {folder}")
@@ -184,9 +182,10 @@ def _interval(found: IntervalEstimate | None, factor: float = 1.0) -> str:
 
 
 def _lost(found: ControllerSummary) -> str:
-    """Lost runs within grip, and under them those beyond it."""
-    beyond = "" if found.beyond is None else f"\n+{found.beyond.failures}"
-    return f"{found.failures}{beyond}"
+    """Lost runs of all within grip, and under them of those beyond it."""
+    beyond = found.beyond
+    more = "" if beyond is None else f"\n+{beyond.failures}/{beyond.runs}"
+    return f"{found.failures}/{found.runs}{more}"
 
 
 def _steering(found: ControllerSummary) -> str:

@@ -55,6 +55,7 @@ def drive(
     Files named in settings are relative to the current folder.
     """
     from steersman.api import driving
+    from steersman.api.noted import after, noted
     from steersman.config import dump
     from steersman.outcome import Interrupted
     from steersman.rollout import attempt
@@ -73,6 +74,7 @@ def drive(
         episode, error = tried.episode, tried.error
     except Interrupted as stopped:
         episode, interrupted = stopped.episode, True
+    episode = noted(config, words or [], episode)
     metrics = driving.drive_metrics(episode)
     if folder is not None:
         driving.write_drive(folder, config, episode)
@@ -84,9 +86,8 @@ def drive(
     if error is not None:
         kept = "" if folder is None else f"; what was driven until then is in {folder}"
         raise SteersmanError(f"{error}{kept}") from error
-    hint = driving.too_fast(config, episode) if config.plant.computed else None
-    if hint is not None:
-        note(f"speed: {hint}")
+    for hint in after(config, episode):
+        note(hint)
     if as_json:
         show_json({"config": dump(config), "metrics": metrics})
     else:

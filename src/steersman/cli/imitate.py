@@ -40,13 +40,13 @@ def imitate(
     The controller is problem.demonstration.controller. Of a training's preset or configuration,
     problem, validation, seed, trim and threads are taken. Writes what steersman train writes.
     """
-    kept = FilePath(out) / "config.yaml"
-    words = words or []
-    if resume and kept.is_file() and all("=" in word for word in words):
-        words = [str(kept), *words]
     import steersman as sm
     from steersman.api.driving import announce
+    from steersman.api.resuming import resumed
 
+    words = words or []
+    if resume and not overwrite:
+        words, _ = resumed(FilePath(out), words, None)
     config = sm.configure("imitate", *words, notify=note)
     announce(config.problem.plant, note, [config.problem.vehicle])
     folder = files.out_folder(out)

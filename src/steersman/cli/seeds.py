@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
@@ -35,7 +36,8 @@ def train_seeds(
         typer.Exit: one of them failed, or Ctrl-C.
     """
     import steersman as sm
-    from steersman.learning.seeds import folder_of, name_of
+    from steersman.learning.seeds import name_of
+    from steersman.seed_folders import seed_folder
 
     names = [name_of(seed) for seed in chosen]
     try:
@@ -62,7 +64,7 @@ def train_seeds(
                 resume=resume,
             )
     except KeyboardInterrupt:
-        folders = [folder_of(folder, seed) for seed in chosen]
+        folders = [seed_folder(folder, seed) for seed in chosen]
         raise interrupted(folder, folders, "the last checkpoints") from None
     _summary(result)
     for seed, fault in result.failed.items():
@@ -73,8 +75,9 @@ def train_seeds(
 
 def progress_text(row: TrainRow) -> str:
     """A row of ``progress.csv`` in a few words."""
+    score = "" if math.isnan(row.validation_score) else f"score {row.validation_score:.4g}, "
     return (
-        f"reward {row.reward_mean:.3g}, error {three_digits(row.validation_error_mm)} mm, "
+        f"reward {row.reward_mean:.3g}, error {three_digits(row.validation_error_mm)} mm, {score}"
         f"off track {row.off_track_resets:.0f}"
     )
 

@@ -50,9 +50,10 @@ def train(
             raise ConfigError(f"{option}: there is one training; it goes with seeds=0..4")
     import steersman as sm
     from steersman.api.driving import announce
+    from steersman.api.resuming import resumed
 
-    if resume and all("=" in word for word in words):
-        words = [*_resumed(out, chosen), *words]
+    if resume and not overwrite:
+        words, chosen = resumed(FilePath(out), words, chosen, note)
     config = sm.configure("train", *words, notify=note)
     announce(config.problem.plant, note, [config.problem.vehicle])
     folder = files.out_folder(out)
@@ -72,13 +73,6 @@ def train(
     except KeyboardInterrupt:
         raise interrupted(folder, [folder], "the last checkpoint") from None
     write(f"{result.policy}\n")
-
-
-def _resumed(out: str, chosen: list[int] | None) -> list[str]:
-    """The words that name the configuration of the training in ``out``, if there is one."""
-    folder = FilePath(out) if chosen is None else FilePath(out) / f"seed_{chosen[0]}"
-    file = folder / "config.yaml"
-    return [str(file)] if file.is_file() else []
 
 
 def train_with_bar(

@@ -12,7 +12,9 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from steersman.config import Component, components, dump, families, lookup, override, resolve
-from steersman.errors import ConfigError, DataError, one_line
+from steersman.controllers.base import ControllerComponent as Controller
+from steersman.controllers.base import raised
+from steersman.errors import ConfigError, DataError, SteersmanError, one_line
 from steersman.words import family_of
 
 T = TypeVar("T")
@@ -62,7 +64,10 @@ class Contract(Generic[T]):
             try:
                 out += [f"{name}: {one_line(text)}" for text in each(component)]
             except Exception as error:  # noqa: BLE001 - a plug-in's component may raise anything
-                out.append(one_line(f"{name}: raises {type(error).__name__}: {error}"))
+                what = one_line(f"raises {type(error).__name__}: {error}")
+                if isinstance(component, Controller) and not isinstance(error, SteersmanError):
+                    what = raised(component, error)
+                out.append(f"{name}: {what}")
         return out
 
 

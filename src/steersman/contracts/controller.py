@@ -26,13 +26,16 @@ from steersman.contracts.scenes import (
     steering,
 )
 from steersman.controllers.base import ControllerComponent
-from steersman.paths.analytic import Circle
+from steersman.paths.analytic import Circle, Straight
 from steersman.plants.simulator import SimulatorConfig
 from steersman.policy_file import LEARNED
 from steersman.sensing import WaypointSensor
 from steersman.types import Observation, Status
 
 _MOVED = PosedRoad(x=-350.0, y=120.0, psi=2.4)
+_STRAIGHT, _BEND = Straight(), Circle()
+# A command that has a sign; the share of places in which full lock is one of the unit.
+_SIGN, _MOSTLY = 1e-3, 0.75
 _NUMBERS = Observation._fields[:8]
 _ANSWERED = {Status.SOLVED, Status.SATURATED}
 # Differences that rounding makes; in single precision of one answer, and of a drive.
@@ -72,6 +75,44 @@ def a_loaded_controller_steers_alike(controller: ControllerComponent) -> Iterato
         yield "made again from its plain data it steers otherwise"
 
 
+def signs_are_those_of_iso_8855(controller: ControllerComponent) -> Iterator[str]:
+    """Left of a road, or turned to its left, it steers right; round a left bend, left.
+
+    A network may have learned otherwise, by which its drives are judged.
+    """
+    if _learned(dump(controller)):
+        return
+    for words, d, heading in (
+        ("0.5 m left of", 0.5, 0.0),
+        ("turned 0.1 rad to the left of", 0, 0.1),
+    ):
+        state = beside(_STRAIGHT, 50.0, d=d, heading=heading)
+        steer = steering(controller, [observe(_STRAIGHT, state, 50.0)])[0]
+        if steer > _SIGN:
+            yield (
+                f"{words} a straight road it steers left ({steer:.2g}): left is positive, in errors"
+                " as in steering, so feedback has a minus"
+            )
+    bend = steering(controller, [observe(_BEND, beside(_BEND, 20.0), 20.0)])[0]
+    if bend < -_SIGN:
+        yield f"on the line of a left bend it steers right ({bend:.2g}); curvature is > 0 there"
+
+
+def an_ordinary_place_asks_for_no_full_lock(controller: ControllerComponent) -> Iterator[str]:
+    """Where commands are at the limit nearly everywhere, their unit is another one."""
+    locked = _locked(controller)
+    if locked >= _MOSTLY:
+        yield (
+            f"steers to the limit in {locked:.0%} of ordinary places: a gain is too large, or an"
+            " angle is in degrees, where rad are meant"
+        )
+
+
+def _locked(controller: ControllerComponent) -> float:
+    """Share of ordinary places where the command is at the limit."""
+    return float(np.mean(np.abs(steering(controller, scenes(PosedRoad()))) >= 1.0))
+
+
 def a_mirrored_observation_gives_negated_steering(
     controller: ControllerComponent,
 ) -> Iterator[str]:
@@ -101,6 +142,8 @@ def place_and_direction_do_not_matter(controller: ControllerComponent) -> Iterat
     here, there = (steering(controller, scenes(road)) for road in (PosedRoad(), _MOVED))
     if _differ(here, there, _close(controller)):
         yield "steers otherwise on the same road elsewhere"
+    if _locked(controller) >= _MOSTLY:  # it makes any rounding as large as the limit
+        return
     one, other = (drive(controller, road, duration=6.0) for road in (PosedRoad(), _MOVED))
     if one.end != other.end:
         yield f"ends by {one.end} here and by {other.end} elsewhere"
@@ -232,6 +275,8 @@ NOT_OF_NETWORKS = (
     mirrored_executed_commands_give_negated_steering,
 )
 check: Contract[ControllerComponent] = Contract(
+    signs_are_those_of_iso_8855,
+    an_ordinary_place_asks_for_no_full_lock,
     a_loaded_controller_steers_alike,
     place_and_direction_do_not_matter,
     *FAULTS,

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from steersman.controllers.base import ControllerComponent
+from steersman.controllers.base import ControllerComponent, check_status
 from steersman.episode import COLUMNS, Episode
 from steersman.kernels.path import PathTable
 from steersman.paths.base import PathComponent
@@ -100,6 +100,7 @@ def answers(
     out = []
     for observation in observations:
         decision, state = controller.step(state, observation)
+        check_status(controller, decision)
         out.append(decision)
     return out
 

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import math
+import sysconfig
 import time
 import traceback
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path as FilePath
 from typing import Any, ClassVar, final
 
 import numpy as np
+from pydantic import ValidationError
 
 from steersman.config import Component
 from steersman.controllers.plausible import usable
-from steersman.errors import ConfigError, ControllerError, one_line
+from steersman.errors import ConfigError, ControllerError, SteersmanError, one_line, shortened
 from steersman.types import Decision, Observation, Status
 from steersman.vehicles import Vehicle
 
+_STATUSES = frozenset(Status)
+_ANSWER = "decide has to return (steer, status, state): return steer, sm.Status.SOLVED, state"
 # Steps without effect before the first: a disturbance estimate needs one before it computes.
 _WARM_UPS = 3
 
@@ -139,13 +143,58 @@ def designed(
         again: by ``redesign`` in place of ``init``.
 
     Raises:
-        ConfigError: its equations have no solution for this vehicle and these settings.
+        ConfigError: its equations have no solution for this vehicle and these settings, or it
+            raised something else.
     """
     try:
         return controller.redesign(vehicle, dt) if again else controller.init(vehicle, dt)
     except (np.linalg.LinAlgError, ArithmeticError) as error:
         what = f"{controller.kind} finds no solution for this vehicle and its settings ({error})"
         raise ConfigError(what, ("controller",)) from None
+    except SteersmanError:
+        raise
+    except Exception as error:  # a user's controller may raise anything
+        raise ConfigError(raised(controller, error), ("controller",)) from error
+
+
+def _name(controller: ControllerComponent) -> str:
+    return controller.kind or type(controller).__name__
+
+
+def check_status(controller: ControllerComponent, decision: Decision) -> None:
+    """Refuse a decision whose status is none.
+
+    Raises:
+        ControllerError: it is not.
+    """
+    if type(decision.status) is not Status and decision.status not in _STATUSES:
+        given = shortened(repr(decision.status))
+        raise ControllerError(f"controller {_name(controller)!r}: the status is {given}; {_ANSWER}")
+
+
+def raised(controller: ControllerComponent, error: Exception) -> str:
+    """What a controller raised, and on which line of its author's file."""
+    frame = _authors(traceback.extract_tb(error.__traceback__))
+    where = f"{FilePath(frame.filename).name}, line {frame.lineno}"
+    what = f"raised {type(error).__name__}: {error}"
+    if frame.filename == __file__:  # what decide returned was no answer
+        return one_line(f"controller {_name(controller)!r}: {_ANSWER} ({error})")
+    first = error.errors()[0] if isinstance(error, ValidationError) else None
+    if first is not None and first["type"] == "frozen_instance":
+        what = (
+            f"sets self.{first['loc'][0]}, but one object drives many cars and is frozen:"
+            " what changes from step to step belongs into the state, which init makes and decide"
+            " returns"
+        )
+    return one_line(f"controller {_name(controller)!r} {what} ({where})")
+
+
+def _authors(frames: Sequence[traceback.FrameSummary]) -> traceback.FrameSummary:
+    """The innermost frame that is neither of this package nor of an installed one."""
+    libraries = {sysconfig.get_path(name) for name in ("purelib", "platlib", "stdlib")}
+    others = [str(FilePath(__file__).parents[1]), *libraries]
+    own = [f for f in frames if not any(f.filename.startswith(place) for place in others)]
+    return own[-1] if own else frames[-1]
 
 
 def warm_up(
@@ -170,21 +219,18 @@ def timed_step(
         ControllerError: it raised, or returned what no actuator can take.
         ConfigError: it does not fit into this loop.
     """
-    name = controller.kind or type(controller).__name__
     begun = time.perf_counter()
     try:
         decision, controller_state = controller.step(controller_state, observation)
     except (ConfigError, ControllerError):
         raise
     except Exception as error:  # a user's controller may raise anything
-        frame = traceback.extract_tb(error.__traceback__)[-1]
-        where = f"{FilePath(frame.filename).name}, line {frame.lineno}"
-        fault = f"controller {name!r} raised {type(error).__name__}: {error} ({where})"
-        raise ControllerError(one_line(fault)) from error
+        raise ControllerError(raised(controller, error)) from error
     took = time.perf_counter() - begun
     if not abs(decision.steer) <= 1.0:
         raise ControllerError(
-            f"controller {name!r} returned steering {decision.steer}, where a finite number in "
-            "[-1, 1] is expected"
+            f"controller {_name(controller)!r} returned steering {decision.steer}, where a finite"
+            " number in [-1, 1] is expected"
         )
+    check_status(controller, decision)
     return decision, controller_state, took

@@ -16,11 +16,17 @@ from steersman.learning import running, snapshot
 from steersman.learning.imitation.config import LearningConfig
 from steersman.learning.rewards import FunctionTerm
 from steersman.learning.snapshot import Tree
+from steersman.seed_folders import refuse_seeds
 
 FOLDER = "resume"
 _FORMAT = 3
 _KEPT = 2
 _POLICY = ("policy.onnx", "policy.json")
+# What other commands leave: none of them is mixed with a training.
+_OTHERS = (
+    *("episode.npz", "rows.jsonl", "results.json", "compare.json", "search.json", "drives.jsonl"),
+    *("falsify.json", "study.jsonl", "tuned.yaml"),
+)
 # Where a policy goes whose training was cut before its first checkpoint and begins again.
 _BEFORE = "before"
 _WRITTEN = ("checkpoints", "data", FOLDER, "tensorboard")
@@ -157,18 +163,47 @@ def check_folder(config: LearningConfig, out: FilePath, *, overwrite: bool, resu
     """Whether this training may go to ``out``; nothing is written.
 
     Raises:
-        DataError: it holds a training, and neither ``overwrite`` nor ``resume`` is set.
+        DataError: it holds a training, and neither ``overwrite`` nor ``resume`` is set; or it is
+            the folder of something else.
         ConfigError: that training has another configuration.
     """
     if overwrite and resume:
         raise ConfigError("--overwrite and --resume contradict each other; give one of them")
+    refuse_seeds(out)
     kept = out / "config.yaml"
     if resume and kept.exists():
         _check_same(config, kept)
-    elif not overwrite and ((out / "progress.csv").exists() or _found(out)):
+        return
+    if not overwrite and ((out / "progress.csv").exists() or _found(out)):
         raise DataError(
             f"{out}: holds a training already; give another folder, --resume or --overwrite"
         )
+    _refuse_others(out, kept)
+    if resume and (strangers := _strangers(out)):
+        raise DataError(
+            f"{out}: holds no training to resume, but {strangers[0]}; give the training's folder,"
+            " or a new one to begin"
+        )
+
+
+def _refuse_others(out: FilePath, kept: FilePath) -> None:
+    """Refuse the folder of another command.
+
+    Raises:
+        DataError: ``out`` holds what another command has written.
+    """
+    found = next((name for name in _OTHERS if (out / name).exists()), None)
+    if found is None and kept.is_file() and "problem" not in read_yaml(kept):
+        found = "the configuration"
+    if found is not None:
+        raise DataError(f"{out}: holds {found} of another command; give another folder")
+
+
+def _strangers(out: FilePath) -> list[str]:
+    """What lies in a folder and is no training's."""
+    ours = {*_FILES, *_WRITTEN, _BEFORE, "traceback.txt"}
+    found = sorted(out.iterdir()) if out.is_dir() else []
+    return [f.name for f in found if f.name not in ours and not f.name.startswith(".")]
 
 
 def _check_same(config: LearningConfig, file: FilePath) -> None:

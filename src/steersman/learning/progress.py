@@ -40,6 +40,7 @@ class TrainRow(NamedTuple):
     validation_error_mm: float = _NAN
     validation_rms_mm: float = _NAN
     validation_failures: float = _NAN
+    validation_score: float = _NAN
     steer_activity: float = _NAN
     actor_loss: float = _NAN
     critic_loss: float = _NAN
@@ -65,6 +66,7 @@ class ImitationRow(NamedTuple):
     validation_error_mm: float = _NAN
     validation_rms_mm: float = _NAN
     validation_failures: float = _NAN
+    validation_score: float = _NAN
     steer_activity: float = _NAN
     learning_rate: float = _NAN
 

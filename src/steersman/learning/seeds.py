@@ -11,6 +11,7 @@ from steersman.errors import DataError
 from steersman.learning.config import TrainConfig
 from steersman.learning.parallel import TrainingEvent, TrainingJob, train_all
 from steersman.learning.progress import TrainResult, load_training
+from steersman.seed_folders import seed_folder
 from steersman.shown import Shown
 from steersman.table_file import Columns, columns_of
 
@@ -68,11 +69,6 @@ def name_of(seed: int) -> str:
     return f"seed {seed}"
 
 
-def folder_of(folder: FilePath, seed: int) -> FilePath:
-    """Where the training with a seed is written."""
-    return folder / f"seed_{seed}"
-
-
 def train_seeds(
     config: TrainConfig,
     seeds: Sequence[int],
@@ -87,12 +83,14 @@ def train_seeds(
     """Train with each seed into ``seed_N`` of the folder, ``jobs`` at a time.
 
     Raises:
-        DataError: a folder holds a training already.
+        DataError: a folder holds a training already, or ``folder`` itself does.
         ConfigError: a training to be resumed has another configuration, or there is no such engine.
     """
+    if (folder / "progress.csv").exists():
+        raise DataError(f"{folder}: holds one training; give another folder for several seeds")
     tasks = [
         TrainingJob(
-            name_of(seed), config.model_copy(update={"seed": seed}), folder_of(folder, seed)
+            name_of(seed), config.model_copy(update={"seed": seed}), seed_folder(folder, seed)
         )
         for seed in seeds
     ]

@@ -49,6 +49,7 @@ class Score(NamedTuple):
             "validation_error_mm": 1e3 * self.mean_error,
             "validation_rms_mm": 1e3 * self.rms_error,
             "validation_failures": self.failures,
+            "validation_score": self.total,
             "steer_activity": self.steer_activity,
         }
 

@@ -109,7 +109,8 @@ def _ranking(summary: Summary) -> Section:
         ],
         tables=[Table("Controllers, best first", rows)],
         figures=figures,
-        warnings=_few_paths(found),
+        warnings=_few_paths(found)
+        + [said for name, one in found.items() if (said := one.failed_words(name))],
     )
 
 

@@ -54,6 +54,7 @@ def worst(summary: Summary, cases: Sequence[ShownCase]) -> list[Section]:
             "controller": case.controller,
             "scenario": case.scenario,
             "ended by": case.end.replace("_", " "),
+            **({"what was raised": case.error or ""} if any(c.error for c in shown) else {}),
             "RMS, charged [mm]": _MM * case.rms_m,
             "best there": case.best,
             "its RMS [mm]": _MM * case.best_rms_m,
@@ -81,7 +82,9 @@ def _figures(case: ShownCase, k: int, rank: Mapping[str, int]) -> list[LinePlot]
         "path": ("path", GREY_DOTS),
     }
     lines, offsets = [], []
-    for key, line in case.lines().items():
+    if not (found := case.lines()):  # it failed before its first step
+        return []
+    for key, line in found.items():
         name, look = who[key]
         lines.append(PlotLine(name, line.x, line.y, look=look))
         if line.offset:

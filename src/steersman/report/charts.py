@@ -111,7 +111,7 @@ class IntervalPlot(NamedTuple):
 
 def _row(point: ShownEstimate, value: float, middle: float, scale: PlotAxis) -> str:
     color, at = look(point.look)["color"], scale.at(value)
-    ends = [scale.at(end or value) for end in (point.low, point.high)]
+    ends = [scale.at(value if end is None else end) for end in (point.low, point.high)]
     marker = f'<circle cx="{at:.1f}" cy="{middle}" r="4.5" fill="{color}"/>'
     if point.diamond:
         marker = f'<path d="M{at:.1f} {middle - 6:.1f}l6 6l-6 6l-6 -6z" fill="{color}"/>'

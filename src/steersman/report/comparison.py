@@ -13,11 +13,12 @@ from steersman.bench.replay import ShownCase
 from steersman.episode import Episode
 from steersman.errors import counted
 from steersman.report import benchmark
-from steersman.report.article import LinePlot, PlotLine, Section, Table, write_article
+from steersman.report.article import Section, Table, write_article
 from steersman.report.cases import replays
 from steersman.report.charts import IntervalPlot, ShownEstimate
+from steersman.report.compared_methods import seeds_figure, trainings
 from steersman.report.html import render, write_report
-from steersman.report.runs import ReportRun, read_progress
+from steersman.report.runs import ReportRun
 from steersman.report.tables import difference_text, interval_text, scaled, text
 from steersman.report.view import ResultView, article_view
 from steersman.studies.compare.replicates import ReplicatedComparison
@@ -30,10 +31,6 @@ from steersman.studies.compare.results import (
 )
 
 TITLE = "Side by side"
-_CURVES = {
-    "validation_error_mm": "validation error [mm]",
-    "off_track_resets": "off-track resets",
-}
 _SHOWN = 4
 
 
@@ -197,7 +194,11 @@ def _source(found: ScenarioCompareResult) -> str:
 
 def _sections(found: ScenarioCompareResult, cases: Sequence[ShownCase]) -> list[Section]:
     summary = benchmark.sections(found.summary, cases)
-    return [*_against(found), *_over_seeds(found), *_trainings(found), *summary]
+    who = [f"{letter}: {name} ({source})." for letter, name, source in legend(found)]
+    notes = [*map(_sentence, found.warnings)]
+    first, *more = [*_over_seeds(found), *_against(found)]
+    first = first._replace(text=[*who, *first.text], warnings=notes)
+    return [first, *more, *trainings(found), *summary]
 
 
 def _runs(found: DriveCompareResult, episodes: Mapping[str, Episode]) -> list[ReportRun]:
@@ -224,7 +225,7 @@ def _driven(episode: Episode) -> dict[str, Any]:
 
 
 def _against(found: ScenarioCompareResult) -> list[Section]:
-    """A section for each comparison, the first with the legend and the warnings."""
+    """A section for each comparison."""
     out: list[Section] = []
     for k, compared in enumerate(found.comparisons):
         columns = headers(found, k)
@@ -240,9 +241,6 @@ def _against(found: ScenarioCompareResult) -> list[Section]:
                 figures=[IntervalPlot(f"ratio_{b}", title, "ratio", points)],
             )
         )
-    who = [f"{letter}: {name} ({source})." for letter, name, source in legend(found)]
-    notes = [*map(_sentence, found.warnings)]
-    out[0] = out[0]._replace(text=[*who, *out[0].text], warnings=notes)
     return out
 
 
@@ -252,46 +250,9 @@ def _over_seeds(found: ScenarioCompareResult) -> list[Section]:
         return []
     lines = replicate_rows(found.replicates)
     words = [replicate_words(found.replicates)]
-    return [Section("Over seeds", words, tables=[Table("Methods over their seeds", lines)])]
+    tables, figures = [Table("Methods over their seeds", lines)], [seeds_figure(found.replicates)]
+    return [Section("Over seeds", words, tables=tables, figures=figures)]
 
 
 def _ratio(one: PathPairs) -> float | None:
     return one.own / one.base if one.base else None
-
-
-def _trainings(found: ScenarioCompareResult) -> list[Section]:
-    """The trainings among the contestants; nothing if there are none."""
-    trained = {one.name: one for one in found.contestants if one.training is not None}
-    if not trained:
-        return []
-    lines = [
-        {
-            "training": one.name,
-            "steps": one.training.steps,
-            "simulated [s]": one.training.simulated_seconds,
-            "validation error [mm]": text(scaled(one.training.validation_mean_error, 1e3), 3),
-            "failures": one.training.validation_failures,
-        }
-        for one in trained.values()
-        if one.training is not None
-    ]
-    records = {name: read_progress(FilePath(one.source) / "progress.csv")
-               for name, one in trained.items()}  # fmt: skip
-    figures = [
-        _curve(records, column, title)
-        for column, title in _CURVES.items()
-        if all(_drawable(record, column) for record in records.values())
-    ]
-    words = "The exported policy of each, and the records of the trainings."
-    return [Section("Trainings", [words], tables=[Table("Trainings", lines)], figures=figures)]
-
-
-def _drawable(record: Mapping[str, Any], column: str) -> bool:
-    """Whether a record makes a line of a column."""
-    return {"steps", column} <= set(record) and len(record["steps"]) > 1
-
-
-def _curve(records: Mapping[str, Mapping[str, Any]], column: str, title: str) -> LinePlot:
-    lines = [PlotLine(name, record["steps"], record[column]) for name, record in records.items()]
-    axes, log = ("environment steps", title), column.endswith("_mm")
-    return LinePlot(column, title.partition(" [")[0], *axes, lines, log=log)

@@ -23,6 +23,7 @@ TITLES = {
     "validation_error_mm": "validation error [mm]",
     "validation_rms_mm": "validation, RMS error [mm]",
     "validation_failures": "validation drives that failed",
+    "validation_score": "validation score, the less the better",
     "steer_activity": "validation, RMS steering change",
     "q_mean": "mean Q value",
     "saturated_share": "share of actions at their limit",
@@ -55,7 +56,7 @@ def curves(runs: Sequence[ReportRun]) -> dict[str, Any] | None:
         if name not in AXES and any(_has_values(table.get(name)) for table in tables.values())
     ]
     lines = [
-        {"name": name, **look(k), "panels": [_panel(same, axis, n) for n in shown]}
+        {"name": name, **look(k), "panels": [band(same, axis, n) for n in shown]}
         for k, (name, same) in enumerate(_by_training(tables).items())
     ]
     return {
@@ -87,10 +88,14 @@ def _has_values(values: FloatArray | None) -> bool:
     return values is not None and bool(np.isfinite(values).any())
 
 
-def _panel(
-    tables: Sequence[Mapping[str, FloatArray]], axis: str | None, name: str
-) -> dict[str, Any]:
-    """One line: ``x`` and ``y``; of several records the median, and ``low`` and ``high`` too."""
+def band(tables: Sequence[Mapping[str, FloatArray]], axis: str | None, name: str) -> dict[str, Any]:
+    """One line: ``x`` and ``y``; of several records the median, and ``low`` and ``high`` too.
+
+    Args:
+        tables: the records of one training with each of its seeds.
+        axis: the column for ``x``; None: the number of the row.
+        name: the column for ``y``.
+    """
     lines = [line for line in (_line(table, axis, name) for table in tables) if line[0].size]
     if not lines:
         return {"x": [], "y": []}

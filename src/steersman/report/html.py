@@ -70,6 +70,7 @@ def render(runs: Sequence[ReportRun], title: str) -> str:
         "style": web.resource("page.css"),
         "columns": tables.summary_columns(runs),
         "tiles": _tiles(runs),
+        "notes": _notes(runs),
         "summaries": _summaries(runs, groups),
         "all_metrics": tables.all_metrics(_measured(runs)),
         "measured": [run.name for run in _measured(runs)],
@@ -86,6 +87,17 @@ def render(runs: Sequence[ReportRun], title: str) -> str:
     return web.within(
         LIMIT, lambda rows: page.render(**content, **web.parts(shown, training, rows))
     )
+
+
+def _notes(runs: Sequence[ReportRun]) -> list[str]:
+    """What is worth a word about the drives, each by its name where there are several."""
+    named = len(runs) > 1
+    return [
+        f"{run.name}: {note}" if named else note
+        for run in runs
+        if run.episode is not None
+        for note in run.episode.notes
+    ]
 
 
 def _tiles(runs: Sequence[ReportRun]) -> list[tables.Tile]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from steersman.episode import Episode
 from steersman.learning.progress import LearningResult
-from steersman.learning.seeds import TrainedSeeds, folder_of
+from steersman.learning.seeds import TrainedSeeds
 from steersman.metrics.base import summarise
 from steersman.report.article import LinePlot, PlotLine, Section, Table
 from steersman.report.curves import FIRST, TITLES
@@ -19,6 +19,7 @@ from steersman.report.runs import ReportRun
 from steersman.report.signals import SIGNALS
 from steersman.report.tables import scaled
 from steersman.report.view import ResultView, article_view
+from steersman.seed_folders import seed_folder
 from steersman.studies.search import SearchResult
 from steersman.types import FloatArray
 
@@ -55,7 +56,7 @@ def shown_training(result: AnyTraining) -> ResultView:
 def shown_seeds(result: TrainedSeeds) -> ResultView:
     """The curves of all seeds; the page has their median and range."""
     return _trainings(
-        {folder_of(one.folder.parent, s).name: one for s, one in result.trainings.items()}
+        {seed_folder(one.folder.parent, s).name: one for s, one in result.trainings.items()}
     )
 
 

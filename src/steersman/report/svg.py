@@ -22,6 +22,8 @@ _TICKS = 5
 _FACTORS = ((2.0, (1.0, 2.0, 5.0)), (4.0, (1.0, 3.0)), (math.inf, (1.0,)))
 _DECADES = 8
 _ROW = 16
+# Radius of a line's only point [pixels].
+_ALONE = 3.0
 # A range of values below this is none.
 _FLAT = 1e-12
 
@@ -197,9 +199,12 @@ def _drawn(line: PlotLine, style: dict[str, str], x: PlotAxis, y: PlotAxis) -> l
     color, points = style["color"], _points(line.x, line.y, x, y)
     if line.dots:
         return [_dot(at, line.dots, color) for at in points]
+    if len(points) <= 1:  # a path needs two; a value that stands alone is seen as a dot
+        return [_dot(at, _ALONE, color) for at in points]
     out = []
-    if len(line.low):
-        around = _points(line.x, line.low, x, y) + _points(line.x, line.high, x, y)[::-1]
+    band = [_points(line.x, edge, x, y) for edge in (line.low, line.high) if len(edge)]
+    if band and all(len(edge) > 1 for edge in band):
+        around = band[0] + band[1][::-1]
         out.append(f'<path d="M{"L".join(around)}Z" fill="{color}" fill-opacity=".15"/>')
     return [
         *out,

@@ -26,6 +26,7 @@ from steersman.learning.config import TrainConfig
 from steersman.learning.parallel import TRAINING
 from steersman.provenance import provenance
 from steersman.ranges import SettingRange, search_range
+from steersman.seed_folders import seed_folder
 from steersman.stored import ShownResult, SourcedResult, StoredResult
 from steersman.studies.folder import open_study, same_study, sampler
 from steersman.studies.ranges import GainRange
@@ -188,7 +189,7 @@ class _Search:
             for seed in self.config.seeds:
                 training = build(TrainConfig, tree | {"seed": seed})
                 until = None if steps == self.rungs[-1] else steps
-                folder = self._folder(trial.number) / f"seed_{seed}"
+                folder = seed_folder(self._folder(trial.number), seed)
                 jobs.append(Job(f"{trial.number} {seed}", _TrialTraining(training, folder, until)))
         if not jobs:
             return
@@ -226,7 +227,7 @@ class _Search:
     def _end(self, trial: Any, value: float | None = None, state: Any = None) -> None:
         self.study.tell(trial, value, state=state)
         for seed in self.config.seeds:
-            checkpoint.finish(self._folder(trial.number) / f"seed_{seed}")
+            checkpoint.finish(seed_folder(self._folder(trial.number), seed))
 
     def _folder(self, number: int) -> FilePath:
         return self.out / f"trial_{number}"

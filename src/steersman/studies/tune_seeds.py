@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path as FilePath
 
 from steersman.files import make_folder, write_text
+from steersman.seed_folders import seed_folder
 from steersman.stored import SourcedResult, StoredResult
 from steersman.studies.trials import TuneResult
 from steersman.studies.tune import TuneConfig, tune
@@ -78,8 +79,3 @@ def tune_seeds(
         commit=found[median].commit,
     ).write(out / "seeds.json")
     return found[median]
-
-
-def seed_folder(out: FilePath, seed: int) -> FilePath:
-    """The folder of one seed's study."""
-    return out / f"seed_{seed}"

@@ -99,11 +99,12 @@ def _from_folder(folder: FilePath, name: str) -> list[Contestant]:
         return [_drive(folder / _EPISODE, name or _name(folder / _EPISODE))]
     if (folder / ROWS).is_file():
         return _from_rows(folder, [], name)
+    seeds = tuple(replicates(folder))
     if (folder / _PROGRESS).is_file():
         if not (folder / _POLICY).is_file():
             raise DataError(f"{folder}: a training that has exported no policy yet ({_POLICY})")
         return [_controller(folder, _POLICY, "training", name)]
-    if seeds := tuple(replicates(folder)):
+    if seeds:
         learned = any(one.learned for one in seeds)
         one = Contestant(name or folder.resolve().name, "seeds", str(folder), learned)
         return [one._replace(folder=folder, replicates=seeds)]

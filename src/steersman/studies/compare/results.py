@@ -12,6 +12,7 @@ from steersman.bench.along import AlongComparison
 from steersman.bench.pairs import Contrast, PairedComparison
 from steersman.bench.results import Summary
 from steersman.policy_file import locate, read_policy
+from steersman.seed_folders import seeds_in
 from steersman.stored import ShownResult, SourcedResult, StoredResult, optional
 from steersman.studies.compare.contestants import Contestant
 from steersman.studies.compare.replicates import ReplicatedComparison
@@ -43,6 +44,8 @@ class ContestantRecord(StoredResult):
     controller: dict[str, Any] | None = optional()
     """Its configuration, if it was driven now."""
     training: TrainingRecord | None = optional()
+    trainings: dict[str, TrainingRecord] | None = optional()
+    """By seed, of a folder of trainings with several."""
 
 
 class CompareResult(ShownResult, SourcedResult):
@@ -149,7 +152,13 @@ def records(found: Sequence[Contestant]) -> list[ContestantRecord]:
 
 
 def _record(one: Contestant, letter: str) -> ContestantRecord:
-    training = None
+    training, several = None, None
+    if one.sort == "seeds" and one.folder is not None:
+        policies = {
+            str(seed): place / "policy.onnx" for seed, place in seeds_in(one.folder).items()
+        }
+        if all(file.is_file() for file in policies.values()):
+            several = {seed: training_record(file) for seed, file in policies.items()}
     if one.sort == "training" and one.folder is not None:
         training = training_record(one.folder / "policy.onnx")
     return ContestantRecord(
@@ -160,6 +169,7 @@ def _record(one: Contestant, letter: str) -> ContestantRecord:
         learned=one.learned,
         controller=None if one.entrant is None else one.entrant.shown,
         training=training,
+        trainings=several,
     )
 
 
