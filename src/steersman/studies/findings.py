@@ -6,9 +6,10 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from steersman.bench.grip import demanded_grip
 from steersman.config import dump
 from steersman.provenance import provenance
-from steersman.stored import ShownResult, SourcedResult, StoredResult
+from steersman.stored import ShownResult, SourcedResult, StoredResult, optional
 from steersman.studies.hunt import Bracket
 from steersman.studies.perturbation import AXES, Point, norm, shown
 from steersman.studies.tried import Tried
@@ -37,6 +38,9 @@ class SingleFailure(StoredResult):
     holding_value: float
     unit: str
     """Of the two values."""
+    at_grip: bool | None = optional()
+    """Whether its range ended where the road at these speeds asks an axle for over 90 % of its
+    grip."""
 
 
 class FalsifyResult(ShownResult, SourcedResult):
@@ -60,6 +64,8 @@ class FalsifyResult(ShownResult, SourcedResult):
     """Failures by how the drives ended."""
     drives: list[Tried]
     """The nominal drive first."""
+    grip_share: float | None = optional()
+    """Largest share of grip that the undisturbed run asks of an axle."""
     config: dict[str, Any]
     plant: str
 
@@ -107,6 +113,7 @@ def findings(
         simulated_seconds=sum(row.seconds for row in tried),
         ends={end: sum(row.end == end for row in failed) for end in ends},
         drives=list(tried),
+        grip_share=demanded_grip(config.run()),
         **provenance(),
         config=dump(config) or {},
         plant=config.plant.source(),
@@ -129,7 +136,8 @@ def narrowed(one: Bracket, tried: Sequence[Tried]) -> Bracket:
     ]
     fails = min((u for u, failed in alone if failed), default=math.inf)
     holds = max((u for u, failed in alone if not failed and u < fails), default=0.0)
-    return Bracket(one.name, side * fails if fails < math.inf else None, side * holds)
+    failing = side * fails if fails < math.inf else None
+    return Bracket(one.name, failing, side * holds, one.at_grip)
 
 
 def _single(one: Bracket, config: FalsifyConfig) -> SingleFailure:
@@ -137,7 +145,7 @@ def _single(one: Bracket, config: FalsifyConfig) -> SingleFailure:
         return config.ranges.values({one.name: coordinate}, config.run())[one.name]
 
     return SingleFailure(
-        **one._asdict(),
+        **one._replace(at_grip=one.at_grip or None)._asdict(),
         failing_value=None if one.failing is None else value(one.failing),
         holding_value=value(one.holding),
         unit=AXES[one.name].unit,
