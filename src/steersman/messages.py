@@ -46,6 +46,7 @@ _MUST = {
     "too_short": "must have at least {min_length} values",
 }
 _NUMBER_AND_REST = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
+_COMMA = re.compile(r"\s*[-+]?\d+,\d+\s*")
 
 
 class _Place(NamedTuple):
@@ -157,7 +158,10 @@ def _how_to_write(kind: str, given: Any, unit: str) -> str:
         return f"; write [{given}]" if isinstance(given, str) else ""
     if kind == "string_type":
         return f"; put it in quotes: '{given}'" if isinstance(given, int | float) else ""
-    if not kind.startswith(("float", "int")) or unit == "-":
+    number = kind.startswith(("float", "int"))
+    if number and isinstance(given, str) and _COMMA.fullmatch(given):
+        return f"; write {given.strip().replace(',', '.')}"
+    if not number or unit == "-":
         return ""
     match = _NUMBER_AND_REST.fullmatch(given) if isinstance(given, str) else None
     if match is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any
 
 from pydantic import BaseModel, Field
@@ -11,6 +12,7 @@ from steersman.live.drives import LONGEST
 from steersman.live.form import Choices
 from steersman.report.tables import text
 from steersman.rollout import RunConfig
+from steersman.studies.hunt import MOST_GRIP
 from steersman.studies.perturbation import AXES, Ranges
 from steersman.studies.tried import drive
 
@@ -56,13 +58,15 @@ def map_cells(base: RunConfig, given: MapRequest) -> dict[str, Any]:
     cells = []
     for u, v in given.points:
         point = {given.x: u, given.y: v}
-        tried = drive("map", point, ranges.disturbed(run, point))
+        tried = drive("map", point, ranges.disturbed(run, point), math.inf)
         values = ranges.values(point, run)
         units = {name: "" if AXES[name].unit == "-" else f" {AXES[name].unit}" for name in values}
         words = ", ".join(
             f"{name.replace('_', ' ')} {text(value, 3)}{units[name]}"
             for name, value in values.items()
         )
+        if (share := tried.grip_share or 0.0) > MOST_GRIP:
+            words += f"; asks an axle for {100 * share:.0f} % of its grip"
         cells.append(
             {
                 "failed": tried.failed,

@@ -145,7 +145,10 @@ def _single(one: Bracket, config: FalsifyConfig) -> SingleFailure:
         return config.ranges.values({one.name: coordinate}, config.run())[one.name]
 
     return SingleFailure(
-        **one._replace(at_grip=one.at_grip or None)._asdict(),
+        name=one.name,
+        failing=one.failing,
+        holding=one.holding,
+        at_grip=one.at_grip or None,
         failing_value=None if one.failing is None else value(one.failing),
         holding_value=value(one.holding),
         unit=AXES[one.name].unit,
