@@ -115,6 +115,11 @@ class Component(Settings):
     answers: ClassVar[dict[str, str]] = {}
     """What to give instead of figures that data sheets have and the component does not."""
 
+    @property
+    def given_as(self) -> str:
+        """The word that it was given by; else its kind."""
+        return str(self.__dict__.get("_given_as", self.kind))
+
 
 def param(default: Any, unit: str, meaning: str, **bounds: Any) -> Any:
     """A field with default, unit ("-" for none) and one line of meaning; bounds as pydantic's."""
@@ -167,7 +172,10 @@ def resolve(family: str, value: Any, *, optional: bool = False) -> Component | N
         )
     base = words.fields_of(family, str(value["kind"]))
     kind = str(base.pop("kind"))
-    return build(lookup(family, kind), merge(base, {k: v for k, v in value.items() if k != "kind"}))
+    fields = merge(base, {k: v for k, v in value.items() if k != "kind"})
+    made = build(lookup(family, kind), fields)
+    made.__dict__["_given_as"] = str(value["kind"])  # no field: neither compared nor written
+    return made
 
 
 @dataclass(eq=False)

@@ -75,4 +75,13 @@ def map_cells(base: RunConfig, given: MapRequest) -> dict[str, Any]:
                 "words": words,
             }
         )
-    return {"cells": cells}
+    return {"cells": cells, "ends": {"x": _ends(run, given.x), "y": _ends(run, given.y)}}
+
+
+def _ends(run: RunConfig, name: str) -> list[str]:
+    """The values at the low end, in the middle and at the high end of an axis, with its name."""
+    low, ranges = min(0.0, *AXES[name].sides), Ranges()
+    values = [ranges.values({name: u}, run)[name] for u in (low, 0.5 * (low + 1.0), 1.0)]
+    unit = "" if AXES[name].unit == "-" else f" {AXES[name].unit}"
+    first, middle, last = (f"{text(value, 3)}{unit}" for value in values)
+    return [f"{name.replace('_', ' ')} {first}", middle, last]

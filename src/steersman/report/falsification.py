@@ -82,7 +82,7 @@ def _replay(result: FalsifyResult) -> list[RoadGroup]:
 
 
 def _title(result: FalsifyResult) -> str:
-    return f"Falsification of {result.config['controller']['kind']}"
+    return f"Falsification of {result.name}"
 
 
 def _sections(result: FalsifyResult) -> list[Section]:
@@ -104,13 +104,13 @@ def _sections(result: FalsifyResult) -> list[Section]:
 
 def sentences(result: FalsifyResult) -> list[str]:
     """What was found, in words."""
-    drives, kind = len(result.drives), result.config["controller"]["kind"]
+    drives, name = len(result.drives), result.name
     spent = f"{drives} drives, {result.simulated_seconds:.0f} simulated seconds."
     within, radius = result.tried_within, text(result.safe_radius, 3)
     mildest = result.mildest
     if mildest is None:
         return [
-            f"{kind} did not fail in any of {within} drives, up to a norm of {radius}. That does"
+            f"{name} did not fail in any of {within} drives, up to a norm of {radius}. That does"
             " not prove that it never does.",
             spent,
         ]
@@ -119,10 +119,10 @@ def sentences(result: FalsifyResult) -> list[str]:
         share = result.grip_share or 0.0
         asks = f"; path and speeds ask an axle for {100 * share:.0f} % of its grip"
         asked = asks if share > MOST_GRIP else ""
-        return [f"{kind} fails without any disturbance: {end}{asked}.", spent]
+        return [f"{name} fails without any disturbance: {end}{asked}.", spent]
     values = _phrases(mildest.values.values(), mildest.point)
     return [
-        f"{kind} fails at norm {radius} ({end}): {values}.",
+        f"{name} fails at norm {radius} ({end}): {values}.",
         f"Safe radius {radius}: none of {within} milder drives failed. That does not prove that"
         " none can.",
         spent,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from steersman.bench.grip import demanded_grip
 from steersman.config import dump
+from steersman.naming import names_of, recorded_name
 from steersman.provenance import provenance
 from steersman.stored import ShownResult, SourcedResult, StoredResult, optional
 from steersman.studies.hunt import Bracket
@@ -68,6 +69,13 @@ class FalsifyResult(ShownResult, SourcedResult):
     """Largest share of grip that the undisturbed run asks of an axle."""
     config: dict[str, Any]
     plant: str
+    names: dict[str, str] | None = optional()
+    """What controller, path, speed and vehicle are called."""
+
+    @property
+    def name(self) -> str:
+        """What the controller is called."""
+        return recorded_name({"names": self.names, **self.config}, "controller")
 
     def nearest_holding(self) -> Tried | None:
         """The drive that holds nearest to the mildest failure; None where there is none."""
@@ -82,8 +90,8 @@ class FalsifyResult(ShownResult, SourcedResult):
         found = "does not fail up to"
         if self.mildest is not None:
             found = f"fails ({self.mildest.end}) at"
-        kind, norm = self.config["controller"]["kind"], self.safe_radius
-        return f"FalsifyResult: {kind} {found} norm {norm:.3g}, {len(self.drives)} drives"
+        norm = self.safe_radius
+        return f"FalsifyResult: {self.name} {found} norm {norm:.3g}, {len(self.drives)} drives"
 
     def table(self) -> Columns:
         """All drives, the nominal one first."""
@@ -116,6 +124,7 @@ def findings(
         grip_share=demanded_grip(config.run()),
         **provenance(),
         config=dump(config) or {},
+        names=names_of(config),
         plant=config.plant.source(),
     )
 
