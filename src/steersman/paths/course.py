@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from steersman.errors import DataError
 from steersman.paths import smoothing as spline
 from steersman.paths.points import Points, refuse_far
+from steersman.paths.told import outlier
 from steersman.types import FloatArray
 
 # Points nearer than this share of the usual spacing, or than this [m], are one.
@@ -261,10 +262,10 @@ def _course_fault(points: Points) -> _Fault | None:
         text = f"the end overlaps or crosses the start ({points.counted} {points.lines[0]})"
         return _Fault(-1, text, "cut the surplus points off")
     back = np.flatnonzero(np.abs(turn) > _BACK)
-    if back.size:
-        row, cure = int(back[0]) + 1, "put the points into driving order"
-        return _Fault(row, "the path turns back on itself", cure)
-    return None
+    if back.size and (alone := outlier(points.place)) is not None:
+        return _Fault(alone[0], f"the point is {alone[1]:.2g} m beside its neighbours", "delete it")
+    text, cure = "the path turns back on itself", "put the points into driving order"
+    return _Fault(int(back[0]) + 1, text, cure) if back.size else None
 
 
 def _joins(points: Points, turn_last: float, turn_first: float) -> bool:
