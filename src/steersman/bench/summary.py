@@ -196,13 +196,11 @@ def _fine(row: BenchRow) -> float:
 def _by(table: Mapping[str, Sequence[BenchRow]], factor: str) -> dict[str, dict[str, PooledErrors]]:
     """Errors of each controller for each value of a factor."""
     values = values_of((row for rows in table.values() for row in rows), factor)
-    return {
-        value: {
-            name: _errors([row for row in rows if getattr(row, factor) == value])
-            for name, rows in table.items()
-        }
-        for value in values
-    }
+
+    def of(rows: Sequence[BenchRow], value: str) -> PooledErrors:
+        return _errors([row for row in rows if getattr(row, factor) == value])
+
+    return {value: {name: of(rows, value) for name, rows in table.items()} for value in values}
 
 
 def _sweep(rows: Sequence[BenchRow], name: str) -> list[SweepStep]:

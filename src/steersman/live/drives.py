@@ -8,8 +8,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from steersman.api import noted
 from steersman.api.cars import inherited
-from steersman.api.driving import announce_drive, too_fast
 from steersman.config import dump, to_yaml
 from steersman.episode import Episode
 from steersman.errors import ConfigError
@@ -68,15 +68,11 @@ class DriveCache:
 
     def _hints(self, config: RunConfig, choices: Choices) -> list[str]:
         """What the command line would say of this drive, but what the car's file leaves out."""
-        lines: list[str] = []
         word = choices.parts["controller"].word if "controller" in choices.parts else ""
-        announce_drive(config, [f"controller={word}"], lines.append)
-        fast = too_fast(config, self._known[_key(config)].episode)
         left = inherited(config.vehicle)
-        return [
-            *(line for line in lines if left is None or left not in line),
-            *([] if fast is None else [f"speed: {fast}"]),
-        ]
+        lines = noted.before(config, [f"controller={word}"])
+        lines += noted.after(config, self._known[_key(config)].episode)
+        return [line for line in lines if left is None or left not in line]
 
     def _run(self, name: str, config: RunConfig) -> ReportRun:
         key = _key(config)
