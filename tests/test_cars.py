@@ -94,7 +94,7 @@ def test_what_a_car_leaves_to_its_base_is_listed_once(mine: FilePath) -> None:
 @pytest.mark.parametrize(
     ("word", "line"),
     [
-        ("l_f=1168", "l_f is 1168 m, in cars it is 0.02 to 10"),
+        ("l_f=116.8", "l_f is 116.8 m, in cars it is 0.02 to 10"),
         ("mass=1845000", "mass is 1.845e+06 kg"),
         ("mass=1.845", "yaw_inertia / (mass l_f l_r) is 725.4"),
         ("c_r=67.8", "c_r / (mass g) is 0.003746 /rad"),

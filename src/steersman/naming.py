@@ -61,7 +61,15 @@ def recorded_name(record: Mapping[str, Any], family: str) -> str:
 
 def shown_name(record: Mapping[str, Any], family: str) -> str:
     """The recorded name as pages have it: a kind in words, what is the user's own as it is."""
-    name = recorded_name(record, family)
+    return _in_words(family, recorded_name(record, family))
+
+
+def titled(component: Component) -> str:
+    """The name of a component as pages have it."""
+    return _in_words(component.family, called(component))
+
+
+def _in_words(family: str, name: str) -> str:
     return name.replace("_", " ") if name in components(family) else name
 
 

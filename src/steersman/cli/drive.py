@@ -12,7 +12,7 @@ from steersman.cli import recording, settings
 from steersman.cli.outcome import INTERRUPTED
 from steersman.cli.output import note, share_bar, show, show_json, table
 from steersman.errors import SteersmanError
-from steersman.naming import called
+from steersman.naming import called, titled
 
 if TYPE_CHECKING:
     from steersman.episode import Episode
@@ -121,7 +121,7 @@ def _replay(page: FilePath | None, config: RunConfig, episode: Episode) -> None:
     from steersman.metrics.base import summarise
     from steersman.report import ReportRun, write_report
 
-    name, road = called(config.controller), called(config.path)
+    name, road = titled(config.controller), titled(config.path)
     drive = ReportRun(name, episode, summarise(episode), config=dict(episode.meta))
     write_report([drive], page, f"{name} on {road}")
     note(f"replay: {page}")
