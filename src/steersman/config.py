@@ -288,9 +288,8 @@ def override(tree: Mapping[str, Any], assignments: Iterable[str]) -> dict[str, A
         key, sign, raw = text.partition("=")
         names = key.strip().split(".")
         if not sign or not all(names) or len(names) > DEEPEST:
-            raise ConfigError(
-                f"{shortened(text)!r} is not an assignment; write key=value or key.field=value"
-            )
+            told = f"{shortened(text)!r} is not an assignment; write key=value or key.field=value"
+            raise ConfigError(told + ", without blanks" * (not (raw and all(names))))
         out = lay_over(out, key, core_yaml.value(raw))
     return out
 

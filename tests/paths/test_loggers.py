@@ -125,3 +125,14 @@ def test_a_recording_in_degrees_is_led_to_the_kind_that_reads_it(tmp_path: FileP
     (tmp_path / "log.csv").write_text("\n".join(lines), encoding="utf-8")
     with pytest.raises(DataError, match="latitude and longitude are for path=csv, with speed=path"):
         LogPath(file=tmp_path / "log.csv").recorded()
+
+
+def test_a_loop_that_is_closed_over_a_gap_says_so(tmp_path: FilePath) -> None:
+    bend = [f"{20 * math.sin(a / 20)},{20 - 20 * math.cos(a / 20)}" for a in range(60)]
+    path = written(tmp_path / "bend.csv", ["x,y", *bend])
+    closed = path.model_copy(update={"loop": True})
+    (told,) = (note for note in closed.notes() if "closed over" in note)
+    assert "from line 61 to 2 (loop: true)" in told
+    whole = [f"{20 * math.sin(a / 20)},{20 - 20 * math.cos(a / 20)}" for a in range(125)]
+    lap = written(tmp_path / "lap.csv", ["x,y", *whole]).model_copy(update={"loop": True})
+    assert not [note for note in lap.notes() if "closed over" in note]

@@ -10,6 +10,8 @@ from steersman.types import FloatArray
 
 # An outlier is so many usual distances, and so far [m], beside the middle of its neighbours.
 _BESIDE, _LEAST = 4.0, 0.5
+# A gap between the ends of a loop that is told, in usual distances.
+_WIDE = 5.0
 
 
 def outlier(place: FloatArray) -> tuple[int, float] | None:
@@ -30,6 +32,13 @@ def outlier(place: FloatArray) -> tuple[int, float] | None:
         return None
     row = int(np.argmax(np.where(far, beside, 0.0)))
     return row + 1, float(beside[row])
+
+
+def closing(place: FloatArray) -> float:
+    """The distance from the last point to the first [m]; 0 where it is about the usual one."""
+    steps = np.linalg.norm(np.diff(place, axis=0), axis=1)
+    gap = float(np.linalg.norm(place[-1] - place[0]))
+    return gap if gap > _WIDE * float(np.median(steps)) else 0.0
 
 
 def left_out(place: FloatArray, sheet: Sheet, rows: NDArray[np.int64]) -> str:
