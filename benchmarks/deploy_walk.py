@@ -2,7 +2,7 @@
 
     python benchmarks/deploy_walk.py [--out results/export/walk.json]
 
-The page's commands run one after the other in an empty folder, beside examples/steer.c.
+The page's commands run one after the other in a folder with nothing but examples/steer.c.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ def lines() -> list[str]:
 
 def walk(folder: Path, run: Callable[[str], object]) -> Iterator[dict[str, Any]]:
     """Run the commands in ``folder``, which is the current one; each with its time [s]."""
-    shutil.copy(PROGRAM, folder)
+    (folder / "examples").mkdir()
+    shutil.copy(PROGRAM, folder / "examples")
     for line in lines():
         begun = time.perf_counter()
         run(line)

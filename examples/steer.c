@@ -7,14 +7,17 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* double; float in an export with --precision single or mixed. */
+typedef steersman_steering_number real;
+
 /* The number at or after a place of the line, and the place after it; NAN if there is none (null). */
-static double number(const char **at)
+static real number(const char **at)
 {
     char *end = NULL;
-    const double value = *at == NULL ? NAN : strtod(*at, &end);
+    const real value = (real)(*at == NULL ? NAN : strtod(*at, &end));
 
     *at = end == NULL || end == *at ? NULL : end;
-    return *at == NULL ? NAN : value;
+    return *at == NULL ? (real)NAN : value;
 }
 
 /* The place after a name; NULL if it is not there. */
@@ -25,7 +28,7 @@ static const char *after(const char *line, const char *name)
     return at == NULL ? NULL : at + strlen(name);
 }
 
-static double named(const char *line, const char *name)
+static real named(const char *line, const char *name)
 {
     const char *at = after(line, name);
 
@@ -37,12 +40,12 @@ int main(void)
     static char line[100000];
     static steersman_steering_state state;
     steersman_steering_observation seen;
-    double drive = -1.0;
-    double steer = 0.0;
+    real drive = -1;
+    real steer = 0;
     int i;
 
     while (fgets(line, sizeof line, stdin) != NULL) {
-        const double executed = named(line, "\"executed\":");
+        const real executed = named(line, "\"executed\":");
         const char *at = after(line, "\"preview\":");
 
         if (named(line, "\"drive\":") != drive) { /* another one begins */
@@ -64,7 +67,7 @@ int main(void)
             seen.preview[i / 2][i % 2] = number(&at);
         }
         (void)steersman_steering_step(&state, &seen, &steer);
-        printf("{\"steer\": %.17g}\n", steer);
+        printf("{\"steer\": %.17g}\n", (double)steer);
         fflush(stdout);
     }
     return 0;

@@ -14,7 +14,8 @@ from steersman import tuned
 from steersman.api.cars import Made, about_cars, implausible, tuned_on
 from steersman.api.driving import announce_drive
 from steersman.bench.entrants import entrants
-from steersman.config import dump, resolve
+from steersman.config import build, dump, resolve
+from steersman.errors import ConfigError
 from steersman.kernels.vehicle import GRAVITY
 from steersman.registry import components
 from steersman.vehicles import CarlaModel3V1, Vehicle, VehicleFile
@@ -93,14 +94,42 @@ def test_what_a_car_leaves_to_its_base_is_listed_once(mine: FilePath) -> None:
 @pytest.mark.parametrize(
     ("word", "line"),
     [
-        ("l_f=1168", "l_f is 1168 m, in cars it is 0.02 to 10"),
+        ("l_f=116.8", "l_f is 116.8 m, in cars it is 0.02 to 10"),
         ("mass=1845000", "mass is 1.845e+06 kg"),
         ("mass=1.845", "yaw_inertia / (mass l_f l_r) is 725.4"),
         ("c_r=67.8", "c_r / (mass g) is 0.003746 /rad"),
+        ("steer_rate_up=24.7", "24.7 deg/s of the road wheels it would be 0.3"),
+        ("steer_rate_down=400", "in cars it is 0.05 to 20"),
+        ("pedal_rate_up=0.01", "pedal_rate_up is 0.01 full strokes a second"),
     ],
 )
 def test_figures_in_another_unit_are_told(word: str, line: str) -> None:
     assert [one for one in told("pid", f"vehicle.{word}") if line in one]
+
+
+def test_what_belongs_to_another_mass_is_named(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "van.yaml").write_text("base: vw_t7\nmass: 2310\nc_r: 150000\n", encoding="utf-8")
+    (line,) = told("lqr", "vehicle=van.yaml")
+    assert ", yaw_inertia (1.36e+04), c_f (" in line
+    assert "c_r (" not in line
+    (tmp_path / "van.yaml").write_text("base: vw_t7\nheight: 0.8\n", encoding="utf-8")
+    assert not [line for line in told("lqr", "vehicle=van.yaml") if "yaw_inertia" in line]
+
+
+@pytest.mark.parametrize(
+    ("field", "given", "cure"),
+    [
+        ("l_f", "1,531", "write 1.531"),
+        ("friction", "0,9", "write 0.9"),
+        ("steering_ratio", "16.2", "give max_wheel_angle: the steering wheel's angle"),
+    ],
+)
+def test_what_a_data_sheet_says_gets_an_answer(field: str, given: str, cure: str) -> None:
+    with pytest.raises(ConfigError, match=cure):
+        build(Vehicle, {field: given})
 
 
 def test_no_known_car_is_implausible() -> None:

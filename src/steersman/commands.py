@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any, TypeAlias
@@ -215,7 +216,7 @@ def _families_of(command: str, name: str) -> list[str]:
 
 def _field_for(command: str, name: str) -> str:
     """The field that a word without "=" is for, by the families that have the word."""
-    found = _families_of(command, name)
+    found, fields = _families_of(command, name), component_fields(command)
     if len(found) == 1:
         return found[0]
     if found:
@@ -223,12 +224,24 @@ def _field_for(command: str, name: str) -> str:
         raise ConfigError(f"{name!r} may be a {' or a '.join(sorted(found))}; write {ways}")
     if FilePath(name).is_dir():
         raise DataError(f"{name}: is a folder without config.yaml, policy.onnx or tuned.yaml")
-    families = set(component_fields(command).values())
-    every = [word for family in families for word in words_.known(family)]
+    if FilePath(name).is_file():
+        raise DataError(f"{name}: is a file of no kind that {command} takes{_own(name)}")
+    every = [word for family in set(fields.values()) for word in words_.known(family)]
     near = suggestion(name, every)
     near = near if near.startswith("; did you") else ""
+    if field := difflib.get_close_matches(name, fields, n=1, cutoff=0.8):
+        near = f"; write {field[0]}=NAME"
     what = f"{name!r} is neither a file nor the name of a component"
     raise ConfigError(f"{what}{near or '; settings are written key=value'}")
+
+
+def _own(file: str) -> str:
+    """The end of a message about a program that is to be driven."""
+    cure = (
+        "; a controller in Python is driven from Python: sm.drive(MyController(), ...), or"
+        f" controller=process controller.command='[python3, {file}]' (docs/plugins.md)"
+    )
+    return cure if FilePath(file).suffix == ".py" else ""
 
 
 def existing(name: str) -> FilePath:

@@ -1,8 +1,7 @@
 """One declaration for each component: a frozen model that Python, YAML and the shell all read.
 
-A component is a class decorated with ``@register(family, kind)``. Its fields are declared with
-:func:`param`, which holds the default, the unit and one line of meaning. A field that holds
-another component is annotated ``Annotated[SomeProtocol, Of("family")]``.
+A component is a class decorated with ``@register(family, kind)``. Fields are declared with
+:func:`param`: default, unit, meaning; one that holds a component as ``Annotated[C, Of("family")]``.
 """
 
 from __future__ import annotations
@@ -113,7 +112,12 @@ class Component(Settings):
     suffixes: ClassVar[tuple[str, ...]] = ()
     """Endings of files that stand for the component on their own: ``file`` is then such a file."""
     answers: ClassVar[dict[str, str]] = {}
-    """What to give instead of figures that data sheets have and the component does not."""
+    """What to give instead of figures that data sheets have."""
+
+    @property
+    def given_as(self) -> str:
+        """The word that it was given by; else its kind."""
+        return str(self.__dict__.get("_given_as", self.kind))
 
 
 def param(default: Any, unit: str, meaning: str, **bounds: Any) -> Any:
@@ -126,8 +130,7 @@ def required(unit: str, meaning: str, **bounds: Any) -> Any:
     return Field(description=meaning, json_schema_extra={"unit": unit}, **bounds)
 
 
-def _a(noun: str) -> str:
-    """The noun with its article."""
+def _a(noun: str) -> str:  # with its article
     return f"{'an' if noun[:1] in 'aeiou' else 'a'} {noun}"
 
 
@@ -165,9 +168,12 @@ def resolve(family: str, value: Any, *, optional: bool = False) -> Component | N
             f"{_a(family)} is a name, or fields among them 'kind'; given {value!r}"
             + (words.for_number(family, value) or f"; names: {', '.join(components(family))}")
         )
-    base = words.fields_of(family, str(value["kind"]))
-    kind = str(base.pop("kind"))
-    return build(lookup(family, kind), merge(base, {k: v for k, v in value.items() if k != "kind"}))
+    word = str(value["kind"])
+    base = words.fields_of(family, word)
+    cls = lookup(family, str(base.pop("kind")))
+    made = build(cls, merge(base, {k: v for k, v in value.items() if k != "kind"}))
+    made.__dict__["_given_as"] = word  # no field: neither compared nor written
+    return made
 
 
 @dataclass(eq=False)
@@ -282,9 +288,8 @@ def override(tree: Mapping[str, Any], assignments: Iterable[str]) -> dict[str, A
         key, sign, raw = text.partition("=")
         names = key.strip().split(".")
         if not sign or not all(names) or len(names) > DEEPEST:
-            raise ConfigError(
-                f"{shortened(text)!r} is not an assignment; write key=value or key.field=value"
-            )
+            told = f"{shortened(text)!r} is not an assignment; write key=value or key.field=value"
+            raise ConfigError(told + ", without blanks" * (not (raw and all(names))))
         out = lay_over(out, key, core_yaml.value(raw))
     return out
 

@@ -21,6 +21,7 @@ import numpy as np
 from steersman.bounds import MOST_ARRAYS, from_json, read_arrays
 from steersman.errors import ConfigError, DataError, suggestion
 from steersman.files import replacing
+from steersman.naming import recorded_name
 from steersman.shown import Shown
 from steersman.table_file import Columns
 from steersman.types import Driver, FloatArray, Reason
@@ -157,10 +158,8 @@ class Episode(Shown):
 
     def line(self) -> str:
         """What drove where, how far, how it ended, and its lateral error."""
-        config = self.meta.get("config")
-        parts = config if isinstance(config, Mapping) else {}
-        kinds = [dict(parts.get(name) or {}).get("kind", "") for name in ("controller", "path")]
-        what = f"{kinds[0]} on {kinds[1]}, " if all(kinds) else ""
+        who, where = (recorded_name(self.meta, name) for name in ("controller", "path"))
+        what = f"{who} on {where}, " if who and where else ""
         error = 1e3 * np.abs(self["lateral_error"])
         rms = float(np.sqrt(np.mean(error**2))) if len(self) else math.nan
         return (

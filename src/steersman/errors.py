@@ -150,6 +150,19 @@ def _plain(word: str) -> str:
     return word.lower().replace("-", "_")
 
 
+def there(word: str, what: str) -> str:
+    """The words for a file or folder that is there and does not hold what is wanted; or nothing."""
+    place = FilePath(word)
+    try:
+        if place.is_file():
+            return f"it is a file that holds no {what}"
+        inside = "config.yaml" if (place / "config.yaml").is_file() else ""
+        told = f"it is a folder that holds no {what}" if place.is_dir() else ""
+    except OSError:
+        return ""
+    return f"{told}; what it was driven with: {place / inside}" if told and inside else told
+
+
 def near_file(word: str, endings: Iterable[str]) -> str:
     """The words that name what was meant, of that which is in its folder; empty without one.
 
@@ -163,7 +176,7 @@ def near_file(word: str, endings: Iterable[str]) -> str:
         files = [f for f in inside if (below if f.is_dir() else f.suffix in set(endings))]
     except (OSError, ValueError):
         return ""
-    names = {f.name: f for f in sorted(files)}
+    names = {f.name: f for f in sorted(files) if f != place}
     stems = [f.name for f in names.values() if f.stem == place.name]
     close = stems or difflib.get_close_matches(place.name, names, n=1, cutoff=0.8)
     return f"did you mean {str(names[close[0]])!r}?" if close else ""

@@ -207,6 +207,7 @@ def only_one(folder: FilePath) -> Iterator[None]:
     """
     from filelock import FileLock, Timeout
 
+    new = not folder.exists()
     file = make_folder(folder) / LOCK
     lock = FileLock(file)
     try:
@@ -224,6 +225,9 @@ def only_one(folder: FilePath) -> Iterator[None]:
         with suppress(OSError):  # Windows removes it itself, and only then
             file.unlink()
         lock.release()
+        if new:  # what came to nothing leaves nothing
+            with suppress(OSError):
+                folder.rmdir()
 
 
 def alone(argument: str) -> Callable[[Callable[P, R]], Callable[P, R]]:

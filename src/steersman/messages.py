@@ -46,6 +46,7 @@ _MUST = {
     "too_short": "must have at least {min_length} values",
 }
 _NUMBER_AND_REST = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
+_COMMA = re.compile(r"\s*[-+]?\d+,\d+\s*")
 
 
 class _Place(NamedTuple):
@@ -147,17 +148,21 @@ def _describe(
 
 def _from_degrees(kind: str, given: Any, unit: str) -> str:
     """A hint at the unit, where an angle in radians is so large that it may be in degrees."""
-    large = kind in {"less_than", "less_than_equal"} and isinstance(given, int | float)
+    bounds = {"less_than", "less_than_equal", "greater_than", "greater_than_equal"}
+    large = kind in bounds and isinstance(given, int | float) and abs(given) > math.pi
     return f"; {given:g} deg are {math.radians(given):.3g} rad" if large and unit == "rad" else ""
 
 
 def _how_to_write(kind: str, given: Any, unit: str) -> str:
     """A hint at the number's unit, or at quotes around a text that looks like something else."""
     if _NOT_A[kind] == "a list":
-        return f"; write [{given}]" if isinstance(given, str) else ""
+        return f"; write [{', '.join(given.split())}]" if isinstance(given, str) else ""
     if kind == "string_type":
         return f"; put it in quotes: '{given}'" if isinstance(given, int | float) else ""
-    if not kind.startswith(("float", "int")) or unit == "-":
+    number = kind.startswith(("float", "int"))
+    if number and isinstance(given, str) and _COMMA.fullmatch(given):
+        return f"; write {given.strip().replace(',', '.')}"
+    if not number or unit == "-":
         return ""
     match = _NUMBER_AND_REST.fullmatch(given) if isinstance(given, str) else None
     if match is None:
@@ -199,4 +204,7 @@ def _show(value: Any) -> str:
 
 
 def _short(limit: Any) -> Any:
-    return int(limit) if isinstance(limit, float) and limit.is_integer() else limit
+    """A bound as it is read: whole numbers without a point, pi to six digits."""
+    if not isinstance(limit, float):
+        return limit
+    return int(limit) if limit.is_integer() else float(f"{limit:.6g}")

@@ -28,6 +28,7 @@ from steersman.kernels.world import (
     find_end,
 )
 from steersman.lead import Lead
+from steersman.naming import names_of
 from steersman.outcome import ENDS, OUTCOMES, Attempt, Interrupted, PlantFailure, RunError
 from steersman.paths.base import PathComponent, Start
 from steersman.plants.base import PlantComponent
@@ -267,7 +268,8 @@ class RunningDrive:
         fine = self._fine if shared is None else shared.plant.accelerations()
         source = config.plant.source() if shared is None else shared.plant.source
         made = {"seed": config.seed, "plant": source}
-        meta = {"config": config.model_dump(mode="json"), **made, **provenance()}
+        driven = {"config": config.model_dump(mode="json"), "names": names_of(config)}
+        meta = {**driven, **made, **provenance()}
         length, dt = path.length, self.simulation.dt
         return Episode(self._columns, end, self.distance, dt, length, path.closed, meta, fine)
 

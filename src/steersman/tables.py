@@ -14,7 +14,9 @@ import numpy as np
 
 from steersman.errors import DataError
 from steersman.files import read_bytes
+from steersman.numerals import DECIMAL_COMMA, SURE, value
 from steersman.types import FloatArray
+from steersman.vbox import is_section, read_vbox
 
 # Cells, in lower case, in which nothing was measured.
 _EMPTY = frozenset({"", "nan", "null", "none", "na", "n/a"})
@@ -28,18 +30,6 @@ _SAMPLE, _WORD = 50, re.compile(r"[^\W\d_]{2}|^\W*[^\W\d_]")
 _EXCEL = re.compile(r"sep=.?$", re.IGNORECASE)
 # Words in a title.
 _LONGEST_TITLE = 2
-_DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
-# Thousands set apart by apostrophes or blanks (also those that break no line).
-_APART = re.compile(r"(?<=\d)['\u2019 \u00a0\u202f](?=\d{3}(?!\d))")
-# By points or commas: cells that mean nothing else, by the mark, and all that then mean it.
-_SURE = {
-    ".": re.compile(r"[-+]?\d{1,3}(?:(?:\.\d{3})+,\d+|(?:\.\d{3}){2,})"),
-    ",": re.compile(r"[-+]?\d{1,3}(?:(?:,\d{3})+\.\d+|(?:,\d{3}){2,})"),
-}
-_GROUPED = {
-    mark: re.compile(rf"[-+]?\d{{1,3}}(?:[{mark}]\d{{3}})+(?:[{other}]\d+)?")
-    for mark, other in (".,", ",.")
-}
 # Rows that are looked at to find the mark.
 _MARKED = 1000
 _BLANKS_BEFORE_UNIT = re.compile(r"(?<=\w)\s+(?=[\[(])")
@@ -90,7 +80,7 @@ class Sheet(NamedTuple):
     def _mark(self) -> str:
         """What sets thousands apart in this table: a point, a comma, or nothing."""
         several = (c for row in self.rows[:_MARKED] for c in row if c.count(".") + c.count(",") > 1)
-        marks = [mark for cell in several for mark in _SURE if _SURE[mark].fullmatch(cell)]
+        marks = [mark for cell in several for mark in SURE if SURE[mark].fullmatch(cell)]
         return marks[0] if marks else ""
 
     def _number(self, line: int, cells: list[str], place: int, gaps: bool, mark: str) -> float:
@@ -99,29 +89,12 @@ class Sheet(NamedTuple):
             return math.nan
         if not cell:
             raise self.fault(line, f"{title} is missing")
-        value = _value(cell, mark)
-        if not math.isfinite(value):
+        number = value(cell, mark)
+        if not math.isfinite(number):
             hint = "; leave the cell empty if nothing was measured" * gaps
             shown = repr(cell[:_LONGEST_SHOWN])
             raise self.fault(line, f"{title} is {shown}, not a finite number{hint}")
-        return value
-
-
-def _value(cell: str, mark: str = "") -> float:
-    """The number in a cell; NaN if there is none.
-
-    >>> _value("4.567.890,12"), _value("4'567'890.12"), _value("691.000", "."), _value("691.000")
-    (4567890.12, 4567890.12, 691000.0, 691.0)
-    """
-    cell = _APART.sub("", cell)
-    for sign in _SURE:
-        if (_GROUPED if sign == mark else _SURE)[sign].fullmatch(cell):
-            cell = cell.replace(sign, "")
-            break
-    try:
-        return float(cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell)
-    except ValueError:
-        return math.nan
+        return number
 
 
 def read_sheet(
@@ -146,6 +119,9 @@ def read_sheet(
     lines = _text(file, cure, most_bytes).splitlines()
     numbered = enumerate((line.strip() for line in lines), 1)
     filled = [(n, line) for n, line in numbered if line and not (n == 1 and _EXCEL.match(line))]
+    if (vbox := read_vbox(filled)) is not None:
+        return _sheet(file, vbox.titles, vbox.line, vbox.rows)
+    filled = _once([(n, line) for n, line in filled if not is_section(line)])
     body = [(number, line) for number, line in filled if not line.startswith(_COMMENT)]
     comments = [(n, line.lstrip("#%/ ")) for n, line in filled if line.startswith(_COMMENT)]
     # Lines of words have blanks and commas of their own.
@@ -181,6 +157,20 @@ def read_sheet(
     raise DataError(f"{file}: {'has no header' if filled else 'is empty'}; {cure}")
 
 
+def _once(lines: Sequence[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Lines without what repeats an earlier one and holds no number: a logger that began anew."""
+    seen: set[str] = set()
+    out = []
+    for number, line in lines:
+        if line in seen and not line.startswith(_COMMENT):
+            cells = re.split(r"[;\t|, ]", line)
+            if all(cell.lower() not in _EMPTY and math.isnan(value(cell)) for cell in cells):
+                continue
+        seen.add(line)
+        out.append((number, line))
+    return out
+
+
 def _first(
     body: Sequence[tuple[int, str]],
     data: int,
@@ -205,7 +195,7 @@ def _first(
 def _is_numeric(row: Sequence[str], count: int) -> bool:
     """Whether a row has so many cells, and no word."""
     filled = [cell for cell in row if cell]
-    return len(row) == count and not any(math.isnan(_value(cell)) for cell in filled)
+    return len(row) == count and not any(math.isnan(value(cell)) for cell in filled)
 
 
 def _are_units(row: Sequence[str]) -> bool:
@@ -240,7 +230,7 @@ def _are_decimal_commas(row: str) -> bool:
     """Whether blanks separate the row's numbers, and commas are marks within them."""
     cells = row.split()
     return len(cells) > 1 and all(
-        any(kind.fullmatch(c) for kind in (_DECIMAL_COMMA, *_SURE.values())) or c.isdecimal()
+        any(kind.fullmatch(c) for kind in (DECIMAL_COMMA, *SURE.values())) or c.isdecimal()
         for c in cells
     )
 

@@ -24,7 +24,7 @@ from typing import Any
 
 from steersman import errors, policies, tuned
 from steersman.core_yaml import read_yaml
-from steersman.errors import ConfigError, DataError, near_file, shortened, suggestion
+from steersman.errors import ConfigError, DataError, near_file, shortened, suggestion, there
 from steersman.messages import field_unit
 from steersman.registry import components, families
 
@@ -59,7 +59,7 @@ def unknown(family: str, word: str) -> ConfigError:
     """The error about a word that is none of the family's; it names the nearest match."""
     if family == _CONTROLLER and word.strip("/") == "tuned":
         return ConfigError(f"unknown {family} {word!r}; write one of {', '.join(tuned.names())}")
-    file = near_file(word, _endings(family))
+    file = there(word, family) or near_file(word, _endings(family))
     near = f"; {file}" if file else for_number(family, word)
     near = near or errors.no_such_place(word, known(family)) or suggestion(word, known(family))
     if near.endswith(" more"):

@@ -198,7 +198,9 @@ def test_what_is_beyond_grip_is_counted_apart() -> None:
     assert (pid.runs, pid.failures, pid.all.rms_m.value) == (2, 0, pytest.approx(0.1))
     assert pid.beyond is not None
     assert (pid.beyond.runs, pid.beyond.failures) == (1, 1)
-    assert set(found.by["grip"]) == {"within 60 %", "60 to 90 %", "beyond"}
+    assert [*found.by["grip"]] == ["within 60 %", "60 to 90 %", "beyond"]
+    backwards = summarise_rows(rows[::-1], [PID])
+    assert [*backwards.by["grip"]] == [*found.by["grip"]]
     assert found.by["disturbance"]["ice"]["pid"].failures == 1
 
 

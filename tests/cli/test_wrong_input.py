@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Callable
 from pathlib import Path as FilePath
 
@@ -220,3 +221,32 @@ def test_a_device_as_output_is_refused_before_anything_is_driven(
         assert (result.exit_code, result.stdout) == (2, "")
     assert (tmp_path / "fifo.mcap").is_fifo()
     assert (tmp_path / "link.html").is_symlink()
+
+
+@pytest.mark.parametrize(
+    ("words", "cure"),
+    [
+        ("lqr start.heading=10", "10 deg are 0.175 rad"),
+        ("lqr start.heading=-45", "-45 deg are -0.785 rad"),
+        ("lqr plant.dt=50", "must be at most 2 [s]"),
+        ("controler lqr", "write controller=NAME"),
+        ("lqr path = circle", "write key=value or key.field=value, without blanks"),
+        ("plant.steering_delay=0,1", "write 0.1"),
+        ("mine.py", "a controller in Python is driven from Python: sm.drive(MyController(), ...)"),
+        ("notes.doc", "notes.doc: is a file of no kind that drive takes"),
+        ("controller=process controller.command='python3 a.py'", "write [python3, a.py]"),
+        ("controller=driven", "a folder that holds no controller; what it was driven with: driven"),
+        ("controller=notes.doc", "expected a file that ends in"),
+    ],
+)
+def test_what_beginners_write_is_answered_with_what_to_write(
+    words: str, cure: str, steersman: Steersman, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").touch()
+    (tmp_path / "notes.doc").touch()
+    (tmp_path / "driven").mkdir()
+    (tmp_path / "driven" / "config.yaml").write_text("path: circle\n", encoding="utf-8")
+    result = steersman("drive", *shlex.split(words))
+    assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+    assert cure in result.stderr

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from functools import cache, reduce
+from pathlib import Path as FilePath
 
 import pytest
 
@@ -11,8 +12,12 @@ from steersman import tuned
 from steersman.cli.exported import ToExport, setting_of
 from steersman.delivery import controller_text as text
 from steersman.delivery.controller import DESIGN, Translated, translated
+from steersman.delivery.controller_package import check_values
 from steersman.delivery.design_settings import DesignSettings, other_values, replaced
+from steersman.delivery.parameter_limits import limits
 from steersman.delivery.parameter_table import entries, table_text
+from steersman.errors import ConfigError, DataError
+from steersman.estimators.kalman import Kalman
 
 SMALL = (
     "controller.horizon=3",
@@ -100,3 +105,24 @@ def test_a_setting_without_a_solution_acts_on_the_design() -> None:
     design = DesignSettings(setting.controller, setting.vehicle, setting.dt)
     assert design.acts("r")
     assert not design.acts("preview_time")
+
+
+def test_the_settings_of_an_estimator_have_names_and_limits_and_keep_to_them() -> None:
+    made = translated(setting_of(ToExport("estimated/tuned/lqr")))
+    rows = {name: each for each in entries(made) for name in [each.meaning.partition(":")[0]]}
+    for name, field in Kalman.model_fields.items():
+        assert (rows[name].minimum, rows[name].maximum) == limits(field)
+    for name, below in (("curvature_change", 0.0), ("v_y_bias", -1.0)):
+        row = rows[name]
+        values = {row.name: below}
+        with pytest.raises(DataError, match=rf"settings.*: {below:g} is not allowed; must be >"):
+            check_values(made._replace(setting=made.setting._replace(values=values)))
+
+
+def test_what_a_table_may_not_hold_is_named_by_its_row(tmp_path: FilePath) -> None:
+    file = tmp_path / "changed.csv"
+    file.write_text("name,value\ncontroller.q_lateral,-1\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"changed\.csv: controller\.q_lateral: -1.* not allowed"):
+        setting_of(ToExport("estimated/tuned/lqr", parameters=file))
+    with pytest.raises(DataError, match=r"none\.csv: cannot be read \(No such file"):
+        setting_of(ToExport("estimated/tuned/lqr", parameters=tmp_path / "none.csv"))

@@ -217,7 +217,8 @@ def test_rows_without_a_position_are_left_out(tmp_path: FilePath) -> None:
     file.write_text("t,x,y\n0,0,0\n1,,\n2,10,0\n3,nan,nan\n4,20,1\n5,30,3\n", encoding="utf-8")
     path = CsvPath(file=file)
     assert path.length == pytest.approx(30.2, abs=0.1)
-    assert path.notes() == ("2 rows without a position are left out",)
+    (told,) = path.notes()
+    assert told.startswith("2 rows without a position are left out; the longest gap, 10 m ")
 
 
 def test_columns_that_the_user_names(tmp_path: FilePath) -> None:

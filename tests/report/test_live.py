@@ -33,11 +33,11 @@ BASE = configuration("drive", ["pid"], {"path": "circle", "duration": 5})
 
 
 @contextmanager
-def serving(port, folder, training=None):
+def serving(port, folder, training=None, base=BASE):
     uvicorn = pytest.importorskip("uvicorn", reason="the extra live has uvicorn")
     server = pytest.importorskip("steersman.live.server")
     address = LiveAddress(port, TOKEN)
-    app = server.live_app(BASE, address, str(folder), training)
+    app = server.live_app(base, address, str(folder), training)
     config = uvicorn.Config(
         app, host=server.HOST, port=port, log_level="error", ws="none", lifespan="off"
     )
@@ -249,7 +249,7 @@ def test_choices_are_the_configuration():
     assert first.config(BASE) == BASE
     assert first.command() == (
         "steersman drive controller=pid path=circle speed=constant_throttle "
-        "vehicle=carla_model3 sensor=waypoints duration=5.0"
+        "vehicle=carla_model3 sensor=waypoints plant=simulator duration=5.0"
     )
     noise = ChosenPart(word="sensor_bias", fields={"heading": 0.01})
     parts = {"controller": ChosenPart(word="tuned/lqr", fields={"q_lateral": 0.5})}
@@ -272,6 +272,66 @@ def test_the_command_is_one_for_a_shell_with_a_car_of_a_file_too(tmp_path):
     assert configuration("drive", words).vehicle.model_dump(exclude={"kind", "file"}) == (
         own.vehicle.model_dump(exclude={"kind", "file"})
     )
+
+
+@pytest.fixture
+def own(tmp_path, monkeypatch):
+    """A drive of the user's own car, road and gains."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "van.yaml").write_text("base: vw_t7\nmass: 2310\n")
+    (tmp_path / "Spa.csv").write_text("x_m,y_m\n" + "".join(f"{x},0\n" for x in range(200)))
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "tuned.yaml").write_text("controller: {kind: lqr, q_lateral: 3.0}\n")
+    words = ["vehicle=van.yaml", "path=Spa.csv", "estimated/mine", "duration=2"]
+    return configuration("drive", words)
+
+
+def test_ones_own_files_are_offered_with_their_fields(own):
+    found, first = form(own), chosen(own)
+    assert {"path": "Spa", "controller": "estimated/mine"}.items() <= found["labels"].items()
+    for family, part in first.parts.items():
+        fields = {field["name"]: field for field in found["families"][family][part.word]}
+        assert not part.fields
+        assert Choices(parts={family: part}).config(own) == own
+        if family == "vehicle":
+            assert fields["mass"]["default"] == 2310.0
+            assert {"c_f", "friction", "steer_delay"} <= set(fields)
+        if family == "path":
+            assert "spacing" in fields
+    assert {"steering_delay", "wind.speed"} <= {
+        field["name"] for field in found["families"]["plant"]["simulator"]
+    }
+    beside = configuration("drive", [own, "path=csv", "path.file=Spa.csv"])
+    assert chosen(beside).parts["path"].word == "Spa.csv"
+
+
+def test_the_page_says_what_the_command_line_says(own):
+    odd = ChosenPart(word="van.yaml", fields={"mass": 1.8})
+    run = LiveRun(name="now", choices=Choices(parts={"vehicle": odd}))
+    (line,) = DriveCache(own).answer([run])["hints"]
+    assert line.startswith("vehicle: yaw_inertia / (mass l_f l_r) is")
+    fast = ChosenPart(word="constant_speed", fields={"speed": 50.0})
+    bend = {"speed": fast, "path": ChosenPart(word="circle")}
+    run = LiveRun(name="now", choices=Choices(parts=bend, settings={"duration": 20.0}))
+    assert any("the car holds" in line for line in DriveCache(BASE).answer([run])["hints"])
+
+
+def test_what_the_page_began_with_comes_back(browser, port, tmp_path, own):
+    with serving(port, tmp_path, base=own) as address:
+        page = browser.new_page()
+        page.goto(address.url)
+        until(page, "() => Boolean(document.getElementById('took').textContent)")
+        began = page.text_content("#yaml")
+        for family, other in (("vehicle", "bmw_320i"), ("controller", "lqr"), ("path", "straight")):
+            select = page.locator(f"select[name={family}]")
+            mine = select.input_value()
+            select.select_option(other)
+            until(page, lambda: page.text_content("#yaml") != began)
+            select.select_option(mine)
+            until(page, lambda: page.text_content("#yaml") == began)
+        assert page.text_content("#notice") == ""
+        assert page.locator("select[name=vehicle] option").first.inner_text() == "van.yaml"
+        page.close()
 
 
 def test_every_word_of_the_form_can_be_driven():
@@ -337,6 +397,7 @@ def by_hand(page, folder):
     assert len(episode) >= 10
     assert "By hand: stopped by you, after " in page.text_content("#kept")
     assert "stopped by you" in page.text_content("#figures")
+    assert page.locator("#pin").is_disabled()  # it would keep another drive than the one shown
     # With a game pad, until the car has left the road.
     page.evaluate("navigator.getGamepads = () => [null, { axes: [-0.9, 0], buttons: [] }]")
     page.click("#wheel")
@@ -371,6 +432,9 @@ def test_in_a_browser(browser, port, tmp_path):
         assert "controller.gains.k_p=" in page.text_content("#command")
         page.click("#pin")
         until(page, "() => document.querySelector('#figures thead').textContent.includes('pinned')")
+        assert "pinned: gains.k_p=" in page.text_content("#figures thead")
+        page.click("#pin")  # it is there
+        assert page.text_content("#figures thead").count("pinned") == 1
         assert other.text_content("#figures thead") == "figurenow"
         slide(other, "controller.k_heading", 0.5)
         assert page.evaluate("document.documentElement.scrollWidth") <= 390
@@ -379,6 +443,8 @@ def test_in_a_browser(browser, port, tmp_path):
         page.click("#fill")
         until(page, "() => document.getElementById('filled').textContent !== ''")
         assert "mass" in page.locator("#cells span").nth(0).get_attribute("title")
+        assert page.locator("#ends-x span").all_inner_texts() == ["delay 0 s", "0.25 s", "0.5 s"]
+        assert page.locator("#ends-y span").all_inner_texts() == ["mass 0.5", "1", "1.5"]
         slide(page, "controller.gains.k_p", 0.2)
         assert page.text_content("#filled") == ""
         by_hand(page, tmp_path)

@@ -1,11 +1,54 @@
 """Comparisons asked for in Python: keywords, drives, and what is refused."""
 
+from pathlib import Path as FilePath
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import steersman as sm
+from steersman.bench.suites import suite as read_suite
+from steersman.studies.compare.contestants import Contestant
+from steersman.studies.compare.scenarios import ComparedScenarios, compare_scenarios
+
+from ..bench.test_summary import row
+
+
+def rows_of(name: str, clean: float, beyond: float) -> Contestant:
+    """A contestant that drove two scenarios within grip and one beyond it, on three roads."""
+    wet = {"grip_share": 1.1, "completed": False, "end": "off_track"}
+    rows = (
+        row(name, "a", clean, grip_share=0.5),
+        row(name, "b", 2 * clean, "soft", grip_share=0.7),
+        row(name, "c", beyond, "ice", **wet),
+    )
+    return Contestant(name, "rows", name, rows=rows)
+
+
+@pytest.fixture
+def three(tmp_path: FilePath) -> ComparedScenarios:
+    names = [("a", "clean"), ("b", "soft"), ("c", "ice")]
+    some: Any = [SimpleNamespace(name="/".join(each)) for each in names]
+    return ComparedScenarios("rows", read_suite("quick", ()), (0,), tuple(some))
+
+
+def test_a_comparison_counts_what_the_benchmark_counts(
+    three: ComparedScenarios, tmp_path: FilePath
+) -> None:
+    """One drive that all lose for want of grip decides no figure of either."""
+    found = [rows_of("one", 0.1, 1.5), rows_of("other", 0.05, 1.4)]
+    result, _ = compare_scenarios(found, three, tmp_path)
+    (pairs,) = result.comparisons
+    assert (pairs.scenarios, pairs.better, set(pairs.by_path)) == (2, 2, {"a", "b"})
+    for figure, group in (("rms_m", "all"), ("rms_disturbed_m", "disturbed")):
+        summed = {name: one.errors(group) for name, one in result.summary.controllers.items()}
+        assert pairs.figures[figure].base == pytest.approx(summed["one"].rms_m.value)
+        assert pairs.figures[figure].own == pytest.approx(summed["other"].rms_m.value)
+        assert pairs.figures[figure].ratio.value == pytest.approx(0.5)
+    assert pairs.figures["ended_early"].base == 0.0
+    assert [line for line in result.warnings if "1 scenario beyond grip" in line]
+    assert result.summary.controllers["one"].beyond is not None
 
 
 def driven(controller: str, path: str = "circle") -> sm.Episode:

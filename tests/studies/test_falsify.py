@@ -8,15 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from steersman.bench.grip import demanded_grip
 from steersman.config import build, resolve
 from steersman.errors import ConfigError, DataError
+from steersman.report.falsification import sentences, single_rows
 from steersman.rollout import RunConfig, run
 from steersman.speed import SpeedTracking
 from steersman.studies.falsify import FalsifyConfig, driven_again, falsify
 from steersman.studies.findings import FalsifyResult, narrowed
 from steersman.studies.hunt import Bracket, most_drives
 from steersman.studies.perturbation import Ranges, norm, scaled
-from steersman.studies.tried import Tried
+from steersman.studies.tried import Tried, drive
 
 ZERO = {"kind": "pid", "gains": {"k_p": 0.0, "k_i": 0.0, "k_d": 0.0}}
 NONE = dict.fromkeys(("mass", "friction", "delay", "waypoint_noise", "speed"), 0.0)
@@ -195,6 +197,37 @@ def test_scaled_speeds_are_those_times_the_factor(kind: str) -> None:
     assert isinstance(faster, SpeedTracking)
     for new, old, factor in zip(faster.breakpoints(), speed.breakpoints(), (1, 1.25), strict=True):
         assert new == pytest.approx(factor * old)
+
+
+def test_the_speeds_of_a_road_are_scaled_by_their_factor() -> None:
+    assert scaled(resolve("speed", "path"), 1.25).model_dump()["scale"] == 1.25
+
+
+def test_a_bend_that_cannot_be_driven_is_no_failure(tmp_path: FilePath) -> None:
+    """In bends speeds are lower on ice, but what braking asks for stays: there grip ends."""
+    brakes = {"kind": "stop_and_go", "speed": 9.0, "change": 5.0, "hold": 3.0, "stand": 0.5}
+    some = {"trials": 2, "checks": 3, "duration": 8.0, "ranges": NONE | {"friction": 0.1}}
+    one = config(controller="tuned/lqr", speed=brakes, **some)
+    result = falsify(one, tmp_path / "out")
+    (single,) = result.singles
+    run, ranges_ = one.run(), one.ranges
+    shares = [demanded_grip(ranges_.disturbed(run, row.point)) for row in result.drives]
+    assert 0.85 < max(shares) <= 0.9
+    assert result.grip_share == pytest.approx(shares[0])
+    assert (single.failing, single.at_grip) == (None, True)
+    assert single.holding_value == pytest.approx(0.8, abs=0.05)
+    assert single_rows(result)[0]["fails"] == "not found; grip ends"
+    beyond = drive("", {"friction": 1.0}, ranges_.disturbed(run, {"friction": 1.0}), 0.9)
+    assert (beyond.end, beyond.failed) == ("off_track", False)
+    assert beyond.grip_share is not None
+    assert beyond.grip_share > 0.9
+
+
+def test_an_undisturbed_run_beyond_grip_says_so(tmp_path: FilePath) -> None:
+    one = config(speed={"kind": "constant_speed", "speed": 40.0}, ranges=NONE | {"delay": 0.1})
+    result = falsify(one, tmp_path)
+    assert result.nominal_failed
+    assert "path and speeds ask an axle for" in sentences(result)[0]
 
 
 def test_the_nominal_point_is_the_run_itself() -> None:

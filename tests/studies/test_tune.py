@@ -371,3 +371,10 @@ def test_the_median_of_several_seeds_is_kept(tmp_path: FilePath) -> None:
     assert build(RunConfig, read_yaml(tmp_path / "tuned.yaml")).controller == result.controller
     assert tune_seeds(config, [0, 1, 2], tmp_path, lambda *_: seen.append(0)) == result
     assert 0 not in seen
+
+
+def test_the_gains_of_a_controller_inside_another_are_tuned_alone(tmp_path: FilePath) -> None:
+    config = build(TuneConfig, {"controller": "estimated/tuned/lqr"})
+    with pytest.raises(ConfigError, match=r"tune tuned/lqr, then drive estimated/DIR"):
+        tune(config, tmp_path / "t")
+    assert not (tmp_path / "t").exists()

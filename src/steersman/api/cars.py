@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path as FilePath
@@ -28,6 +29,7 @@ _TOLD = {
 }
 # What a figure, or a ratio of figures, has in cars from a scale model to a lorry. A wrong unit is a
 # factor of a thousand.
+_LOCKS = "full locks a second"
 _USUAL: dict[str, tuple[Callable[[Vehicle], float], float, float, str]] = {
     "l_f": (lambda car: car.l_f, 0.02, 10.0, "m"),
     "l_r": (lambda car: car.l_r, 0.02, 10.0, "m"),
@@ -42,7 +44,13 @@ _USUAL: dict[str, tuple[Callable[[Vehicle], float], float, float, str]] = {
     ),
     "c_f / (mass g)": (lambda car: car.c_f / (car.mass * GRAVITY), 0.2, 200.0, "/rad"),
     "c_r / (mass g)": (lambda car: car.c_r / (car.mass * GRAVITY), 0.2, 200.0, "/rad"),
+    "steer_rate_up": (lambda car: car.steer_rate_up, 0.05, 20.0, _LOCKS),
+    "steer_rate_down": (lambda car: car.steer_rate_down, 0.05, 20.0, _LOCKS),
+    "pedal_rate_up": (lambda car: car.pedal_rate_up, 0.2, 100.0, "full strokes a second"),
+    "pedal_rate_down": (lambda car: car.pedal_rate_down, 0.2, 100.0, "full strokes a second"),
 }
+# Figures of the base that belong to its mass and axles, and say the most of a car's handling.
+_OF_MASS = ("yaw_inertia", "c_f", "c_r")
 # Figures that decide what a command of steering does, and how much they may differ.
 _DECIDING = (
     *("mass", "yaw_inertia", "l_f", "l_r", "c_f", "c_r", "max_wheel_angle"),
@@ -70,14 +78,17 @@ def inherited(vehicle: Vehicle) -> str | None:
         for name in type(base).model_fields
         if name not in given and getattr(vehicle, name) == getattr(base, name)
     ]
+    kept = [name for name in _OF_MASS if name in left]
+    of_mass = kept if {"mass", "l_f", "l_r"} & set(given) else []
     told = [
         text.format(**vehicle.model_dump())
         for start, text in _TOLD.items()
         if any(name.startswith(start) for name in left)
     ]
+    told += [f"{name} ({getattr(vehicle, name):.4g})" for name in of_mass]
     if not told:
         return None
-    others = sum(not name.startswith(tuple(_TOLD)) for name in left)
+    others = sum(not name.startswith((*_TOLD, *of_mass)) for name in left)
     named = ", ".join(told) + (f" and {others} other figures" if others else "")
     source = CarlaModel3V1().kind if kind == "custom" else kind
     return (
@@ -92,10 +103,14 @@ def implausible(vehicle: Vehicle) -> str | None:
     for name, (figure, low, high, unit) in _USUAL.items():
         value = figure(vehicle)
         if not low <= value <= high:
-            return (
-                f"{name} is {value:.4g}{f' {unit}' if unit else ''}, in cars it is {low:g} to "
-                f"{high:g}; figures are in m, kg, kg m^2 and N/rad"
-            )
+            told = f"{name} is {value:.4g}{f' {unit}' if unit else ''}, in cars it is {low:g} to "
+            if unit == _LOCKS:
+                degrees = math.degrees(vehicle.max_wheel_angle)
+                return (
+                    f"{told}{high:g}; of {value:.4g} deg/s of the road wheels it would be"
+                    f" {value / degrees:.3g} (max_wheel_angle is {degrees:.3g} deg)"
+                )
+            return f"{told}{high:g}; figures are in m, kg, kg m^2, N, N/rad and 1/s"
     return None
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
@@ -58,7 +59,9 @@ class Disturbance(Settings):
     yaw_rate_noise: float = param(0.0, "rad/s", "SD of the measured yaw rate.", ge=0)
     latency: float = param(0.0, "s", "Age of the observation that arrives.", ge=0, le=0.5)
     start_offset: float = param(0.0, "m", "The run starts so far beside the path, left positive.")
-    start_heading: float = param(0.0, "rad", "It starts turned by this against the path.")
+    start_heading: float = param(
+        0.0, "rad", "It starts turned by this against the path.", ge=-math.pi, le=math.pi
+    )
     disturbances: tuple[Annotated[DisturbanceComponent, Of("disturbance")], ...] = param(
         (), "-", "Further ones: biased sensors, drift, drop-outs, friction that changes."
     )

@@ -7,6 +7,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from steersman.bench.apart import apart
 from steersman.bench.drive import drive
 from steersman.bench.entrants import Entrant
 from steersman.bench.results import BenchRow
@@ -71,7 +72,7 @@ class ShownCase(NamedTuple):
 def worst_cases(
     rows: Sequence[BenchRow], scenarios: Sequence[Scenario], entrants: Sequence[Entrant]
 ) -> list[ShownCase]:
-    """For each controller the scenario of its largest error."""
+    """For each controller the scenario of its largest error, of those that its figures count."""
     return _cases("worst", rows, scenarios, entrants)
 
 
@@ -102,13 +103,16 @@ def class_cases(
     classes: dict[str, list[str]] = {}
     for scenario in scenarios:
         classes.setdefault(scenario.disturbance, []).append(scenario.name)
+    out = apart(rows)
+    counted = [row for row in rows if row.scenario not in out]
     first = {one.name: one for one in reversed(entrants)}
     known = {(row.scenario, row.controller): row for row in reversed(rows)}
-    order = sorted(first, key=lambda name: _mean_square(rows, name))
+    order = sorted(first, key=lambda name: _mean_square(counted, name))
     shown = order[: max(_MOST // len(classes), 2)]
     cases = []
     for names in classes.values():
-        ranked = sorted(names, key=lambda name: _mean_log(rows, name))
+        within = [name for name in names if name not in out] or names
+        ranked = sorted(within, key=lambda name: _mean_log(rows, name))
         name = ranked[(len(ranked) - 1) // 2]
         own = [known[name, who] for who in shown if (name, who) in known]
         own.sort(key=lambda row: row.charged_rms_m)
@@ -148,9 +152,9 @@ def _cases(
 ) -> list[ShownCase]:
     by_name = {s.name: s for s in scenarios}
     by_entrant = {(e.name, e.replicate): e for e in entrants}
-    cases = []
+    out, cases = apart(rows), []
     for name in dict.fromkeys(e.name for e in entrants):
-        own = [row for row in rows if row.controller == name]
+        own = [row for row in rows if row.controller == name and row.scenario not in out]
         own.sort(key=lambda row: (row.charged_rms_m, -row.driven_share))
         if not own:
             continue

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from steersman.bench.apart import apart, values_of
 from steersman.bench.disturbance import Disturbance
 from steersman.bench.entrants import Entrant
 from steersman.bench.maps import Map
@@ -96,9 +97,9 @@ def summarise_rows(
     where there are no others, they are all there is to sum up.
     """
     driven = {e.name: [row for row in rows if row.controller == e.name] for e in entrants}
-    apart = any(not row.beyond_grip for row in rows)
-    beyond = {name: [r for r in own if apart and r.beyond_grip] for name, own in driven.items()}
-    table = {n: [r for r in own if not (apart and r.beyond_grip)] for n, own in driven.items()}
+    out = apart(rows)
+    beyond = {name: [row for row in own if row.scenario in out] for name, own in driven.items()}
+    table = {name: [row for row in own if row.scenario not in out] for name, own in driven.items()}
     learned = {e.name: e.learned for e in entrants}
     figures = {name: _figures(own) for name, own in table.items()}
     order = sorted(table, key=lambda name: figures[name]["all"].rms_m.value)
@@ -193,15 +194,13 @@ def _fine(row: BenchRow) -> float:
 
 
 def _by(table: Mapping[str, Sequence[BenchRow]], factor: str) -> dict[str, dict[str, PooledErrors]]:
-    """Errors of each controller for each value of a factor, values in the order of the suite."""
-    values = dict.fromkeys(getattr(row, factor) for rows in table.values() for row in rows)
-    return {
-        value: {
-            name: _errors([row for row in rows if getattr(row, factor) == value])
-            for name, rows in table.items()
-        }
-        for value in values
-    }
+    """Errors of each controller for each value of a factor."""
+    values = values_of((row for rows in table.values() for row in rows), factor)
+
+    def of(rows: Sequence[BenchRow], value: str) -> PooledErrors:
+        return _errors([row for row in rows if getattr(row, factor) == value])
+
+    return {value: {name: of(rows, value) for name, rows in table.items()} for value in values}
 
 
 def _sweep(rows: Sequence[BenchRow], name: str) -> list[SweepStep]:

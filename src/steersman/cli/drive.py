@@ -12,6 +12,7 @@ from steersman.cli import recording, settings
 from steersman.cli.outcome import INTERRUPTED
 from steersman.cli.output import note, share_bar, show, show_json, table
 from steersman.errors import SteersmanError
+from steersman.naming import called, titled
 
 if TYPE_CHECKING:
     from steersman.episode import Episode
@@ -120,9 +121,9 @@ def _replay(page: FilePath | None, config: RunConfig, episode: Episode) -> None:
     from steersman.metrics.base import summarise
     from steersman.report import ReportRun, write_report
 
-    name = config.controller.kind.replace("_", " ")
+    name, road = titled(config.controller), titled(config.path)
     drive = ReportRun(name, episode, summarise(episode), config=dict(episode.meta))
-    write_report([drive], page, f"{name} on {config.path.kind.replace('_', ' ')}")
+    write_report([drive], page, f"{name} on {road}")
     note(f"replay: {page}")
 
 
@@ -143,8 +144,8 @@ def _show(
     for name, value in evaluate(episode, ahead).items():
         unit, shown = readable(ahead[name], value)
         figures.add_row(ahead[name].meaning, unit, text(shown), "")
-    who = f"{config.controller.kind} drives {config.plant.car(config.vehicle)}"
-    where = f"on {config.path.kind}, {config.speed.kind}"
+    who = f"{called(config.controller)} drives {config.plant.car(config.vehicle)}"
+    where = f"on {called(config.path)}, {called(config.speed)}"
     end = str(found["end"]).replace("_", " ")
     written = [] if folder is None else [f"\nwritten to {folder}"]
     show(f"{who} {where}; ended by: {end}\n", figures, *written)

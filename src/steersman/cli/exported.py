@@ -62,7 +62,12 @@ def setting_of(wanted: ToExport) -> Setting:
     made = {name: value for name, value in table.items() if name.startswith(DESIGN)}
     changed = [f"{family}.{name}={value!r}" for name, value in table.items() if name not in made]
     of_card = _of_card(words.fields_of(family, wanted.run))
-    config, car = loop_of(wanted.run, [*of_card, *wanted.words, *changed])
+    try:
+        config, car = loop_of(wanted.run, [*of_card, *wanted.words, *changed])
+    except ConfigError as error:
+        if (name := ".".join(error.where[1:])) not in table:
+            raise
+        raise ConfigError(f"{wanted.parameters}: {name}: {error.what}") from None
     return Setting(
         wanted.name or words.short(wanted.run),
         config.controller,

@@ -15,9 +15,9 @@ EXAMPLES = (
     "\b\n"
     "Examples:\n"
     "  steersman live\n"
-    "  steersman live tuned/lqr path=monza speed=constant_speed speed.speed=15\n"
+    "  steersman live tuned/lqr path=monza start.s=850 speed=constant_speed speed.speed=15\n"
     "  steersman live vehicle=my_car.yaml path=track.csv --no-browser\n"
-    "  steersman live path=monza --training runs/agent"
+    "  steersman live path=figure_eight --training runs/agent"
 )
 
 

@@ -141,15 +141,30 @@ def _limits(policy: Policy, card: PolicyCard) -> dict[str, list[float]]:
 
 
 def check_values(made: Translated) -> None:
-    """Refuse numbers of the design that the controller does not have.
+    """Refuse numbers of the design that the controller does not have, or that it does not allow.
 
     Raises:
         DataError: there is one.
     """
-    known = [each.name for each in entries(made)]
-    for name in made.setting.values:
+    known = {each.name: each for each in entries(made)}
+    for name, value in made.setting.values.items():
         if name not in known:
             raise DataError(f"parameter {name!r}: unknown{suggestion(name, known)}")
+        one = known[name]
+        if not one.minimum <= value <= one.maximum:
+            low, high = one.limits
+            ends = " and ".join(f"{sign}{end}" for sign, end in _bounds(low, high))
+            raise DataError(
+                f"parameter {name!r}: {value:g} is not allowed; must be {ends} [{one.unit}]:"
+                f" {one.meaning}"
+            )
+
+
+def _bounds(low: str, high: str) -> list[tuple[str, str]]:
+    """The limits of a table that there are, each with its sign."""
+    ends = (("> ", ">= ", low, ">"), ("< ", "<= ", high, "<"))
+    return [(strict if end[0] == sign else closed, end.lstrip(sign))
+            for strict, closed, end, sign in ends if end]  # fmt: skip
 
 
 def tell_parameters(made: Translated, tell: Tell) -> None:
@@ -180,7 +195,9 @@ def read_table(file: FilePath) -> dict[str, float]:
         with file.open(encoding="utf-8", newline="") as stream:
             reader = csv.reader(stream)
             rows = [(reader.line_num, cells) for cells in reader if cells]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+    except OSError as error:
+        raise DataError(f"{file}: cannot be read ({error.strerror})") from None
+    except (UnicodeDecodeError, csv.Error) as error:
         raise DataError(f"{file}: cannot be read: {error}") from None
     columns = rows[0][1] if rows else []
     if {"name", "value"} <= set(";".join(columns).split(";")) and "name" not in columns:

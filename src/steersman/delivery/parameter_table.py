@@ -35,7 +35,7 @@ def described(setting: Setting, parameter: Parameter) -> list[Description]:
     """What each number of a parameter is.
 
     A named tuple of a controller's state with a method ``number`` has unit and meaning of its
-    arrays' numbers.
+    arrays' numbers; one with a method ``setting`` the fields that they are, with their limits.
     """
     first, *rest = parameter.path.split(".")
     owner: Any = setting.start() if first == DESIGN else setting.controller
@@ -45,11 +45,18 @@ def described(setting: Setting, parameter: Parameter) -> list[Description]:
     if first == DESIGN:
         made = "-", "Made from vehicle, control period and settings."
         count, told = np.size(parameter.value), hasattr(owner, "number")
+        if hasattr(owner, "setting"):
+            return [_of_field(*owner.setting(name, i)) for i in range(count)]
         pairs = [owner.number(name, i) if told else made for i in range(count)]
         return [Description(unit, -np.inf, np.inf, meaning) for unit, meaning in pairs]
-    field = type(owner).model_fields[name]
+    return [_of_field("", type(owner).model_fields[name])]
+
+
+def _of_field(name: str, field: Any) -> Description:
+    """What a field declares, with its name where the table's is another."""
     meaning = _NULL.sub("", field.description or "")
-    return [Description(field_unit(field), *limits(field), meaning, limit_texts(field))]
+    meaning = f"{name}: {meaning}" if name else meaning
+    return Description(field_unit(field), *limits(field), meaning, limit_texts(field))
 
 
 class ParameterEntry(NamedTuple):

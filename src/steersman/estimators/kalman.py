@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from pydantic.fields import FieldInfo
 
 from steersman.config import param, register
 from steersman.estimators.base import EstimatorComponent
@@ -19,7 +20,6 @@ from steersman.kernels.estimate_update import (
 )
 from steersman.kernels.observe import O_PREVIEW
 from steersman.kernels.road_walk import N_MOVED, NODES
-from steersman.messages import field_unit
 from steersman.sensing import to_observation
 from steersman.types import FloatArray, Observation
 from steersman.vehicles import Vehicle
@@ -40,10 +40,9 @@ class KalmanState(NamedTuple):
     kept: Estimates
 
     @staticmethod
-    def number(_: str, i: int) -> tuple[str, str]:
-        """Unit and meaning of number ``i`` of the settings."""
-        field = Kalman.model_fields[_SETTINGS[i]]
-        return field_unit(field), field.description or ""
+    def setting(_: str, i: int) -> tuple[str, FieldInfo]:
+        """Name and declaration of the field that number ``i`` of the settings is."""
+        return _SETTINGS[i], Kalman.model_fields[_SETTINGS[i]]
 
 
 @register("estimator", "kalman")

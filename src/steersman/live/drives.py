@@ -8,6 +8,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from steersman.api import noted
+from steersman.api.cars import inherited
 from steersman.config import dump, to_yaml
 from steersman.episode import Episode
 from steersman.errors import ConfigError
@@ -61,7 +63,16 @@ class DriveCache:
             "command": first.command(),
             "yaml": to_yaml(config),
             "note": None if error is None else str(error),
+            "hints": self._hints(config, first),
         }
+
+    def _hints(self, config: RunConfig, choices: Choices) -> list[str]:
+        """What the command line would say of this drive, but what the car's file leaves out."""
+        word = choices.parts["controller"].word if "controller" in choices.parts else ""
+        left = inherited(config.vehicle)
+        lines = noted.before(config, [f"controller={word}"])
+        lines += noted.after(config, self._known[_key(config)].episode)
+        return [line for line in lines if left is None or left not in line]
 
     def _run(self, name: str, config: RunConfig) -> ReportRun:
         key = _key(config)

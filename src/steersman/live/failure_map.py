@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any
 
 from pydantic import BaseModel, Field
@@ -11,6 +12,7 @@ from steersman.live.drives import LONGEST
 from steersman.live.form import Choices
 from steersman.report.tables import text
 from steersman.rollout import RunConfig
+from steersman.studies.hunt import MOST_GRIP
 from steersman.studies.perturbation import AXES, Ranges
 from steersman.studies.tried import drive
 
@@ -56,13 +58,15 @@ def map_cells(base: RunConfig, given: MapRequest) -> dict[str, Any]:
     cells = []
     for u, v in given.points:
         point = {given.x: u, given.y: v}
-        tried = drive("map", point, ranges.disturbed(run, point))
+        tried = drive("map", point, ranges.disturbed(run, point), math.inf)
         values = ranges.values(point, run)
         units = {name: "" if AXES[name].unit == "-" else f" {AXES[name].unit}" for name in values}
         words = ", ".join(
             f"{name.replace('_', ' ')} {text(value, 3)}{units[name]}"
             for name, value in values.items()
         )
+        if (share := tried.grip_share or 0.0) > MOST_GRIP:
+            words += f"; asks an axle for {100 * share:.0f} % of its grip"
         cells.append(
             {
                 "failed": tried.failed,
@@ -71,4 +75,13 @@ def map_cells(base: RunConfig, given: MapRequest) -> dict[str, Any]:
                 "words": words,
             }
         )
-    return {"cells": cells}
+    return {"cells": cells, "ends": {"x": _ends(run, given.x), "y": _ends(run, given.y)}}
+
+
+def _ends(run: RunConfig, name: str) -> list[str]:
+    """The values at the low end, in the middle and at the high end of an axis, with its name."""
+    low, ranges = min(0.0, *AXES[name].sides), Ranges()
+    values = [ranges.values({name: u}, run)[name] for u in (low, 0.5 * (low + 1.0), 1.0)]
+    unit = "" if AXES[name].unit == "-" else f" {AXES[name].unit}"
+    first, middle, last = (f"{text(value, 3)}{unit}" for value in values)
+    return [f"{name.replace('_', ' ')} {first}", middle, last]

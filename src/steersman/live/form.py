@@ -15,9 +15,10 @@ from steersman.config import Component, dump, lay_over, resolve
 from steersman.errors import SteersmanError
 from steersman.fields import Field as DeclaredField
 from steersman.fields import fields_of
+from steersman.naming import called
 from steersman.rollout import RunConfig
 
-FAMILIES = ("controller", "path", "speed", "vehicle", "sensor")
+FAMILIES = ("controller", "path", "speed", "vehicle", "sensor", "plant")
 """Families of which one component is chosen."""
 _NUMBERS = ("number", "whole number")
 # Further settings of a drive that the page has.
@@ -95,10 +96,11 @@ def chosen(config: RunConfig) -> Choices:
 
 
 def _part(component: Component) -> ChosenPart:
-    """By the word with the fewest fields that differ: gains of the package by their name."""
+    """By the word with the fewest fields that differ: the user's file, gains by their name."""
     given = _flat(dump(component) or {})
     found = []
-    for word in [component.kind, *words.known(component.family)]:
+    file = str(given["file"]) if isinstance(given.get("file"), str) else component.kind
+    for word in [component.given_as, file, component.kind, *words.known(component.family)]:
         plain = _flat(_default(component.family, word))
         if word == component.kind or plain.get("kind") == component.kind:
             differ = {k: v for k, v in given.items() if k != "kind" and plain.get(k) != v}
@@ -122,12 +124,24 @@ def _default(family: str, word: str) -> dict[str, Any]:
         return {}
 
 
-def form() -> dict[str, Any]:
-    """Plain data of everything that can be chosen: words, and their fields with ranges."""
+def form(base: RunConfig | None = None) -> dict[str, Any]:
+    """Plain data of everything that can be chosen: words, and their fields with ranges.
+
+    Args:
+        base: whose parts are offered too, under the words that they were given by.
+    """
     one = {name: _words(name, words.known(name)) for name in FAMILIES}
+    labels = {}
+    for name, part in ({} if base is None else chosen(base).parts).items():
+        component = getattr(base, name)
+        if part.word not in one[name]:
+            own = _words(name, [part.word]) or {part.word: _fields(component)}
+            one[name] = {**own, **one[name]}
+        labels[name] = getattr(component, "title", called(component))
     drive = [one for one in fields_of(RunConfig) if one.name in _SETTINGS]
     return {
         "families": one,
+        "labels": labels,
         "disturbances": _words("disturbance", words.known("disturbance")),
         "settings": [_shown(field, {}) for field in drive],
     }
@@ -141,11 +155,15 @@ def _words(family: str, names: Iterable[str]) -> dict[str, list[dict[str, Any]]]
             component = resolve(family, name)
         except SteersmanError:  # it needs a file
             continue
-        search: Mapping[str, tuple[float, float, bool]] = getattr(component, "search", {})
-        fields = fields_of(type(component), component) if component is not None else []
-        shown = [_shown(field, search) for field in fields if _is_shown(field)]
-        out[name] = shown
+        if component is not None and getattr(component, "computed", True):  # else it has a server
+            out[name] = _fields(component)
     return out
+
+
+def _fields(component: Component) -> list[dict[str, Any]]:
+    search: Mapping[str, tuple[float, float, bool]] = getattr(component, "search", {})
+    fields = fields_of(type(component), component)
+    return [_shown(field, search) for field in fields if _is_shown(field)]
 
 
 def _is_shown(field: DeclaredField) -> bool:

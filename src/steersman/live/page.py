@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from typing import Any, NamedTuple
 
 from steersman.live.form import Choices
@@ -10,6 +11,8 @@ from steersman.report import web
 from steersman.report.pack import packed
 
 HOST = "127.0.0.1"
+RECORDINGS = "runs/live"
+"""Folder for what is driven by hand, unless another is given."""
 
 
 class LiveAddress(NamedTuple):
@@ -25,7 +28,11 @@ class LiveAddress(NamedTuple):
 
 
 def live_page(
-    first: Choices, offered: dict[str, Any], address: LiveAddress, training: str = ""
+    first: Choices,
+    offered: dict[str, Any],
+    address: LiveAddress,
+    training: str = "",
+    recordings: str = RECORDINGS,
 ) -> str:
     """The page as text.
 
@@ -34,11 +41,15 @@ def live_page(
         offered: of :func:`steersman.live.form.form`, and ``axes`` of the map of failures.
         address: port, and the token that its requests carry.
         training: folder of the training that is followed; empty: none.
+        recordings: folder for what is driven by hand.
     """
     script = web.script("wheel", "live")
     given = {"form": offered, "first": first.model_dump(), "token": address.token}
     given["training"] = training
-    given["again"] = f"steersman live --port {address.port} --token {address.token}"
+    again = ["steersman", "live", "--port", str(address.port), "--token", address.token]
+    again += ["--training", training] if training else []
+    again += ["--out", recordings] if recordings != RECORDINGS else []
+    given["again"] = shlex.join(again)
     return web.template("live.html.j2").render(
         style=web.resource("page.css") + web.resource("live.css"),
         script=script,

@@ -25,7 +25,7 @@ from steersman.live.demonstrating import TrainingQuestion, TrainingWheel
 from steersman.live.drives import DriveCache, LiveRun
 from steersman.live.failure_map import MapRequest, axes, map_cells
 from steersman.live.form import chosen, form
-from steersman.live.page import HOST, LiveAddress, live_page
+from steersman.live.page import HOST, RECORDINGS, LiveAddress, live_page
 from steersman.live.training import FollowedTraining, TrainingRequest
 from steersman.live.wheel import WheelDrive, WheelInput
 from steersman.rollout import RunConfig
@@ -51,7 +51,7 @@ def new_token() -> str:
 def live_app(
     base: RunConfig,
     address: LiveAddress,
-    recordings: str = "runs/live",
+    recordings: str = RECORDINGS,
     training: FilePath | None = None,
 ) -> Starlette:
     """The application.
@@ -91,8 +91,9 @@ def live_app(
         return found
 
     def page(_: Request) -> Response:
+        offered = {**form(base), "axes": axes()}
         return HTMLResponse(
-            live_page(chosen(base), {**form(), "axes": axes()}, address, str(training or ""))
+            live_page(chosen(base), offered, address, str(training or ""), recordings)
         )
 
     def alive(_: Request) -> Response:

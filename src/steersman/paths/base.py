@@ -109,7 +109,11 @@ class Start(Settings):
     s: float = param(0.0, "m", "Arc length.", ge=0)
     offset: float = param(0.0, "m", "Distance from the path, left positive.")
     heading: float = param(
-        0.0, "rad", "Direction of the velocity (at rest: yaw) less the path's tangent."
+        0.0,
+        "rad",
+        "Direction of the velocity (at rest: yaw) less the path's tangent.",
+        ge=-math.pi,
+        le=math.pi,
     )
 
     def pose(self, path: PathComponent) -> Pose:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from steersman.errors import DataError
 from steersman.paths import smoothing as spline
 from steersman.paths.points import Points, refuse_far
+from steersman.paths.told import closing, outlier
 from steersman.types import FloatArray
 
 # Points nearer than this share of the usual spacing, or than this [m], are one.
@@ -97,6 +98,9 @@ def _made(points: Points, by: Cleaning) -> tuple[Points, float]:
     points = points._replace(closed=closed)
     if closed:
         points = _joined(points)
+        if (gap := closing(points.place)) and by.loop:
+            ends = f"from {points.counted} {points.lines[-1]} to {points.lines[0]}"
+            points = points.noted(f"closed over a gap of {gap:.3g} m, {ends} (loop: true)")
     return _smoothed(points, by) if by.smoothing != 0.0 else (points, 0.0)
 
 
@@ -261,10 +265,10 @@ def _course_fault(points: Points) -> _Fault | None:
         text = f"the end overlaps or crosses the start ({points.counted} {points.lines[0]})"
         return _Fault(-1, text, "cut the surplus points off")
     back = np.flatnonzero(np.abs(turn) > _BACK)
-    if back.size:
-        row, cure = int(back[0]) + 1, "put the points into driving order"
-        return _Fault(row, "the path turns back on itself", cure)
-    return None
+    if back.size and (alone := outlier(points.place)) is not None:
+        return _Fault(alone[0], f"the point is {alone[1]:.2g} m beside its neighbours", "delete it")
+    text, cure = "the path turns back on itself", "put the points into driving order"
+    return _Fault(int(back[0]) + 1, text, cure) if back.size else None
 
 
 def _joins(points: Points, turn_last: float, turn_first: float) -> bool:
@@ -279,14 +283,9 @@ def _ends_cross(points: Points) -> bool:
     count = len(points.x)
     some = min(_NEAR_JOINT, count // 4)
     place = points.place
-    for i in range(count - some, count):
-        for j in range(some):
-            # Neighbours share a point and do not cross.
-            if (j - i) % count > 1 and _cross(
-                place[i], place[(i + 1) % count], place[j], place[j + 1]
-            ):
-                return True
-    return False
+    near = ((i, j) for i in range(count - some, count) for j in range(some))
+    pairs = ((i, j) for i, j in near if (j - i) % count > 1)  # neighbours share a point
+    return any(_cross(place[i], place[(i + 1) % count], place[j], place[j + 1]) for i, j in pairs)
 
 
 def _cross(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> bool:

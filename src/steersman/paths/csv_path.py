@@ -45,10 +45,11 @@ class CsvPath(TablePath):
     Columns are separated by commas, semicolons, tabs, bars or blanks; commas may be decimal marks.
     A header names x and y, easting and northing (UTM), or latitude and longitude, perhaps with
     their units; it may be a comment, as numpy.savetxt and TUM's race tracks have it. A column of
-    speeds (``vx_mps``, ``v``, ``speed``, ...) is what ``speed=path`` drives.
+    speeds (``vx_mps``, ``v``, ``speed``, ...) is what ``speed=path`` drives. Files of Racelogic's
+    VBOX (``.vbo``) are such tables.
     """
 
-    suffixes: ClassVar[tuple[str, ...]] = (".csv", ".txt", ".tsv", ".dat")
+    suffixes: ClassVar[tuple[str, ...]] = (".csv", ".txt", ".tsv", ".dat", ".vbo")
 
     def recorded(self, *, speeds: bool = False) -> Points:
         """The points of the table."""

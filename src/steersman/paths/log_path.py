@@ -11,7 +11,8 @@ from steersman.config import param, register, required
 from steersman.errors import ConfigError, DataError
 from steersman.logs.columns import check_time, missing, read_columns
 from steersman.paths.point_path import RecordedPath
-from steersman.paths.points import Points
+from steersman.paths.points import Points, has_positions
+from steersman.tables import Sheet
 from steersman.types import FloatArray
 
 _NEEDED = ("time", "x", "y")
@@ -46,7 +47,7 @@ class LogPath(RecordedPath):
             raise ConfigError(error.what, ("columns",)) from None
         for name in _NEEDED:
             if name not in signals:
-                raise sheet.fault(sheet.title_line, missing(name, sheet.titles))
+                raise sheet.fault(sheet.title_line, missing(name, sheet.titles) + _instead(sheet))
         time = signals["time"]
         check_time(sheet, time)
         time = time - time[0]
@@ -60,6 +61,13 @@ class LogPath(RecordedPath):
         lines = [sheet.lines[row] for row in rows.tolist()]
         # A line that ends near its start may just stop there; where it passes it, it is a lap.
         return Points(self.file, x, y, lines, False, speed=_speed(signals, time, rows))
+
+
+def _instead(sheet: Sheet) -> str:
+    """The end of a message about a table that has other positions than x and y."""
+    if not has_positions(sheet):
+        return ""
+    return "; latitude and longitude are for path=csv, with speed=path at the recorded speed"
 
 
 def _speed(signals: dict[str, FloatArray], time: FloatArray, rows: NDArray[np.int64]) -> FloatArray:

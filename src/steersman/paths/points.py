@@ -21,11 +21,13 @@ from steersman.columns import (
 )
 from steersman.errors import DataError
 from steersman.paths.geodetic import projected
+from steersman.paths.told import left_out, other_unit
 from steersman.tables import Sheet, read_sheet
 from steersman.types import FloatArray
 
 _CURE = "give a table of positions with a header like x,y or latitude,longitude"
-_DEGREES = {"deg": 1.0, "rad": 1.0 / ANGLE["deg"]}
+_DEGREES = {"deg": 1.0, "rad": 1.0 / ANGLE["deg"], "min": 1.0 / 60.0}
+_EAST = {**_DEGREES, "minwest": -1.0 / 60.0}
 # Titles of TUM's race lines, ROS, UTM and Gauss-Krueger.
 _X = (
     *("x_ref", "pos_x", "x_pos", "position_x", "pose_position_x"),
@@ -53,7 +55,7 @@ COLUMNS = {
     "x": ExpectedColumn("position to the east, or ahead", LENGTH, _X),
     "y": ExpectedColumn("position to the north, or to the left", LENGTH, _Y),
     "latitude": ExpectedColumn("latitude, north positive", _DEGREES, _LATITUDE, ("breite",)),
-    "longitude": ExpectedColumn("longitude, east positive", _DEGREES, _LONGITUDE, ("laenge",)),
+    "longitude": ExpectedColumn("longitude, east positive", _EAST, _LONGITUDE, ("laenge",)),
     "speed": ExpectedColumn("speed", SPEED, _SPEED),
 }
 MOST_BYTES = 50_000_000
@@ -181,9 +183,8 @@ def points_of(
     if speeds and "speed" in found:
         points = points._replace(speed=_speeds(sheet, found["speed"]))
     points = points.rows(rows)
-    if empty.any():
-        points = points.noted(f"{int(empty.sum())} rows without a position are left out")
-    return _checked(points, pair, sheet, found)
+    points = _checked(points, pair, sheet, found)
+    return points.noted(left_out(points.place, sheet, rows)) if empty.any() else points
 
 
 def _pair(found: Mapping[str, Found], geodetic: bool = False) -> tuple[str, str] | None:
@@ -286,7 +287,9 @@ def in_the_plane(points: Points) -> Points:
     if off.size:
         row = int(off[0])
         place = f"({latitude[row]:g}, {longitude[row]:g})"
-        raise points.fault(row, f"{place} is no latitude and longitude in degrees")
+        raise points.fault(
+            row, f"{place} is no latitude and longitude in degrees{other_unit(latitude, longitude)}"
+        )
     if not latitude.size:
         return points
     plane = projected(np.deg2rad(latitude), np.deg2rad(longitude))

@@ -46,7 +46,7 @@ class PlantComponent(Component):
     benchmark leaves their scenarios out and says so, ``steersman.contracts.plant`` checks the
     others."""
 
-    dt: float = param(0.05, "s", "Control period.", gt=0)
+    dt: float = param(0.05, "s", "Control period.", gt=0, le=2)
     steering_delay: float = param(0.0, "s", "Time until a steering command acts.", ge=0)
 
     @abstractmethod

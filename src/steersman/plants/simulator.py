@@ -25,7 +25,9 @@ class SimulatorConfig(ComputedComponent):
 
     embedded: ClassVar[bool] = True
 
-    dt: float = param(0.05, "s", "Control period; a whole multiple of the integration step.", gt=0)
+    dt: float = param(
+        0.05, "s", "Control period; a whole multiple of the integration step.", gt=0, le=2
+    )
     steering_delay: float = param(
         0.0, "s", "Time until a steering command acts; rounded to whole integration steps.", ge=0
     )

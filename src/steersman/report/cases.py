@@ -63,7 +63,8 @@ def worst(summary: Summary, cases: Sequence[ShownCase]) -> list[Section]:
     ]
     rank = places(summary)
     text = (
-        "The scenario of each controller's largest error, driven once more: the road "
+        "The scenario of each controller's largest error, but those beyond grip, driven once "
+        "more: the road "
         "around the place where the drive ended early, or where the error was largest."
     )
     figures = [figure for k, case in enumerate(shown) for figure in _figures(case, k, rank)]

@@ -19,6 +19,7 @@ from steersman.report.signals import ShownDrive
 from steersman.report.tables import text
 from steersman.report.view import ResultView, article_view
 from steersman.studies.findings import FalsifyResult, MildestFailure, SingleFailure
+from steersman.studies.hunt import MOST_GRIP
 from steersman.studies.perturbation import Point
 
 _MM = 1e3
@@ -81,7 +82,7 @@ def _replay(result: FalsifyResult) -> list[RoadGroup]:
 
 
 def _title(result: FalsifyResult) -> str:
-    return f"Falsification of {result.config['controller']['kind']}"
+    return f"Falsification of {result.name}"
 
 
 def _sections(result: FalsifyResult) -> list[Section]:
@@ -103,22 +104,25 @@ def _sections(result: FalsifyResult) -> list[Section]:
 
 def sentences(result: FalsifyResult) -> list[str]:
     """What was found, in words."""
-    drives, kind = len(result.drives), result.config["controller"]["kind"]
+    drives, name = len(result.drives), result.name
     spent = f"{drives} drives, {result.simulated_seconds:.0f} simulated seconds."
     within, radius = result.tried_within, text(result.safe_radius, 3)
     mildest = result.mildest
     if mildest is None:
         return [
-            f"{kind} did not fail in any of {within} drives, up to a norm of {radius}. That does"
+            f"{name} did not fail in any of {within} drives, up to a norm of {radius}. That does"
             " not prove that it never does.",
             spent,
         ]
     end = mildest.end.replace("_", " ")
     if result.nominal_failed:
-        return [f"{kind} fails without any disturbance: {end}.", spent]
+        share = result.grip_share or 0.0
+        asks = f"; path and speeds ask an axle for {100 * share:.0f} % of its grip"
+        asked = asks if share > MOST_GRIP else ""
+        return [f"{name} fails without any disturbance: {end}{asked}.", spent]
     values = _phrases(mildest.values.values(), mildest.point)
     return [
-        f"{kind} fails at norm {radius} ({end}): {values}.",
+        f"{name} fails at norm {radius} ({end}): {values}.",
         f"Safe radius {radius}: none of {within} milder drives failed. That does not prove that"
         " none can.",
         spent,
@@ -151,11 +155,17 @@ def single_rows(result: FalsifyResult) -> list[dict[str, str]]:
             {
                 "name": _NAMES[one.name] + side,
                 "holds": text(one.holding_value, 4),
-                "fails": "not found" if failing is None else text(one.failing_value, 4),
+                "fails": _fails(one),
                 "norm": "-" if failing is None else text(abs(failing), 3),
             }
         )
     return rows
+
+
+def _fails(one: SingleFailure) -> str:
+    if one.failing is not None:
+        return text(one.failing_value, 4)
+    return "not found; grip ends" if one.at_grip else "not found"
 
 
 def _side(holding: float, one: SingleFailure) -> str:
@@ -171,7 +181,9 @@ def _explained(result: FalsifyResult) -> str:
         f" coefficient of {text(ranges['friction'], 3)} (on a logarithmic scale), or"
         f" {text(ranges['delay'], 3)} s of delay, or waypoints shifted by up to"
         f" {text(ranges['waypoint_noise'], 3)} m, or speeds {text(100 * ranges['speed'], 3)} %"
-        " off, alone; a range of 0 was left out. A search proves failures, never safety."
+        " off, alone; a range of 0 was left out. What would ask an axle for over 90 % of its grip"
+        " (or for more than the undisturbed run does) was not driven: there the road is too fast"
+        " for any controller. A search proves failures, never safety."
     )
 
 

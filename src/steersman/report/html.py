@@ -14,6 +14,7 @@ from typing import Any
 from steersman import core_yaml
 from steersman.errors import DataError
 from steersman.files import write_text
+from steersman.naming import shown_name
 from steersman.report import tables, web
 from steersman.report.curves import curves
 from steersman.report.runs import ReportRun
@@ -106,13 +107,12 @@ def _tiles(runs: Sequence[ReportRun]) -> list[tables.Tile]:
 
 
 def group_title(group: Sequence[ShownDrive]) -> str:
-    """What the path of these drives is called: its kind, if recorded, and its length."""
+    """What the path of these drives is called, if recorded, and its length."""
     episode = group[0].episode
-    path = recorded(episode).get("path")
-    kind = path.get("kind") if isinstance(path, Mapping) else path
-    name = str(kind).replace("_", " ") if isinstance(kind, str) else "path"
+    name = shown_name(episode.meta, "path") or "path"
+    name = f"{name[:1].upper()}{name[1:]}"
     shape = "loop" if episode.closed else "open path"
-    return f"{name[:1].upper()}{name[1:]}, {shape} of {episode.path_length:.4g} m"
+    return f"{name}, {shape} of {episode.path_length:.4g} m"
 
 
 def half_width(group: Sequence[ShownDrive]) -> float:

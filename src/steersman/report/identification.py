@@ -39,7 +39,7 @@ def _figures(found: Identified) -> Section:
         tables["Determined by the recording" if told else "Kept"].append(_row(figure))
     text = [
         f"{found.log.name}: {found.seconds:.0f} s were fitted. The starting vehicle is "
-        f"{found.before.kind}.",
+        f"{found.before.title}.",
         *(f"Left out: {left.seconds:.1f} s {left.reason}." for left in found.left_out),
         "Intervals hold the uncertainty of the figures that are kept, and are widened where "
         "residuals are correlated.",
@@ -105,7 +105,7 @@ def _pair(
     thin = slice(None, None, max(len(time) // _MOST_POINTS, 1))
     lines = [
         PlotLine("measured", time[some], seen[some], dots=1.0),
-        PlotLine(f"before ({found.before.kind})", time[some], before[some]),
+        PlotLine(f"before ({found.before.title})", time[some], before[some]),
         PlotLine("identified", time[some], after[some]),
     ]
     left = [

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from steersman.bench.results import IntervalEstimate
 from steersman.metrics.base import metrics
+from steersman.naming import recorded_name, shown_name
 from steersman.report.runs import ReportRun, Table
 from steersman.table_file import flat
 
@@ -139,7 +140,9 @@ def tiles(run: ReportRun) -> list[Tile]:
     values = flat(run.metrics)
     done = values.get("completed")
     end = str(values.get("end", NOTHING)).replace("_", " ")
-    words = [Tile(part, _kind(run, part).replace("_", " ")) for part in ("controller", "vehicle")]
+    words = [
+        Tile(part, shown_name(run.config, part) or NOTHING) for part in ("controller", "vehicle")
+    ]
     where = _elsewhere(run)
     if where:
         words.append(Tile("driven on", where))
@@ -154,14 +157,8 @@ def tiles(run: ReportRun) -> list[Tile]:
 
 
 def _kind(run: ReportRun, part: str) -> str:
-    """The kind of a part of the run's configuration; a dash where none is known.
-
-    What an episode recorded of its run stands under ``config``, beside seed and versions.
-    """
-    inner = run.config.get("config")
-    config = run.config.get(part, inner.get(part) if isinstance(inner, Mapping) else None)
-    kind = config.get("kind") if isinstance(config, Mapping) else config
-    return NOTHING if kind is None else str(kind)
+    """What a part of the run's configuration is called; a dash where none is known."""
+    return recorded_name(run.config, part) or NOTHING
 
 
 def _elsewhere(run: ReportRun) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 
 from steersman.config import dump
 from steersman.files import write_text
+from steersman.naming import called
 from steersman.report.article import LinePlot, PlotLine, Section, Table, write_article
 from steersman.report.tables import scaled, text
 from steersman.report.view import ResultView, article_view
@@ -48,7 +49,7 @@ def shown_tuning(result: TuneResult) -> ResultView:
     """What a tuning shows of itself: its page; without its trials, the line alone."""
     trade = result.history
     sections = [Section(result.line())] if trade is None else _sections(result, trade)
-    return article_view(sections, f"Tuning of {result.controller.kind}")
+    return article_view(sections, f"Tuning of {called(result.controller)}")
 
 
 def _sections(result: TuneResult, trade: TuningTrials) -> list[Section]:

@@ -6,9 +6,11 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from steersman.bench.grip import demanded_grip
 from steersman.config import dump
+from steersman.naming import names_of, recorded_name
 from steersman.provenance import provenance
-from steersman.stored import ShownResult, SourcedResult, StoredResult
+from steersman.stored import ShownResult, SourcedResult, StoredResult, optional
 from steersman.studies.hunt import Bracket
 from steersman.studies.perturbation import AXES, Point, norm, shown
 from steersman.studies.tried import Tried
@@ -37,6 +39,9 @@ class SingleFailure(StoredResult):
     holding_value: float
     unit: str
     """Of the two values."""
+    at_grip: bool | None = optional()
+    """Whether its range ended where the road at these speeds asks an axle for over 90 % of its
+    grip."""
 
 
 class FalsifyResult(ShownResult, SourcedResult):
@@ -60,8 +65,17 @@ class FalsifyResult(ShownResult, SourcedResult):
     """Failures by how the drives ended."""
     drives: list[Tried]
     """The nominal drive first."""
+    grip_share: float | None = optional()
+    """Largest share of grip that the undisturbed run asks of an axle."""
     config: dict[str, Any]
     plant: str
+    names: dict[str, str] | None = optional()
+    """What controller, path, speed and vehicle are called."""
+
+    @property
+    def name(self) -> str:
+        """What the controller is called."""
+        return recorded_name({"names": self.names, **self.config}, "controller")
 
     def nearest_holding(self) -> Tried | None:
         """The drive that holds nearest to the mildest failure; None where there is none."""
@@ -76,8 +90,8 @@ class FalsifyResult(ShownResult, SourcedResult):
         found = "does not fail up to"
         if self.mildest is not None:
             found = f"fails ({self.mildest.end}) at"
-        kind, norm = self.config["controller"]["kind"], self.safe_radius
-        return f"FalsifyResult: {kind} {found} norm {norm:.3g}, {len(self.drives)} drives"
+        norm = self.safe_radius
+        return f"FalsifyResult: {self.name} {found} norm {norm:.3g}, {len(self.drives)} drives"
 
     def table(self) -> Columns:
         """All drives, the nominal one first."""
@@ -107,8 +121,10 @@ def findings(
         simulated_seconds=sum(row.seconds for row in tried),
         ends={end: sum(row.end == end for row in failed) for end in ends},
         drives=list(tried),
+        grip_share=demanded_grip(config.run()),
         **provenance(),
         config=dump(config) or {},
+        names=names_of(config),
         plant=config.plant.source(),
     )
 
@@ -129,7 +145,8 @@ def narrowed(one: Bracket, tried: Sequence[Tried]) -> Bracket:
     ]
     fails = min((u for u, failed in alone if failed), default=math.inf)
     holds = max((u for u, failed in alone if not failed and u < fails), default=0.0)
-    return Bracket(one.name, side * fails if fails < math.inf else None, side * holds)
+    failing = side * fails if fails < math.inf else None
+    return Bracket(one.name, failing, side * holds, one.at_grip)
 
 
 def _single(one: Bracket, config: FalsifyConfig) -> SingleFailure:
@@ -137,7 +154,10 @@ def _single(one: Bracket, config: FalsifyConfig) -> SingleFailure:
         return config.ranges.values({one.name: coordinate}, config.run())[one.name]
 
     return SingleFailure(
-        **one._asdict(),
+        name=one.name,
+        failing=one.failing,
+        holding=one.holding,
+        at_grip=one.at_grip or None,
         failing_value=None if one.failing is None else value(one.failing),
         holding_value=value(one.holding),
         unit=AXES[one.name].unit,

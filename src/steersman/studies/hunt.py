@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from steersman.bench.grip import demanded_grip
 from steersman.bench.suite import derived_seed
 from steersman.engine.jobs import PIECE_SIZE, Workers
 from steersman.engine.work import Job, Tell
@@ -19,11 +20,15 @@ from steersman.types import FloatArray
 if TYPE_CHECKING:
     from steersman.studies.falsify import FalsifyConfig
 
+# Share of an axle's grip up to which a drive that fails is the controller's failure.
+MOST_GRIP = 0.9
 # Called after each drive with: drives done, drives planned at most, what was found so far.
 Progress: TypeAlias = Callable[[int, int, str], None]
 
 # Share of a failure's norm at which its ray is tried for a milder one.
 _BELOW = 0.98
+# Halvings of the way to a point, to find where grip ends on it.
+_HALVINGS = 10
 
 
 # In parallel: a quantity and a side of it to bracket, or a point to drive.
@@ -38,6 +43,8 @@ class Bracket(NamedTuple):
     """Smallest coordinate that was found to fail; None if the end of the range does not."""
     holding: float
     """Nearest coordinate below it that does not fail."""
+    at_grip: bool = False
+    """Whether its range ends where grip does, before the end that was stated."""
 
 
 class Search:
@@ -65,6 +72,8 @@ class Search:
         self.tried: dict[str, Tried] = {}
         self._kept, self._keep, self._progress = dict(kept), keep, progress
         self._workers = workers
+        # What the undisturbed run needs is not too much for another to need.
+        self._most = max(MOST_GRIP, demanded_grip(self.run))
         self._stage, self._before, self._planned, self._within = "nominal", 0, 1, 0
 
     def drive(self, point: Point) -> Tried:
@@ -73,7 +82,7 @@ class Search:
         row = self._kept.get(name)
         if row is None:
             config = self.config.ranges.disturbed(self.run, point)
-            row = drive(self._stage, point, config)
+            row = drive(self._stage, point, config, self._most)
             self._add(row)
         self.tried.setdefault(name, row)
         self._tell()
@@ -110,11 +119,28 @@ class Search:
 
     def bracket(self, name: str, side: float) -> Bracket:
         """One quantity disturbed alone, to one side."""
-        low, high = 0.0, None
-        if self.drive(self._point(**{name: side})).failed:
-            low, high = self._bisect(self._point(), self._point(**{name: side}))
-        holding = side if high is None else side * low
-        return Bracket(name, None if high is None else side * high, holding)
+        low, high, end = 0.0, None, self._within_grip(self._point(**{name: side}))
+        reached = end[name]
+        if self.drive(end).failed:
+            low, high = self._bisect(self._point(), end)
+        holding = reached if high is None else reached * low
+        failing = None if high is None else reached * high
+        return Bracket(name, failing, holding, at_grip=reached != side)
+
+    def _within_grip(self, point: Point) -> Point:
+        """The point, or where on the way to it grip ends: beyond, no controller can be blamed."""
+
+        def enough(share: float) -> bool:
+            nearer = {name: share * u for name, u in point.items()}
+            return demanded_grip(self.config.ranges.disturbed(self.run, nearer)) <= self._most
+
+        if enough(1.0):
+            return point
+        low, high = 0.0, 1.0
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if enough(middle) else (low, middle)
+        return {name: low * u for name, u in point.items()}
 
     def explore(self) -> None:
         """All quantities at once: the sampler learns from what was driven so far.
@@ -148,7 +174,7 @@ class Search:
             if norm(point) >= radius:
                 inward = _BELOW * radius / norm(point)
                 point = {name: inward * u for name, u in point.items()}
-            study.tell(trial, self._score(self.drive(point)))
+            study.tell(trial, self._score(self.drive(self._within_grip(point))))
 
     def pull_in(self) -> None:
         """Bring the mildest failure nearer: along its ray, each coordinate, along its ray."""
@@ -182,7 +208,8 @@ class Search:
         """The point in a direction at a share of the mildest failure's norm, or of the ranges'."""
         found = self.mildest()
         radius = self._reach() if found is None else found.norm
-        return self._inside(direction * (share * radius / float(np.linalg.norm(direction))))
+        point = self._inside(direction * (share * radius / float(np.linalg.norm(direction))))
+        return self._within_grip(point)
 
     def _inside(self, values: Any) -> Point:
         """Coordinates brought into the ranges, which makes them milder, if anything."""

@@ -25,6 +25,7 @@ Point: TypeAlias = dict[str, float]
 _SPEEDS = {
     "constant_speed": ("speed",),
     "nedc": ("scale",),
+    "path": ("scale",),
     "random_profile": ("low", "high", "change"),
 }
 

@@ -7,9 +7,10 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
+from steersman.bench.grip import demanded_grip
 from steersman.engine.journal import Journal, LineFormat
 from steersman.rollout import RunConfig, attempt
-from steersman.stored import StoredResult
+from steersman.stored import StoredResult, optional
 from steersman.studies.perturbation import Point, norm
 
 
@@ -23,17 +24,22 @@ class Tried(StoredResult):
     norm: float
     """Their Euclidean norm."""
     failed: bool
-    """Whether the run ended before its planned end."""
+    """Whether the run ended before its planned end, though there was the grip for it."""
     end: str
     """How the run ended."""
     max_error_m: float
     """Largest |lateral error| [m]; at most the corridor's half width."""
     seconds: float
     """Simulated time [s]."""
+    grip_share: float | None = optional()
+    """Of a run that ended early: the largest share of grip that path and speeds ask for."""
 
 
-def drive(stage: str, point: Point, config: RunConfig) -> Tried:
+def drive(stage: str, point: Point, config: RunConfig, most: float) -> Tried:
     """Drive one disturbed run; a controller that fails is a result.
+
+    One that ends early where more than ``most`` of the grip is needed has not failed: the road
+    cannot be asked to be driven at those speeds.
 
     Raises:
         ConfigError: the parts do not fit together.
@@ -41,15 +47,17 @@ def drive(stage: str, point: Point, config: RunConfig) -> Tried:
     """
     tried = attempt(config)
     episode = tried.of_controller()
+    share = None if episode.completed else demanded_grip(config)
     largest = float(np.max(np.abs(episode["lateral_error"]), initial=0.0))
     return Tried(
         stage=stage,
         point=point,
         norm=norm(point),
-        failed=not episode.completed,
+        failed=share is not None and share <= most,
         end=episode.end,
         max_error_m=config.corridor if tried.outcome == "left_road" else largest,
         seconds=len(episode) * episode.dt,
+        grip_share=share,
     )
 
 

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import yaml
 from pydantic import ValidationInfo, field_validator
 
+from steersman import words
 from steersman.bench.drive import planned_seconds
 from steersman.bench.suites import suite
 from steersman.bench.tuning import on_car, on_road
@@ -24,6 +25,7 @@ from steersman.engine.work import Job
 from steersman.errors import ConfigError
 from steersman.estimators.base import EstimatorComponent, PredictorComponent
 from steersman.files import alone, make_folder, write_text
+from steersman.naming import called
 from steersman.paths.base import PathComponent
 from steersman.plants.base import PlantComponent
 from steersman.plants.simulator import SimulatorConfig
@@ -120,6 +122,12 @@ def cost(config: RunConfig, smoothness: float) -> float:
     return measure(config, Prices(smoothness)).total
 
 
+def _inside(controller: ControllerComponent) -> str:
+    """The end of a message about a controller around another one, which has the gains."""
+    before, inner = words.around(called(controller))
+    return f"; tune {inner}, then drive {before}/DIR, the folder of its tuning" if before else ""
+
+
 @alone("out")
 def tune(
     config: TuneConfig,
@@ -151,7 +159,8 @@ def tune(
     import optuna
 
     if not config.controller.search:
-        raise ConfigError(f"controller {config.controller.kind} declares nothing to tune")
+        told = f"controller {config.controller.kind} declares nothing to tune"
+        raise ConfigError(told + _inside(config.controller))
     make_folder(out)
     same_study(config, out, ("trials",))
     study = open_study(out / "study.jsonl", config.controller.kind)

@@ -66,6 +66,10 @@ class Vehicle(Component):
                 "weight_distribution",
             )
         },
+        **dict.fromkeys(
+            ("steering_ratio", "steer_ratio"),
+            "give max_wheel_angle: the steering wheel's angle at full lock over the ratio [rad]",
+        ),
     }
 
     @property
@@ -108,8 +112,12 @@ class Vehicle(Component):
         70.0 * _DEG, "rad", "Inner wheel at full lock.", gt=0, le=LARGEST_ANGLE
     )
     ackermann: bool = param(True, "-", "Outer wheel by Ackermann, else parallel wheels.")
-    steer_rate_up: float = param(2.5, "1/s", "Normalised steering rate away from centre.", gt=0)
-    steer_rate_down: float = param(5.0, "1/s", "Normalised steering rate to the centre.", gt=0)
+    steer_rate_up: float = param(
+        2.5, "1/s", "Steering rate away from centre, in full locks a second.", gt=0
+    )
+    steer_rate_down: float = param(
+        5.0, "1/s", "Steering rate to the centre, in full locks a second.", gt=0
+    )
     steer_lag: float = param(0.0, "s", "Time constant of the steering; 0: none.", ge=0, le=1)
     steer_delay: float = param(
         0.0, "s", "Delay of the steering; plant.steering_delay adds to it.", ge=0, le=0.5

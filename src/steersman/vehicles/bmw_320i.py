@@ -63,7 +63,11 @@ class Bmw320i(Vehicle):
     )
     max_wheel_angle: float = param(1.066, "rad", "Angle at full lock.", gt=0, le=LARGEST_ANGLE)
     ackermann: bool = param(False, "-", "Outer wheel by Ackermann, else parallel wheels.")
-    steer_rate_up: float = param(0.4 / 1.066, "1/s", "Steering rate away from centre.", gt=0)
-    steer_rate_down: float = param(0.4 / 1.066, "1/s", "Steering rate to the centre.", gt=0)
+    steer_rate_up: float = param(
+        0.4 / 1.066, "1/s", "Steering rate away from centre, in full locks a second.", gt=0
+    )
+    steer_rate_down: float = param(
+        0.4 / 1.066, "1/s", "Steering rate to the centre, in full locks a second.", gt=0
+    )
     steer_curve_speed: tuple[float, ...] = param((0.0, 50.0), "m/s", "Speeds of the curve.")
     steer_curve_factor: tuple[float, ...] = param((1.0, 1.0), "-", "Share at those speeds.")

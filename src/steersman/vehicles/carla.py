@@ -52,8 +52,12 @@ class CarlaModel3(Vehicle):
     rotating_mass: float = param(
         632.0, "kg", "Rotating masses of engine and wheels, as the mass moved besides.", ge=0
     )
-    steer_rate_up: float = param(5.0, "1/s", "Normalised steering rate away from centre.", gt=0)
-    steer_rate_down: float = param(10.0, "1/s", "Normalised steering rate to the centre.", gt=0)
+    steer_rate_up: float = param(
+        5.0, "1/s", "Steering rate away from centre, in full locks a second.", gt=0
+    )
+    steer_rate_down: float = param(
+        10.0, "1/s", "Steering rate to the centre, in full locks a second.", gt=0
+    )
     map_throttle: tuple[float, ...] = param(_FITTED_THROTTLE, "-", "Throttles of the map.")
     map_acceleration: tuple[tuple[float, ...], ...] = param(
         _FITTED_ACCEL, "m/s^2", "Net acceleration on a straight, a row for each throttle."

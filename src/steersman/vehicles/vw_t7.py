@@ -37,8 +37,12 @@ class VwT7(Vehicle):
     brake_front: float = param(2.0 / 3.0, "-", "Share of the brake force at the front.", ge=0, le=1)
     max_wheel_angle: float = param(0.610865, "rad", "Angle at full lock.", gt=0, le=LARGEST_ANGLE)
     ackermann: bool = param(False, "-", "Outer wheel by Ackermann, else parallel wheels.")
-    steer_rate_up: float = param(0.322 / 0.610865, "1/s", "Steering rate away from centre.", gt=0)
-    steer_rate_down: float = param(0.322 / 0.610865, "1/s", "Steering rate to the centre.", gt=0)
+    steer_rate_up: float = param(
+        0.322 / 0.610865, "1/s", "Steering rate away from centre, in full locks a second.", gt=0
+    )
+    steer_rate_down: float = param(
+        0.322 / 0.610865, "1/s", "Steering rate to the centre, in full locks a second.", gt=0
+    )
     width: float = param(1.941, "m", "Width of the body (drawing, lane widths).", gt=0)
     body_length: float = param(4.973, "m", "Length of the body (drawing).", gt=0)
     steer_curve_speed: tuple[float, ...] = param((0.0, 50.0), "m/s", "Speeds of the curve.")

@@ -11,6 +11,18 @@ function short(value) {
   if (!rounded || Math.abs(rounded) >= 1e-6) return String(rounded);
   return rounded.toFixed(Math.min(3 - Math.floor(Math.log10(Math.abs(rounded))), 20)).replace(/0+$/, "");
 }
+// What differs from what the page began with, in words.
+function differing({ parts, disturbances, settings }, first) {
+  const out = [];
+  const fields = (now, was) => Object.entries(now).filter(([name, value]) => was[name] !== value).map(([name, value]) => `${name}=${typeof value === "number" ? short(value) : value}`);
+  for (const [family, part] of Object.entries(parts)) {
+    const was = first.parts[family] || { fields: {} };
+    if (part.word !== was.word) out.push(part.word);
+    out.push(...fields(part.fields, part.word === was.word ? was.fields : {}));
+  }
+  out.push(...disturbances.flatMap((one) => [one.word, ...fields(one.fields, {})]), ...fields(settings, first.settings));
+  return out;
+}
 const byId = (id) => document.getElementById(id);
 
 function complain(words) {
@@ -33,7 +45,7 @@ async function send(token, place, body) {
 // The choices as form elements, from the declarations of the components.
 class LiveForm {
   constructor(node, { form, first }, changed) {
-    Object.assign(this, { node, form, changed, chosen: structuredClone(first) });
+    Object.assign(this, { node, form, changed, first, chosen: structuredClone(first) });
     for (const family of Object.keys(form.families)) node.append(this.family(family));
     node.append(this.disturbances(), this.settings());
     node.addEventListener("submit", (event) => event.preventDefault());
@@ -43,12 +55,15 @@ class LiveForm {
     const words = this.form.families[name];
     const part = this.chosen.parts[name];
     const known = part.word in words ? Object.keys(words) : [part.word, ...Object.keys(words)];
-    const select = element("select", { "aria-label": name, name }, ...known.map((word) => element("option", { value: word }, word)));
+    const own = this.first.parts[name];
+    const label = (word) => (own && word === own.word && this.form.labels[name]) || word;
+    const select = element("select", { "aria-label": name, name }, ...known.map((word) => element("option", { value: word, title: word }, label(word))));
     select.value = part.word;
     const fields = element("div", {});
     const fill = () => fields.replaceChildren(...(words[part.word] || []).map((field) => this.field(field, part.fields, `${name}.`)));
     select.addEventListener("change", () => {
-      Object.assign(part, { word: select.value, fields: {} });
+      // What the page began with comes back as it was: a file, or gains of a tuning.
+      Object.assign(part, own && select.value === own.word ? structuredClone(own) : { word: select.value, fields: {} });
       fill();
       this.changed();
     });
@@ -160,6 +175,7 @@ class FailureMap {
   // What was driven holds no longer.
   stop() {
     this.turn++;
+    for (const axis of ["x", "y"]) byId(`ends-${axis}`).replaceChildren();
     for (const cell of this.cells) {
       cell.className = cell.textContent = cell.title = "";
       cell.style.background = "";
@@ -184,6 +200,7 @@ class FailureMap {
         complain(found.error);
         return;
       }
+      for (const axis of ["x", "y"]) byId(`ends-${axis}`).replaceChildren(...found.ends[axis].map((text) => element("span", {}, text)));
       found.cells.forEach((one, n) => this.put(this.cells[batch[n][2]], one));
       byId("filled").textContent = `${Math.min(k + BATCH, order.length)} of ${order.length} drives`;
     }
@@ -294,7 +311,14 @@ class LivePage {
   }
 
   pin() {
-    this.pins = [...this.pins, { name: `pinned ${this.pins.length + 1}`, choices: structuredClone(this.form.chosen) }].slice(-MOST_PINS);
+    const choices = structuredClone(this.form.chosen);
+    const differs = differing(choices, this.given.first);
+    const more = differs.length > 3 ? ", ..." : "";
+    const words = differs.slice(0, 3).join(", ") + more || "as begun";
+    const alike = this.pins.filter((one) => one.words === words).length;
+    const name = alike ? `pinned: ${words} (${alike + 1})` : `pinned: ${words}`;
+    if (this.pins.some((one) => JSON.stringify(one.choices) === JSON.stringify(choices))) return;
+    this.pins = [...this.pins, { name, words, choices }].slice(-MOST_PINS);
     this.drive();
   }
 
@@ -308,7 +332,7 @@ class LivePage {
     const now = { name: "now", choices: structuredClone(this.form.chosen) };
     const same = (one) => JSON.stringify(one.choices) === JSON.stringify(now.choices);
     if (this.last && !same(this.last)) this.before = { ...this.last, name: "before" };
-    const runs = [now, ...[this.before].filter((one) => one && !same(one)), ...this.pins];
+    const runs = [now, ...[this.before].filter((one) => one && !same(one)), ...this.pins.map(({ name, choices }) => ({ name, choices }))];
     const begun = performance.now();
     const found = await send(this.given.token, "/drive", runs).catch(() => null);
     if (!found) {
@@ -318,6 +342,8 @@ class LivePage {
       complain(found.error || found.note || "");
       if (!found.error) {
         this.last = now;
+        byId("pin").disabled = false;
+        byId("hints").replaceChildren(...found.hints.map((line) => element("li", {}, line)));
         await this.show(found);
         const took = Math.round(performance.now() - begun);
         byId("took").textContent = `driven and shown in ${took} ms`;
@@ -363,6 +389,7 @@ class LivePage {
   async handed(found) {
     complain(found.error || "");
     if (found.error) return;
+    byId("pin").disabled = true; // what it would keep is not what is shown
     byId("kept").textContent = `By hand: ${found.how}. Kept in ${found.kept}; to learn from it: steersman imitate demo method=bc data=${found.kept} --out runs/like_me`;
     await this.show(found);
   }

@@ -7,6 +7,7 @@ from pathlib import Path as FilePath
 from typing import NamedTuple
 
 from steersman.bench import drive
+from steersman.bench.apart import apart
 from steersman.bench.disturbance import Disturbance
 from steersman.bench.entrants import Entrant
 from steersman.bench.pairs import FEW_PATHS, against
@@ -16,7 +17,7 @@ from steersman.bench.runner import bench
 from steersman.bench.suite import CLEAN, Course, Scenario, Suite
 from steersman.bench.suites import suite as read_suite
 from steersman.bench.summary import summarise_rows
-from steersman.errors import ConfigError
+from steersman.errors import ConfigError, counted
 from steersman.provenance import provenance
 from steersman.rollout import RunConfig
 from steersman.studies.compare.contestants import Contestant, SavedBenchmark, benchmark
@@ -139,15 +140,19 @@ def compare_scenarios(
             over.scenarios, drivers, folder, engine=engine, jobs=jobs, progress=progress
         ):
             rows.setdefault(row.controller, []).append(row)
-    runs = {one.name: _runs(one, rows) for one in found}
+    out = apart(row for own in rows.values() for row in own)
+    kept = {name: [r for r in own if r.scenario not in out] for name, own in rows.items()}
+    runs = {one.name: _runs(one, kept) for one in found}
     several = any(len(own) > 1 for own in runs.values())
     replicates = compare_replicates(runs) if several else None
-    rows = {name: _renamed(own[median_run(own)], name) for name, own in runs.items()}
-    warnings = [*over.warnings, *_missing(rows, over)]
+    chosen = {name: median_run(own) for name, own in runs.items()}
+    rows = {name: _renamed(rows[run], name) for name, run in chosen.items()}
+    warnings = [*over.warnings, *_missing(rows, over), *_beyond(out)]
     base, *others = found
     comparisons = []
     for other in others:
-        pairs = against(rows[base.name], rows[other.name], other.name)
+        one, two = (_renamed(runs[n][chosen[n]], n) for n in (base.name, other.name))
+        pairs = against(one, two, other.name)
         if not pairs.scenarios:
             raise ConfigError(f"{base.source} and {other.source} drove no scenario in common")
         comparisons.append(pairs)
@@ -188,6 +193,16 @@ def _shown(one: Contestant, runs: Mapping[str, Sequence[BenchRow]]) -> Entrant:
     """What is replayed of a contestant: its run of median error, under the contestant's name."""
     chosen = median_run(runs)
     return next(d for d in one.drivers if d.name == chosen)._replace(name=one.name)
+
+
+def _beyond(scenarios: set[str]) -> list[str]:
+    """The sentence on scenarios that no comparison counts."""
+    if not scenarios:
+        return []
+    return [
+        f"left out of what is compared: {counted(len(scenarios), 'scenario')} beyond grip (path"
+        " and speeds ask an axle for over 90 % of it)"
+    ]
 
 
 def few_paths(count: int) -> str:

@@ -140,14 +140,13 @@ def _answering(log: Log, stretches: list[Stretch], vehicle: Vehicle) -> None:
         )
     if float(np.nanstd(_joined(log, stretches, "steer_command"))) < _SPREAD:
         return
+    rate = "is yaw_rate in degrees a second (yaw_rate_deg_s)"
     meanings = {
-        180.0 / math.pi: "is yaw_rate in degrees a second (yaw_rate_deg_s)?",
+        180.0 / math.pi: f"{rate}, or --lock in degrees?" if log.by_angle else f"{rate}?",
         math.pi / 180.0: "is yaw_rate in rad/s already, or steer_command an angle (steer_angle_rad "
         "and --lock)?",
     }
-    what = (
-        "the car turns {slope:.3g} times as fast as " + (vehicle.kind or "the vehicle") + " would"
-    )
+    what = "the car turns {slope:.3g} times as fast as " + (vehicle.title or "it") + " would"
     _refuse(log, what, slope, best, meanings, _NEAR_CAR)
 
 
