@@ -49,7 +49,7 @@ def interval(found: IntervalEstimate | None, factor: float = 1.0) -> str:
 
 
 def every_controller(summary: Summary) -> Iterator[list[str]]:
-    """All controllers, from the smallest pooled error on."""
+    """All controllers, in the order of the record."""
     best = summary.best_classical
     yield [
         "controller",

@@ -58,6 +58,15 @@ def test_ratios_are_paired() -> None:
     assert (width.high or 0.0) > 1.3 * (width.low or 1.0)
 
 
+def test_a_lost_drive_counts_before_the_typical_error_and_that_before_the_pooled_one() -> None:
+    """An error that all have decides a pooled one; it does not make a controller the best."""
+    rows = [row("pid", f"road{i}", e) for i, e in enumerate((0.02, 0.02, 0.5))]
+    rows += [row("mpc_pid", f"road{i}", e) for i, e in enumerate((0.001, 0.001, 0.51))]
+    assert list(summarise_rows(rows, [PID, MPC]).controllers) == ["mpc_pid", "pid"]
+    rows[3] = row("mpc_pid", "road0", 0.001, completed=False)
+    assert summarise_rows(rows, [PID, MPC]).best_classical == "pid"
+
+
 def test_only_learned_controllers_have_nothing_to_be_compared_with() -> None:
     found = summarise_rows([row("pid", "a", 0.1)], [PID._replace(learned=True)])
     assert found.best_classical is None

@@ -251,9 +251,9 @@ class Summary(StoredResult):
     """The figures of all controllers."""
 
     controllers: dict[str, ControllerSummary]
-    """In the order of their error over all scenarios."""
+    """The fewer drives lost the earlier, then by typical error."""
     best_classical: str | None
-    """The controller that ratios refer to."""
+    """The first of them that is not learned; ratios refer to it."""
     profiles: Profiles
     by: dict[str, dict[str, dict[str, PooledErrors]]]
     """Errors by factor (``disturbance``, ``path``, ``speed``), its value, and controller."""

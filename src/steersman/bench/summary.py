@@ -91,7 +91,7 @@ def summarise_rows(
     entrants: Sequence[Named],
     oracle: Mapping[str, OracleCost] | None = None,
 ) -> Summary:
-    """Figures of every controller, in the order of their error over all scenarios.
+    """Figures of every controller: the fewer drives lost the earlier, then by typical error.
 
     Scenarios beyond grip are summed up for themselves, and under their disturbances and paths;
     where there are no others, they are all there is to sum up.
@@ -102,7 +102,7 @@ def summarise_rows(
     table = {name: [row for row in own if row.scenario not in out] for name, own in driven.items()}
     learned = {e.name: e.learned for e in entrants}
     figures = {name: _figures(own) for name, own in table.items()}
-    order = sorted(table, key=lambda name: figures[name]["all"].rms_m.value)
+    order = sorted(table, key=lambda name: _rank(figures[name]["all"]))
     best = next((name for name in order if not learned[name]), None)
     gentle = _gentle(rows)
     return Summary(
@@ -124,6 +124,13 @@ def summarise_rows(
         paths=len({row.path for row in rows}),
         scenarios=len({row.scenario for row in rows}),
     )
+
+
+def _rank(errors: PooledErrors) -> tuple[float, float]:
+    """A pooled error would hang on what every controller has: lost drives and a drifting position."""
+    typical = errors.typical_m
+    value = None if typical is None else typical.value
+    return errors.failures / max(errors.runs, 1), math.inf if value is None else value
 
 
 def _figures(rows: Sequence[BenchRow]) -> dict[str, Any]:
