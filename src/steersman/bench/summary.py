@@ -127,7 +127,7 @@ def summarise_rows(
 
 
 def _rank(errors: PooledErrors) -> tuple[float, float]:
-    """A pooled error would hang on what every controller has: lost drives and a drifting position."""
+    """A pooled error would hang on what all controllers have, such as a drifting position."""
     typical = errors.typical_m
     value = None if typical is None else typical.value
     return errors.failures / max(errors.runs, 1), math.inf if value is None else value
