@@ -107,6 +107,14 @@ def test_figures_in_another_unit_are_told(word: str, line: str) -> None:
     assert [one for one in told("pid", f"vehicle.{word}") if line in one]
 
 
+def test_figures_beside_the_file_are_in_the_advice(mine: FilePath) -> None:
+    *_, line = told("tuned/lqr", f"vehicle={mine}", "vehicle.mass=3100")
+    assert "tune tuned/lqr --car FILE' makes one for this car; FILE is mine.yaml with" in line
+    assert line.endswith("mass: 3100.0")
+    *_, plain = told("tuned/lqr", f"vehicle={mine}")
+    assert plain.endswith("tune tuned/lqr --car mine.yaml' makes one for this car")
+
+
 def test_what_belongs_to_another_mass_is_named(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:

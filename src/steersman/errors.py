@@ -12,6 +12,18 @@ _CLOSE, _WHOLE_WORD = 0.5, 4
 _MOST_NAMES, _MOST_LETTERS, _FEW_NAMES = 16, 300, 8
 
 
+_SHEET = "; save the sheet as CSV"
+NMEA = "NMEA becomes GPX first: gpsbabel -i nmea -f FILE -o gpx -F track.gpx"
+OTHER_FORMATS = {
+    ".xml": "; maps of CommonRoad and SUMO become OpenDRIVE first (docs/your_road.md)",
+    ".kml": "; KML becomes GPX first: gpsbabel -i kml -f FILE -o gpx -F track.gpx",
+    ".kmz": "; KML becomes GPX first: gpsbabel -i kml -f FILE -o gpx -F track.gpx",
+    **dict.fromkeys((".nmea", ".nma"), f"; {NMEA}"),
+    **dict.fromkeys((".xlsx", ".xlsm", ".xls", ".ods"), _SHEET),
+}
+"""What becomes of files of roads that are not read, the end of a message by their ending."""
+
+
 class SteersmanError(Exception):
     """Base of every error whose message is meant for the user."""
 

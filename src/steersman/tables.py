@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from steersman.errors import DataError
+from steersman.errors import NMEA, DataError
 from steersman.files import read_bytes
 from steersman.numerals import DECIMAL_COMMA, SURE, value
 from steersman.types import FloatArray
@@ -39,6 +39,8 @@ _UNITS = re.compile(
     r"|m?m/s|kmh?|km/h|kph|mph|kn|kt|(rad|deg|°|1)/(s|min|m)|m?m/s\^?[2²]|g|k?n|n?m|k?n/m|m?[va]|bar"
     r"|k?pa|rpm|u/min|hz|kg"
 )
+# Sentences of a receiver.
+_NMEA = re.compile(rb"\s*\$(G[A-Z]|B[DM]|QZ)[A-Z]{3},")
 # What files begin with that are not UTF-8.
 _MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
 
@@ -257,6 +259,10 @@ def _cells(line: str, separator: str | None) -> list[str]:
 
 def _text(file: FilePath, cure: str, most_bytes: int) -> str:
     data = read_bytes(file, cure, most_bytes)
+    if data[:2] == b"PK":
+        raise DataError(f"{file}: is no text, but an archive like those of Excel; save it as CSV")
+    if _NMEA.match(data):
+        raise DataError(f"{file}: {NMEA}")
     try:
         text = data.decode(_MARKS.get(data[:2], "utf-8-sig"))
     except UnicodeDecodeError:

@@ -24,7 +24,7 @@ from typing import Any
 
 from steersman import errors, policies, tuned
 from steersman.core_yaml import read_yaml
-from steersman.errors import ConfigError, DataError, near_file, shortened, suggestion, there
+from steersman.errors import ConfigError, DataError, near_file, shortened, suggestion
 from steersman.messages import field_unit
 from steersman.registry import components, families
 
@@ -43,7 +43,6 @@ _AROUND: dict[str, tuple[str, dict[str, Any]]] = {
 PARTS = {"supervisor": "supervised", "estimator": "estimated", "predictor": "predicted"}
 # What the folder of a training or tuning holds for a controller.
 RESULTS = ("policy.onnx", "tuned.yaml")
-_MAPS = "; maps of CommonRoad and SUMO become OpenDRIVE first (docs/your_road.md)"
 _NUMBER = re.compile(r"-?\d+(\.\d+)?")
 # Names of files that every tuning, training or drive writes: the folder's name says more.
 _COMMON = ("tuned", "policy", "config", "episode")
@@ -59,7 +58,7 @@ def unknown(family: str, word: str) -> ConfigError:
     """The error about a word that is none of the family's; it names the nearest match."""
     if family == _CONTROLLER and word.strip("/") == "tuned":
         return ConfigError(f"unknown {family} {word!r}; write one of {', '.join(tuned.names())}")
-    file = there(word, family) or near_file(word, _endings(family))
+    file = errors.there(word, family) or near_file(word, _endings(family))
     near = f"; {file}" if file else for_number(family, word)
     near = near or errors.no_such_place(word, known(family)) or suggestion(word, known(family))
     if near.endswith(" more"):
@@ -131,7 +130,7 @@ def _found(family: str, word: str, file: FilePath) -> dict[str, Any]:
     if kind is not None:
         return {"kind": kind, "file": word}
     if file.is_file():
-        other = _MAPS if (family, file.suffix) == ("path", ".xml") else ""
+        other = errors.OTHER_FORMATS.get(file.suffix.lower(), "") if family == "path" else ""
         raise DataError(
             f"{word}: expected a file that ends in {', '.join(_endings(family))}{other}"
         )

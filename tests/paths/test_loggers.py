@@ -8,6 +8,7 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 
+from steersman.config import resolve
 from steersman.errors import DataError
 from steersman.paths.csv_path import CsvPath
 from steersman.paths.log_path import LogPath
@@ -136,3 +137,21 @@ def test_a_loop_that_is_closed_over_a_gap_says_so(tmp_path: FilePath) -> None:
     whole = [f"{20 * math.sin(a / 20)},{20 - 20 * math.cos(a / 20)}" for a in range(125)]
     lap = written(tmp_path / "lap.csv", ["x,y", *whole]).model_copy(update={"loop": True})
     assert not [note for note in lap.notes() if "closed over" in note]
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "cure"),
+    [
+        ("track.kml", b"<kml/>", "gpsbabel -i kml"),
+        ("track.xlsx", b"PK\x03\x04", "save the sheet as CSV"),
+        ("track.csv", b"PK\x03\x04rest", "an archive like those of Excel; save it as CSV"),
+        ("track.nmea", b"$GPGGA,1", "gpsbabel -i nmea"),
+        ("track.txt", b"$GNRMC,1,2\r\n$GNGGA,3,4\r\n", "gpsbabel -i nmea"),
+    ],
+)
+def test_other_formats_say_what_becomes_of_them(
+    tmp_path: FilePath, name: str, data: bytes, cure: str
+) -> None:
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(DataError, match=cure):
+        _ = resolve("path", str(tmp_path / name)).table  # type: ignore[union-attr]

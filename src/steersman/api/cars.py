@@ -166,12 +166,20 @@ def made_for_another(
         f"{field} {getattr(car, field):.4g}, here {getattr(vehicle, field):.4g}"
         for field in _different(car, vehicle)[:_SHOWN]
     ]
-    ours = getattr(vehicle, "file", vehicle.kind)
+    ours, beside = _written_in(vehicle)
     cure = f"train PRESET problem.vehicle={ours}" if trained else f"tune {name} --car {ours}"
     return (
         f"{name} was {'trained' if trained else 'tuned'} for {car.title}"
-        f" ({'; '.join(apart)}); 'steersman {cure}' makes one for this car"
+        f" ({'; '.join(apart)}); 'steersman {cure}' makes one for this car{beside}"
     )
+
+
+def _written_in(vehicle: Vehicle) -> tuple[str, str]:
+    """The word for a car; one with figures beside its file's, FILE, and what is to be in it."""
+    ours = str(getattr(vehicle, "file", vehicle.kind))
+    own = next(iter(cars_of([ours])), vehicle).model_dump()
+    lines = [f"{k}: {v}" for k, v in vehicle.model_dump().items() if own.get(k) != v]
+    return ("FILE", f"; FILE is {ours} with {', '.join(lines[:9])}") if lines else (ours, "")
 
 
 def tuned_on(word: str) -> tuple[str, Vehicle] | None:
