@@ -111,6 +111,8 @@ class Component(Settings):
     kind: ClassVar[str] = ""
     suffixes: ClassVar[tuple[str, ...]] = ()
     """Endings of files that stand for the component on their own: ``file`` is then such a file."""
+    bare_number: ClassVar[str] = ""
+    """The field that a number stands for, where one is given in place of the component."""
     answers: ClassVar[dict[str, str]] = {}
     """What to give instead of figures that data sheets have."""
 
@@ -163,6 +165,9 @@ def resolve(family: str, value: Any, *, optional: bool = False) -> Component | N
         raise ConfigError(f"{name} is a class, where {_a(family)} is expected; write {name}()")
     if isinstance(value, str):
         value = {"kind": value}
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        meant = next((c for c in components(family).values() if c.bare_number), None)
+        value = value if meant is None else {"kind": meant.kind, meant.bare_number: value}
     if not isinstance(value, Mapping) or "kind" not in value:
         raise ConfigError(
             f"{_a(family)} is a name, or fields among them 'kind'; given {value!r}"
