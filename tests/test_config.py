@@ -556,3 +556,13 @@ def registered() -> Iterator[None]:
     registry._REGISTRY["widget"] = WIDGETS
     yield
     del registry._REGISTRY["widget"]
+
+
+def test_a_number_is_a_constant_schedule() -> None:
+    schedule = resolve("schedule", 0.25)
+    assert dump(schedule) == {"kind": "constant", "at": 0.25}
+    for value in (True, "fast"):
+        with pytest.raises(ConfigError):
+            resolve("schedule", value)
+    with pytest.raises(ConfigError, match="a path is a name"):
+        resolve("path", 3)

@@ -124,13 +124,13 @@ def understeer() -> dict[str, Any]:
     for name, car, fastest in (("Model 3", CarlaModel3(), 26.0), ("BMW 320i", Bmw320i(), 20.0)):
         speeds = np.linspace(1.0, fastest, 51)
         linear = [math.degrees(steady_wheel_angle(car, v, 1.0 / RADIUS)) for v in speeds]
-        lines.append({"name": f"{name}, linear single track", "x": speeds, "y": linear})
         angles = []
         for v in speeds:
             state = np.zeros(kernel.N_STATE)
             found = steady_turn(car.table, 0, state, v, 1.0 / RADIUS)
             angles.append(math.degrees(state[kernel.WHEEL]) if found else math.nan)
         lines.append({"name": f"{name}, four wheels", "x": speeds, "y": angles})
+        lines.append({"name": f"{name}, linear single track", "x": speeds, "y": linear})
     title = "Wheel angle on the circle of 50 m"
     return {"title": title, "x": "speed [m/s]", "y": "wheel angle [deg]", "lines": lines}
 

@@ -83,8 +83,11 @@ def _record(out: FilePath, diverged: str | None) -> StudyTraining:
 
 
 def policies(plan: Plan, runs: FilePath, methods: Sequence[str]) -> dict[str, dict[int, FilePath]]:
-    """The exported policies of some methods, by seed; what was never exported is left out."""
-    out: dict[str, dict[int, FilePath]] = {name: {} for name in methods if name in plan.methods}
+    """The exported policies of some methods, by seed; what was never exported is left out.
+
+    A method that the plan does not train has none.
+    """
+    out: dict[str, dict[int, FilePath]] = {name: {} for name in methods}
     for training in plan.trainings():
         file = runs / training.name / "policy.onnx"
         if training.method in out and file.exists():

@@ -22,7 +22,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticKnownError, core_schema
 
-from steersman import core_yaml, words
+from steersman import core_yaml, registry, words
 from steersman.bounds import DEEPEST
 from steersman.core_yaml import read_yaml
 from steersman.errors import ConfigError, shortened
@@ -111,6 +111,8 @@ class Component(Settings):
     kind: ClassVar[str] = ""
     suffixes: ClassVar[tuple[str, ...]] = ()
     """Endings of files that stand for the component on their own: ``file`` is then such a file."""
+    bare_number: ClassVar[str] = ""
+    """The field that a number stands for, where one is given in place of the component."""
     answers: ClassVar[dict[str, str]] = {}
     """What to give instead of figures that data sheets have."""
 
@@ -158,11 +160,7 @@ def resolve(family: str, value: Any, *, optional: bool = False) -> Component | N
             given = value.family or type(value).__name__
             raise ConfigError(f"{_a(given)} was given where {_a(family)} is expected")
         return value
-    if isinstance(value, type):
-        name = value.__name__
-        raise ConfigError(f"{name} is a class, where {_a(family)} is expected; write {name}()")
-    if isinstance(value, str):
-        value = {"kind": value}
+    value = registry.as_fields(family, value)
     if not isinstance(value, Mapping) or "kind" not in value:
         raise ConfigError(
             f"{_a(family)} is a name, or fields among them 'kind'; given {value!r}"

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from steersman.bounds import MOST_ARRAYS, from_json, read_arrays
-from steersman.errors import ConfigError, DataError, suggestion
+from steersman.errors import ConfigError, DataError, suggestion, three_digits
 from steersman.files import replacing
 from steersman.naming import recorded_name
 from steersman.shown import Shown
@@ -164,7 +164,8 @@ class Episode(Shown):
         rms = float(np.sqrt(np.mean(error**2))) if len(self) else math.nan
         return (
             f"Episode: {what}{len(self) * self.dt:.4g} s, {self.distance:.4g} m, ended by "
-            f"{self.end}; lateral error RMS {rms:.3g} mm, largest {error.max(initial=0.0):.3g} mm"
+            f"{self.end}; lateral error RMS {three_digits(rms)} mm, largest"
+            f" {three_digits(error.max(initial=0.0))} mm"
         )
 
     def table(self) -> Columns:

@@ -80,7 +80,10 @@ def how_to_install(extra: str) -> str:
     The package is on no index: the first command works in the folder of its source, the second
     where it is installed already, however that was done.
     """
-    here, anywhere = f"pip install '.[{extra}]'", f"pip install 'steersman[{extra}]'"
+    here, anywhere = (
+        f"pip install -c constraints.txt -e '.[{extra}]'",
+        f"pip install 'steersman[{extra}]'",
+    )
     return f"the extra {extra!r}: {here} in a source checkout, else {anywhere}"
 
 

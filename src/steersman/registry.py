@@ -7,7 +7,7 @@ import pkgutil
 from collections.abc import Callable
 from functools import cache
 from importlib.metadata import entry_points
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from steersman.errors import ConfigError, suggestion
 
@@ -110,3 +110,20 @@ def components(family: str) -> dict[str, type[Component]]:
         raise ConfigError(f"unknown kind of component {family!r}{suggestion(family, _REGISTRY)}")
     _import_family(family)
     return dict(sorted(_REGISTRY[family].items()))
+
+
+def as_fields(family: str, value: Any) -> Any:
+    """A word or a number in place of a component as its fields; anything else as it is.
+
+    Raises:
+        ConfigError: a class stands for one of its instances.
+    """
+    if isinstance(value, type):
+        name = value.__name__
+        raise ConfigError(f"{name} is a class, where its instance is expected; write {name}()")
+    if isinstance(value, str):
+        return {"kind": value}
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        meant = next((c for c in components(family).values() if c.bare_number), None)
+        return value if meant is None else {"kind": meant.kind, meant.bare_number: value}
+    return value

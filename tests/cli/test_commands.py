@@ -534,7 +534,8 @@ class TestTrain:
         assert result.exit_code == 2
         assert result.stderr == (
             f"error: {module}: not installed; this needs the extra 'train': "
-            "pip install '.[train]' in a source checkout, else pip install 'steersman[train]'\n"
+            "pip install -c constraints.txt -e '.[train]' in a source checkout, else "
+            "pip install 'steersman[train]'\n"
         )
 
     def test_our_own_missing_module_is_a_fault_of_ours(
@@ -728,7 +729,10 @@ def test_without_the_extra_a_training_is_one_line(tmp_path: FilePath) -> None:
         assert len(lines) == 2, done.stderr
         for line in lines:
             assert line.startswith("error: ")
-            assert "not installed; this needs the extra 'train': pip install '.[train]'" in line
+            assert (
+                "not installed; this needs the extra 'train': pip install -c constraints.txt -e"
+                " '.[train]'" in line
+            )
 
 
 def test_check_takes_a_component_or_a_whole_family(steersman: Steersman) -> None:

@@ -93,6 +93,7 @@ def test_without_the_extra(steersman: Steersman, monkeypatch: pytest.MonkeyPatch
     result = steersman("drive", "--mcap", "x.mcap")
     assert result.stderr == (
         "error: mcap: not installed; this needs the extra 'logs': "
-        "pip install '.[logs]' in a source checkout, else pip install 'steersman[logs]'\n"
+        "pip install -c constraints.txt -e '.[logs]' in a source checkout, else "
+        "pip install 'steersman[logs]'\n"
     )
     assert result.exit_code == 2

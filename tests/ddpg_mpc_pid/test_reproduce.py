@@ -276,6 +276,16 @@ def small() -> Plan:
     return study.quick()._replace(methods=("ddpg", "both"), seeds=2, repetitions=100)
 
 
+def test_a_part_without_the_full_method_drives_without_its_agents(tmp_path: FilePath) -> None:
+    plan = study.quick()._replace(
+        methods=("ddpg",), monza_seconds=1.0, away_seconds=1.0, circle_seconds=1.0, seeds=1
+    )
+    assert trainings.policies(plan, tmp_path, ["adaptive", "ddpg"]) == {"adaptive": {}, "ddpg": {}}
+    for name, stage in stages(plan, tmp_path).items():
+        if name.startswith(("monza", "away, circle", "waypoint errors to")):
+            assert stage.work() is not None
+
+
 def test_savings_count_runs_that_never_arrive() -> None:
     trained = {
         "ddpg/seed_0": record([900.0, 400.0, 90.0, 90.0]),

@@ -92,7 +92,7 @@ def test_a_model_of_our_environment_says_what_it_reads(tmp_path: FilePath) -> No
     assert adoption(tmp_path / "theirs.zip", {"encoding": LIST}).scale is None
     said = {**BOX, "steersman": {"encoding": LIST, "action": "residual"}}
     (tmp_path / "other.zip").write_bytes(model(observation_space=said))
-    with pytest.raises(ConfigError, match="action: 'residual' is not allowed"):
+    with pytest.raises(DataError, match="with residual actions, which no policy alone drives"):
         sm.adopt(tmp_path / "other.zip", out=tmp_path)
 
 
@@ -203,3 +203,22 @@ def test_an_onnx_file_is_taken_as_it_is(tmp_path: FilePath) -> None:
     theirs.write_bytes(b"\x08\x08:\x04\n\x02:\x00")
     with pytest.raises(DataError, match=r"theirs\.onnx: not a network of layers"):
         adopt_policy(theirs, build(Adoption, settings), tmp_path)
+
+
+def test_what_no_policy_alone_drives_is_named(tmp_path: FilePath) -> None:
+    from stable_baselines3 import PPO
+
+    problem = {"joint": True, "encoding": LIST, "action": "direct"}
+    env = gymnasium.make("steersman/PathFollowing-v0", problem=problem)
+    PPO("MlpPolicy", env, device="cpu", n_steps=2, batch_size=2).save(tmp_path / "theirs.zip")
+    with pytest.raises(DataError, match="with joint actions, which no policy alone drives"):
+        sm.adopt(tmp_path / "theirs.zip", out=tmp_path)
+
+
+def test_what_is_no_model_is_named_before_its_settings(tmp_path: FilePath) -> None:
+    (tmp_path / "vec.pkl").write_bytes(b"x")
+    with pytest.raises(DataError, match="is neither; give a model of Stable-Baselines3"):
+        adoption(tmp_path / "vec.pkl", {})
+    shipped = locate("precision")
+    with pytest.raises(DataError, match="is a controller of Steersman"):
+        adoption(shipped, {})

@@ -175,6 +175,9 @@ def test_the_summary_names_the_best(
     assert best == f"best policy: {result.policy}"
     assert {seed: each.seed for seed, each in result.trainings.items()} == {2: 2, 5: 5}
     assert notes == [f"{tmp_path / f'seed_{seed}'}: finished already" for seed in SEEDS]
+    loaded = sm.load(tmp_path)
+    assert loaded.line() == result.line()
+    assert sm.load(tmp_path / "seed_2" / "progress.csv").rows == result.trainings[2].rows
     again: Any = sm.train(SMALL, "seeds=2,5", out=tmp_path, resume=True)
     assert again == result
     with pytest.raises(DataError, match="seed_2: holds a training"):

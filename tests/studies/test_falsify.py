@@ -159,7 +159,7 @@ def test_a_finished_search_drives_nothing_again(
 
 def test_another_study_in_the_same_folder_is_refused(tmp_path: FilePath) -> None:
     falsify(config(controller=ZERO), tmp_path)
-    with pytest.raises(ConfigError, match="another ranges"):
+    with pytest.raises(ConfigError, match="with other settings: ranges was"):
         falsify(config(controller=ZERO, ranges=NONE | {"mass": 0.1}), tmp_path)
     falsify(config(controller=ZERO, trials=7), tmp_path)  # more of the same
     (tmp_path / "drives.jsonl").write_text("[]\n")

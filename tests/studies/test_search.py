@@ -100,7 +100,7 @@ def test_more_trials_go_on_in_the_same_folder(tmp_path: FilePath, trained: Any) 
     more = search(config(trials=6), tmp_path)
     assert more.trials[:4] == first.trials
     assert {number for number, _ in trained[count:]} == {4, 5}
-    with pytest.raises(ConfigError, match="another reduction"):
+    with pytest.raises(ConfigError, match="with other settings: reduction was 3, now 4"):
         search(config(reduction=4), tmp_path)
 
 

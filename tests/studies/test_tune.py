@@ -84,7 +84,7 @@ def test_another_study_in_the_same_folder_is_refused(
 ) -> None:
     tune(study(trials=2), tmp_path)
     kept = (tmp_path / "result.json").read_bytes()
-    with pytest.raises(ConfigError, match=f"another {key}"):
+    with pytest.raises(ConfigError, match=f"with other settings: {key} was"):
         tune(study(**other), tmp_path)
     assert (tmp_path / "result.json").read_bytes() == kept
 

@@ -25,6 +25,8 @@ class Adopted(NamedTuple):
     """The policy, ``policy.onnx``, with its card beside it: ``controller=policy``."""
     episode: Episode
     """The check drive."""
+    described: bool = False
+    """Whether the model's file said what it reads, as one from our environment does."""
 
     def __str__(self) -> str:
         """The check drive in one line."""
@@ -55,7 +57,7 @@ def adopt(model: Folder, *words: str, out: Folder, **settings: Any) -> Adopted:
         ConfigError: a setting is unknown, not allowed, or does not fit the network.
         DataError: the file is no network that can be adopted, or ``out`` cannot be written.
     """
-    from steersman.learning.adopt import adopt_policy, adoption
+    from steersman.learning.adopt import adopt_policy, adoption, told_by
 
     tree: dict[str, Any] = {}
     for key, value in settings.items():
@@ -70,4 +72,4 @@ def adopt(model: Folder, *words: str, out: Folder, **settings: Any) -> Adopted:
         sensor={"count": max(wanted.layout.reads, _WAYPOINTS), "spacing": wanted.spacing},
         duration=_SECONDS,
     )
-    return Adopted(file, episode)
+    return Adopted(file, episode, bool(told_by(FilePath(model))))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -9,11 +10,13 @@ from steersman.api.driving import Folder
 from steersman.config import build, read_yaml, resolve
 from steersman.errors import DataError, SteersmanError, how_to_install
 from steersman.files import read_json
+from steersman.seed_folders import seeds_in
 
 if TYPE_CHECKING:
     from steersman.stored import StoredResult
 
 
+_RECORD = "progress.csv"
 _YAML = (".yaml", ".yml")
 # What a folder of a command holds, in the order in which it is looked for.
 _LOADED = (
@@ -26,8 +29,9 @@ def load(file: Folder) -> Any:
     """What a command wrote: from its folder, or from one of its files.
 
     A drive gives its Episode, a policy or a tuning the controller, a YAML file the configuration
-    or component in it, a benchmark, comparison, tuning or
-    search its results, and any other JSON file its plain data.
+    or component in it, a benchmark, comparison, tuning or search its results, and any other JSON
+    file its plain data. The folder of a training with several seeds gives all of them, and
+    ``progress.csv`` the training beside it.
 
     Raises:
         DataError: there is no such file, or nothing of that sort can be loaded.
@@ -36,31 +40,46 @@ def load(file: Folder) -> Any:
     """
     place = FilePath(file)
     if place.is_dir():
+        if (seeds := seeds_in(place)) and all((f / _RECORD).is_file() for f in seeds.values()):
+            from steersman.learning.seeds import load_seeds
+
+            return load_seeds(place)
         inside = next((place / name for name in _LOADED if (place / name).is_file()), None)
         if inside is None:
             raise DataError(f"{place}: holds nothing to load; expected one of {', '.join(_LOADED)}")
         place = inside
     if not place.exists():
         raise DataError(f"{place}: no such file")
-    if place.suffix == ".npz":
-        from steersman.episode import load_episode
+    reader = _READERS.get(place.suffix if place.name != _RECORD else _RECORD)
+    if reader is None:
+        expected = ".npz, .mcap, .onnx, .json, .yaml, progress.csv, or a folder"
+        raise DataError(f"{place}: cannot be loaded; expected {expected}")
+    return reader(place)
 
-        return load_episode(place)
-    if place.suffix == ".mcap":
-        try:
-            from steersman.logs.restore import read_episode
 
-            return read_episode(place)
-        except ModuleNotFoundError:
-            raise SteersmanError(f"{place}: it needs {how_to_install('logs')}") from None
-    if place.suffix == ".onnx":
-        return resolve("controller", {"kind": "policy", "file": str(place)})
-    if place.suffix == ".json":
-        return _from_json(place)
-    if place.suffix in _YAML:
-        return _from_yaml(place)
-    expected = ".npz, .mcap, .onnx, .json, .yaml, or a folder"
-    raise DataError(f"{place}: cannot be loaded; expected {expected}")
+def _from_npz(file: FilePath) -> Any:
+    from steersman.episode import load_episode
+
+    return load_episode(file)
+
+
+def _from_mcap(file: FilePath) -> Any:
+    try:
+        from steersman.logs.restore import read_episode
+
+        return read_episode(file)
+    except ModuleNotFoundError:
+        raise SteersmanError(f"{file}: it needs {how_to_install('logs')}") from None
+
+
+def _from_onnx(file: FilePath) -> Any:
+    return resolve("controller", {"kind": "policy", "file": str(file)})
+
+
+def _from_record(file: FilePath) -> Any:
+    from steersman.learning.progress import load_training
+
+    return load_training(file.parent)
 
 
 def _from_json(file: FilePath) -> Any:
@@ -105,3 +124,14 @@ def _from_yaml(file: FilePath) -> Any:
         if entry.own is not None and entry.own in tree:
             return build(settings_of(name), tree)
     return build(settings_of("drive"), tree)
+
+
+# By the ending of a file, or by its name.
+_READERS: dict[str, Callable[[FilePath], Any]] = {
+    ".npz": _from_npz,
+    ".mcap": _from_mcap,
+    ".onnx": _from_onnx,
+    ".json": _from_json,
+    _RECORD: _from_record,
+    **dict.fromkeys(_YAML, _from_yaml),
+}

@@ -21,6 +21,12 @@ EXAMPLES = (
     "  steersman drive adopted/policy.onnx path=monza"
 )
 
+_OTHERS = "features, their order, units (scale), signs (--limits 1,-1) or dt may be others"
+_ELSE = (
+    "it reads what it was trained with in steersman/PathFollowing-v0; so it is not trained far"
+    " enough, or a wrapper (VecNormalize) changed what it read"
+)
+
 
 def adopt(
     model: Annotated[
@@ -62,5 +68,5 @@ def adopt(
     made = make(model, *more, *(words or []), out=out)
     note(str(made))
     if not made.episode.completed:
-        note("features, their order, units (scale), signs (--limits 1,-1) or dt may be others")
+        note(_ELSE if made.described else _OTHERS)
     write(f"{made.file}\n")

@@ -80,6 +80,8 @@ def _show(outcome: AnyComparison, folder: str | None) -> None:
     show(who)
     if outcome.sort == "drives":
         _show_metrics(outcome)
+    elif outcome.replicates is not None:
+        _show_replicates(outcome.replicates)
     for k in range(len(outcome.comparisons)):
         show("", *sentences(outcome, k))
         columns = headers(outcome, k)
@@ -88,8 +90,6 @@ def _show(outcome: AnyComparison, folder: str | None) -> None:
             out.add_row(*(row[key] for key in columns))
         if out.rows:
             show("", out)
-    if outcome.sort == "scenarios" and outcome.replicates is not None:
-        _show_replicates(outcome.replicates)
     drawn = "paths" if outcome.sort == "scenarios" else "stretches of the path"
     show("", f"In brackets: 95 % intervals of a bootstrap over {drawn}.")
     if folder is not None:

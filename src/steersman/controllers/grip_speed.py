@@ -2,7 +2,7 @@
 
 Point mass on the road: m v^2 |kappa| is at most a share of the grip, and before a bend the car
 brakes at a constant rate ("friction circle", Rajamani, Vehicle Dynamics and Control, 2nd ed.,
-sec. 13.6).
+ch. 13, with Dugoff's tyre model).
 """
 
 from __future__ import annotations

@@ -21,6 +21,8 @@ from steersman.policy_file import PolicyCard, sha256
 from steersman.types import FloatArray
 
 _MOST = 100_000_000
+# Actions that mean something only beside a base or a source of speed.
+_NOT_ALONE = ("joint", "residual", "parameters")
 _CURE = "give a model of Stable-Baselines3 (*.zip) or a network (*.onnx)"
 _SHOWN = 4
 
@@ -72,12 +74,33 @@ def adoption(source: FilePath, given: Mapping[str, Any]) -> Adoption:
         DataError: the file cannot be read.
         ConfigError: a setting is unknown, not allowed, or neither said nor given.
     """
-    said = {}
-    if source.suffix == ".zip":
-        said = described(read_bytes(source, _CURE, _MOST), str(source))
+    if source.suffix not in {".zip", ".onnx"}:
+        raise DataError(f"{source}: is neither; {_CURE}")
+    if source.suffix == ".onnx" and source.with_suffix(".json").is_file():
+        raise DataError(
+            f"{source}: is a controller of Steersman, with its card beside it; drive it"
+        )
+    said = told_by(source)
+    own = "joint" if said.get("joint") else said.get("action")
+    if own in _NOT_ALONE:
+        raise DataError(
+            f"{source}: was trained in steersman/PathFollowing-v0 with {own} actions, which no"
+            " policy alone drives; direct and rate can be adopted, 'steersman train' has the others"
+        )
     if "encoding" in given:  # the factors are those of the features that it says
         said.pop("scale", None)
     return build(Adoption, merge(said, given))
+
+
+def told_by(source: FilePath) -> dict[str, Any]:
+    """What a model's file says of itself; nothing, if it was trained elsewhere.
+
+    Raises:
+        DataError: the file cannot be read.
+    """
+    if source.suffix != ".zip":
+        return {}
+    return described(read_bytes(source, _CURE, _MOST), str(source))
 
 
 def adopt_policy(source: FilePath, wanted: Adoption, out: str | PathLike[str]) -> FilePath:

@@ -26,5 +26,6 @@ def observation_space(problem: Problem) -> spaces.Box[np.float32]:
         "rate_limit": problem.rate_limit,
         "dt": problem.plant.dt,
         "spacing": problem.sensor.spacing,
+        **({"joint": True} if problem.joint else {}),  # so that it is refused by that name
     }
     return space

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import ClassVar
 
 from steersman.config import Component, param, register
 
@@ -17,7 +18,9 @@ class Schedule(Component):
 
 @register("schedule", "constant")
 class Constant(Schedule):
-    """The same value throughout."""
+    """The same value throughout; a number alone is one."""
+
+    bare_number: ClassVar[str] = "at"
 
     at: float = param(0.0, "-", "The value.")
 

@@ -11,7 +11,7 @@ from steersman.errors import DataError
 from steersman.learning.config import TrainConfig
 from steersman.learning.parallel import TrainingEvent, TrainingJob, train_all
 from steersman.learning.progress import TrainResult, load_training
-from steersman.seed_folders import seed_folder
+from steersman.seed_folders import seed_folder, seeds_in
 from steersman.shown import Shown
 from steersman.table_file import Columns, columns_of
 
@@ -67,6 +67,16 @@ def name_of(seed: int) -> str:
     'seed 3'
     """
     return f"seed {seed}"
+
+
+def load_seeds(folder: FilePath) -> TrainedSeeds:
+    """The trainings with several seeds in a folder.
+
+    Raises:
+        DataError: one of them has no record or no policy yet.
+        ConfigError: a ``config.yaml`` holds no training.
+    """
+    return TrainedSeeds({s: load_training(place) for s, place in seeds_in(folder).items()}, {})
 
 
 def train_seeds(

@@ -19,6 +19,7 @@ from steersman.bench.results import (
 from steersman.report.article import LinePlot, PlotLine, Section, Table, write_article
 from steersman.report.cases import places, replays, worst
 from steersman.report.charts import HeatMap, IntervalPlot, ShownEstimate
+from steersman.report.performance import performance_profiles
 from steersman.report.tables import interval_text, scaled, text
 from steersman.report.view import ResultView, article_view
 
@@ -61,12 +62,20 @@ def shown_bench(results: BenchResult) -> ResultView:
     return article_view(sections(results.summary, ()), TITLE)
 
 
-def sections(summary: Summary, cases: Sequence[ShownCase]) -> list[Section]:
-    """The sections of the page."""
+def sections(
+    summary: Summary, cases: Sequence[ShownCase], shown: str | None = None
+) -> list[Section]:
+    """The sections of the page.
+
+    Args:
+        summary: the figures.
+        cases: drives to show.
+        shown: which seed of each method the rows are, where they are of one alone.
+    """
     several = len(summary.controllers) >= _SEVERAL
     return [
-        _ranking(summary),
-        *([_profiles(summary)] if several else []),
+        _ranking(summary, shown),
+        *([performance_profiles(summary)] if several else []),
         *([_map(summary, "grip", "Grip")] if len(summary.by.get("grip", {})) > 1 else []),
         _disturbances(summary),
         _map(summary, "path", "Paths"),
@@ -75,7 +84,7 @@ def sections(summary: Summary, cases: Sequence[ShownCase]) -> list[Section]:
     ]
 
 
-def _ranking(summary: Summary) -> Section:
+def _ranking(summary: Summary, shown: str | None) -> Section:
     found, best = summary.controllers, summary.best_classical
     figures = []
     for group, words in _GROUPS.items():
@@ -95,8 +104,13 @@ def _ranking(summary: Summary) -> Section:
             "of the same weight. A run that ends early is charged the corridor's half width for "
             "all that it did not drive.",
             "In brackets: 95 % intervals of a bootstrap in which whole paths are drawn, the same "
-            "for every controller, and seeds of its tuning or training where it has several. "
-            "Typical is the geometric mean over the scenarios. Scenarios that ask for more grip "
+            "for every controller"
+            + (
+                ", and seeds of its tuning or training where it has several. "
+                if shown is None
+                else f". Of a method with several seeds this is the median one alone: {shown}. "
+            )
+            + "Typical is the geometric mean over the scenarios. Scenarios that ask for more grip "
             "than there is are counted in their own column alone."
             " A diamond marks a controller with a learned policy."
             + _regret_words(summary)
@@ -195,30 +209,6 @@ def _regret(found: ControllerSummary) -> dict[str, str]:
         "regret, mean [mm]": interval_text(known.mean_m, _MM),
         "median [mm]": interval_text(known.median_m, _MM),
     }
-
-
-def _profiles(summary: Summary) -> Section:
-    found, title = summary.profiles, "Performance profiles"
-    axes = ("factor of the best RMS error", "share of scenarios")
-    looks = places(summary).items()
-    lines = [
-        PlotLine(name, *_stepped(found.factors, found.shares[name]), look=k) for name, k in looks
-    ]
-    text = (
-        "The share of scenarios that a controller drives with at most so many times the error "
-        "of the best in that scenario. At 1: how often it is the best itself; to the right: "
-        "how many scenarios it completes at all within that factor."
-    )
-    return Section(title, [text], figures=[LinePlot("profiles", title, *axes, lines, log_x=True)])
-
-
-def _stepped(x: Sequence[float], y: Sequence[float]) -> tuple[list[float], list[float]]:
-    """The corners of a step function that takes each value at its place.
-
-    >>> _stepped([1.0, 2.0], [0.3, 0.5])
-    ([1.0, 2.0, 2.0], [0.3, 0.3, 0.5])
-    """
-    return [v for v in x for _ in "ab"][1:], [v for v in y for _ in "ab"][:-1]
 
 
 def _disturbances(summary: Summary) -> Section:

@@ -85,15 +85,19 @@ def replicate_rows(found: ReplicatedComparison, gap: str = " ") -> list[dict[str
     return out
 
 
+def shown_seeds(found: ReplicatedComparison) -> str:
+    """The seed of each method that stands for it."""
+    return ", ".join(one.shown for one in found.methods if len(one.runs) > 1)
+
+
 def replicate_words(found: ReplicatedComparison) -> str:
     """What the table of methods over seeds shows."""
-    shown = ", ".join(f"{one.shown}" for one in found.methods if len(one.runs) > 1)
     return (
         f"Over seeds, on {counted(found.scenarios, 'scenario')}. IQM: interquartile mean of the"
         " error over seeds and scenarios. RMS, lost: of each. P(better): that a seed has a"
         f" smaller error than one of {found.methods[0].name} on the same scenario. In brackets:"
         " 95 % intervals of a bootstrap over seeds. Everything else shows the median seed:"
-        f" {shown}."
+        f" {shown_seeds(found)}."
     )
 
 
@@ -193,7 +197,8 @@ def _source(found: ScenarioCompareResult) -> str:
 
 
 def _sections(found: ScenarioCompareResult, cases: Sequence[ShownCase]) -> list[Section]:
-    summary = benchmark.sections(found.summary, cases)
+    shown = None if found.replicates is None else shown_seeds(found.replicates)
+    summary = benchmark.sections(found.summary, cases, shown)
     who = [f"{letter}: {name} ({source})." for letter, name, source in legend(found)]
     notes = [*map(_sentence, found.warnings)]
     first, *more = [*_over_seeds(found), *_against(found)]

@@ -8,7 +8,7 @@ from typing import Any
 
 from steersman.bench.suite import derived_seed
 from steersman.config import Settings, build, dump, read_yaml, to_yaml
-from steersman.errors import ConfigError
+from steersman.errors import ConfigError, shortened
 from steersman.files import write_text
 
 
@@ -27,8 +27,17 @@ def same_study(config: Settings, out: FilePath, free: Sequence[str]) -> None:
         before = dump(build(type(config), read_yaml(file) | changed)) or {}
         for key in now:
             if before.get(key) != now[key]:
-                raise ConfigError(f"{out} holds a study with another {key}; give another folder")
+                had, given = _few(before.get(key)), _few(now[key])
+                raise ConfigError(
+                    f"{out} holds a study with other settings: {key} was {had}, now {given};"
+                    " give another folder"
+                )
     write_text(file, to_yaml(config))
+
+
+def _few(value: Any) -> str:
+    """A setting in few letters."""
+    return shortened(str(value))
 
 
 def open_study(journal: FilePath, name: str) -> Any:

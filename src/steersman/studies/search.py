@@ -30,7 +30,7 @@ from steersman.seed_folders import seed_folder
 from steersman.stored import ShownResult, SourcedResult, StoredResult
 from steersman.studies.folder import open_study, same_study, sampler
 from steersman.studies.ranges import GainRange
-from steersman.studies.search_space import SearchConfig, applied
+from steersman.studies.search_space import SearchConfig, applied, tied
 from steersman.table_file import Columns, columns_of
 
 # Called with the trial, what it trains now in words, and the best score so far [m].
@@ -66,10 +66,10 @@ class SearchResult(ShownResult, SourcedResult):
     """Settings whose best value lies within a twentieth of an end of its range, as of a tuning."""
 
     def remarks(self) -> list[str]:
-        """Which best values lie at an end of their ranges, a line each."""
+        """Trials that cannot be told apart, and best values at an end of their ranges."""
         best = self.best.settings
         ends = {n: _pressed(search_range(n, self.ranges[n]), best[n]) for n in self.pressed}
-        return [
+        return tied((t.number, t.steps, t.score_m, t.settings) for t in self.trials) + [
             f"{name}: the best value, {float(best[name]):.4g}, is at the {end} end of"
             f" {self.ranges[name]}; a wider range may help"
             for name, end in ends.items()

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from pydantic import field_validator, model_validator
@@ -94,3 +95,26 @@ class SearchConfig(Settings):
             out.append(round(steps))
             steps /= self.reduction
         return out[::-1]
+
+
+def tied(trials: Iterable[tuple[int, int, float | None, Mapping[str, str]]]) -> list[str]:
+    """Sentences about trials with other settings and the very same score: nothing was learned.
+
+    >>> found = tied([(0, 500, 0.1, {"a": "1"}), (1, 500, 0.2, {}), (2, 500, 0.1, {"a": "2"})])
+    >>> found[0].partition(":")[0]
+    'trials 0, 2 have the same score to the last digit'
+
+    Args:
+        trials: number, steps, score and settings of each.
+    """
+    found: dict[tuple[int, float], dict[int, Mapping[str, str]]] = {}
+    for number, steps, score, settings in trials:
+        if score is not None:
+            found.setdefault((steps, score), {})[number] = settings
+    return [
+        f"trials {', '.join(map(str, same))} have the same score to the last digit: nothing was"
+        f" learned yet after {steps} steps; agent.learning_starts is to be less than"
+        " validation.interval"
+        for (steps, _), same in found.items()
+        if len({tuple(sorted(settings.items())) for settings in same.values()}) > 1
+    ]
