@@ -14,6 +14,7 @@ from steersman.config import components, dump, resolve
 from steersman.controllers.pid import Pid
 from steersman.errors import ConfigError, DataError
 from steersman.policy_file import shipped
+from steersman.studies.tune_seeds import SeedsResult
 
 from ..loops import random_policy
 
@@ -118,7 +119,12 @@ def test_a_tuned_controller_is_what_its_record_says(name: str) -> None:
     # Read as a controller, so that fields that are new since then have their defaults.
     assert entrant(name).controller == resolve("controller", found["controller"])
     # The same budget for everybody: with each of three seeds, or those of the first stage.
-    assert found["trials"] == (24 if record.with_name("seeds.json").is_file() else 200)
+    if not record.with_name("seeds.json").is_file():
+        assert found["trials"] == 200
+        return
+    assert found["trials"] in {24, 48, 72}
+    costs = [seed.cost_m for seed in SeedsResult.read(record.with_name("seeds.json")).seeds]
+    assert found["trials"] == 72 or costs[len(costs) // 2] <= 1.1 * costs[0]
 
 
 def test_a_folder_of_seeds_takes_part_under_one_name(tmp_path: FilePath) -> None:

@@ -133,7 +133,7 @@ def test_what_fails_its_proof_does_not_stay(
         ("tuned/lqr --parameters none.csv", "none.csv: cannot be read"),
         ("tuned/lqr --parameters bad.csv", "bad.csv: line 2: value 'x', expected a number"),
         ("tuned/lqr --parameters other.csv", "parameter 'design.gain[0]': unknown; did you mean"),
-        ("tuned/lqr --parameters low.csv", "controller.preview_time: -1"),
+        ("tuned/lqr --parameters low.csv", "low.csv: preview_time: -1"),
         ("tuned/lqr --parameters comma.csv", "comma.csv: line 2 (preview_time): 3 cells, expected"),
         ("tuned/lqr --parameters few.csv", "few.csv: line 2 (preview_time): 1 cells, expected 2"),
         ("tuned/lqr --parameters semi.csv", "semi.csv: its cells are separated by ';'"),

@@ -1,12 +1,13 @@
-"""How rows fall into groups: what no figure counts for want of grip, and the values of a factor."""
+"""How rows fall into groups and controllers into an order; what no figure counts."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import get_args
 
 from steersman.bench.grip import GripClass
-from steersman.bench.results import BenchRow
+from steersman.bench.results import BenchRow, PooledErrors
 
 
 def apart(rows: Iterable[BenchRow]) -> set[str]:
@@ -19,6 +20,16 @@ def apart(rows: Iterable[BenchRow]) -> set[str]:
         beyond[row.scenario] = beyond.get(row.scenario, False) or row.beyond_grip
     found = {name for name, out in beyond.items() if out}
     return set() if len(found) == len(beyond) else found
+
+
+def rank(errors: PooledErrors) -> tuple[float, float]:
+    """By what controllers are ordered: the fewer drives lost the earlier, then by typical error.
+
+    A pooled error would hang on what all controllers have, such as a drifting position.
+    """
+    typical = errors.typical_m
+    value = None if typical is None else typical.value
+    return errors.failures / max(errors.runs, 1), math.inf if value is None else value
 
 
 def values_of(rows: Iterable[BenchRow], factor: str) -> list[str]:

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from steersman.bench.apart import apart, values_of
+from steersman.bench.apart import apart, rank, values_of
 from steersman.bench.disturbance import Disturbance
 from steersman.bench.entrants import Entrant
 from steersman.bench.maps import Map
@@ -102,7 +102,7 @@ def summarise_rows(
     table = {name: [row for row in own if row.scenario not in out] for name, own in driven.items()}
     learned = {e.name: e.learned for e in entrants}
     figures = {name: _figures(own) for name, own in table.items()}
-    order = sorted(table, key=lambda name: _rank(figures[name]["all"]))
+    order = sorted(table, key=lambda name: rank(figures[name]["all"]))
     best = next((name for name in order if not learned[name]), None)
     gentle = _gentle(rows)
     return Summary(
@@ -124,13 +124,6 @@ def summarise_rows(
         paths=len({row.path for row in rows}),
         scenarios=len({row.scenario for row in rows}),
     )
-
-
-def _rank(errors: PooledErrors) -> tuple[float, float]:
-    """A pooled error would hang on what all controllers have, such as a drifting position."""
-    typical = errors.typical_m
-    value = None if typical is None else typical.value
-    return errors.failures / max(errors.runs, 1), math.inf if value is None else value
 
 
 def _figures(rows: Sequence[BenchRow]) -> dict[str, Any]:
