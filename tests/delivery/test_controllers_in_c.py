@@ -198,9 +198,9 @@ def test_ros_has_no_speed(tmp_path: FilePath) -> None:
 @pytest.mark.parametrize(
     ("word", "precision"),
     [
-        ("tuned/mpc_pid", "single"),
+        ("tuned/mpc_pid_scheduled", "single"),
         ("grip_speed controller.inner=tuned/stanley speed=constant_speed", "mixed"),
-        ("tuned/mpc_pid_scheduled", "double"),
+        ("tuned/mpc_pid", "double"),
         ("estimated/predicted/tuned/stanley_cm", "double"),
         ("supervised/tuned/lqr controller.fallback=pure_pursuit controller.last=pid", "mixed"),
     ],
