@@ -30,6 +30,15 @@ ENDS = {
 }
 
 
+def end_of(reason: int) -> str:
+    """The end that a kernel's reason for it is; empty while the drive goes on.
+
+    >>> end_of(kernel.LEFT_CORRIDOR), end_of(kernel.RUNNING)
+    ('off_track', '')
+    """
+    return "" if reason == kernel.RUNNING else ENDS.get(reason, ending.DURATION)
+
+
 @dataclass(frozen=True)
 class Attempt:
     """What came of a run.

@@ -124,8 +124,9 @@ def test_features_have_names(env: PathFollowingEnv) -> None:
 def test_time_truncates() -> None:
     env = PathFollowingEnv(problem(episode_time=0.5, corridor=50.0))
     env.reset(seed=0)
-    ends = [env.step([0.0])[2:4] for _ in range(10)]
-    assert ends == [(False, False)] * 9 + [(False, True)]
+    steps = [env.step([0.0])[2:5] for _ in range(10)]
+    assert [step[:2] for step in steps] == [(False, False)] * 9 + [(False, True)]
+    assert [step[2]["end"] for step in steps] == [""] * 9 + ["duration"]
 
 
 def test_end_of_the_road_truncates() -> None:
@@ -142,15 +143,19 @@ def test_end_of_the_road_truncates() -> None:
             break
     assert (ended, cut) == (False, True)
     assert info["s"] >= 20.0
+    assert info["end"] == "end_of_path"
 
 
 def test_leaving_the_corridor_terminates() -> None:
     env = PathFollowingEnv(problem())
-    env.reset(seed=0)
+    assert env.reset(seed=0)[1]["end"] == ""
     for _ in range(80):
         _, _, ended, cut, info = env.step([0.15])
+        assert (info["end"] != "") == (ended or cut)
         if ended or cut:
             break
+    assert info["end"] == "off_track"
+    assert 0.0 < info["steer"] <= 1.0
     assert (ended, cut) == (True, False)
     assert abs(info["lateral_error"]) > 1.5
 

@@ -117,6 +117,7 @@ def test_leaving_the_corridor_is_no_truncation() -> None:
         ends += [infos[i] for i in np.flatnonzero(done)]
     assert ends
     assert all(info["off_track"] and not info["TimeLimit.truncated"] for info in ends)
+    assert {info["end"] for info in ends} == {"off_track"}
     assert env.off_track == len(ends)
 
 

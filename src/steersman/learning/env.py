@@ -22,6 +22,7 @@ from steersman.learning.observed import observation_space
 from steersman.learning.options import EpisodeOptions
 from steersman.learning.problem import Problem
 from steersman.learning.starts import FleetStart
+from steersman.outcome import end_of
 from steersman.paths.base import PathComponent
 from steersman.rendering import RenderedStep, RoadRenderer, road_line
 
@@ -34,9 +35,10 @@ class PathFollowingEnv(gymnasium.Env[Features, Features]):
     Observation: (features,) float32, about unit size; named in ``observation_names``.
     Action: (1,) in [-1, 1], left positive. Leaving the corridor or rolling over terminates;
     time and the end of a road truncate. ``info`` holds the true lateral error [m], heading error
-    [rad], speed [m/s], arc length [m], and for the returned observation the base's steering (if
-    there is a base) and the demonstrator's steering and action (if there is one, and the episode
-    goes on).
+    [rad], speed [m/s], arc length ``s`` [m], the steering that the car has (normalised), ``end``,
+    the reason of the episode's end ("" while it goes on), and for the returned observation the
+    base's steering (if there is a base) and the demonstrator's steering and action (if there is
+    one, and the episode goes on).
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - Gymnasium's
@@ -240,6 +242,8 @@ class PathFollowingEnv(gymnasium.Env[Features, Features]):
             "heading_error": tracking[observe.HEADING],
             "s": tracking[observe.S],
             "speed": math.hypot(v_x, v_y),
+            "steer": float(fleet.state[0, STEER]),
+            "end": end_of(int(fleet.ended[0])),
         }
         if driver.demonstrates and fleet.ended[0] == kernel.RUNNING:
             info["demo_steer"] = float(fleet.demo[0])

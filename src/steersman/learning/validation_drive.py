@@ -11,7 +11,7 @@ from steersman.episode import Episode
 from steersman.episode_rows import columns_of
 from steersman.kernels import world as kernel
 from steersman.learning.fleet import FleetDriver
-from steersman.outcome import ENDS
+from steersman.outcome import end_of
 from steersman.provenance import provenance
 from steersman.types import FloatArray
 
@@ -58,7 +58,7 @@ class FleetRecord:
             parts["sensor"] = problem.sensor
         config = {name: part.model_dump(mode="json") for name, part in parts.items()}
         meta = {"config": config, "plant": driver.source, **provenance()}
-        end = ENDS.get(int(self._ended[i]), ending.DURATION)
+        end = end_of(int(self._ended[i])) or ending.DURATION
         return Episode(
             columns_of(rows, more, lead), end, float(self._distance[i]), driver.dt, road.length,
             road.closed, meta,

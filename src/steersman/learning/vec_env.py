@@ -15,6 +15,7 @@ from steersman.learning.fleet import FleetDriver
 from steersman.learning.observed import observation_space
 from steersman.learning.problem import Problem
 from steersman.learning.snapshot import Tree, fill
+from steersman.outcome import end_of
 from steersman.types import FloatArray
 
 if TYPE_CHECKING:
@@ -115,6 +116,7 @@ class PathFollowingVecEnv(VecEnv):
             "TimeLimit.truncated": not failed,
             "episode": {"r": float(self._sums[i]), "l": int(self._lengths[i]), "t": 0.0},
             "off_track": failed,
+            "end": end_of(reason),
         }
         self._sums[i], self._lengths[i] = 0.0, 0
         self.driver.reset(i)
