@@ -62,7 +62,9 @@ def test_a_file_of_vbox_is_in_minutes_and_west(
 
 
 def test_the_head_of_a_section_is_no_row(plain: CsvPath, tmp_path: FilePath) -> None:
-    same(written(tmp_path / "a.csv", ["[log]", "lat,lon", "[data]", *DECIMAL]), plain)
+    path = written(tmp_path / "a.csv", ["[log]", "lat,lon", "[data]", *DECIMAL])
+    assert len(path.recorded().place) == len(LAT)
+    same(path, plain)
 
 
 def arc(value: float, sides: str) -> str:
@@ -81,7 +83,9 @@ def test_degrees_may_have_minutes_and_seconds(plain: CsvPath, tmp_path: FilePath
 
 def test_a_header_that_is_repeated_is_left_out(plain: CsvPath, tmp_path: FilePath) -> None:
     head = ["lat,lon", "deg,deg"]
-    same(written(tmp_path / "r.csv", [*head, *DECIMAL[:17], *head, *DECIMAL[17:]]), plain)
+    path = written(tmp_path / "r.csv", [*head, *DECIMAL[:17], *head, *DECIMAL[17:]])
+    assert len(path.recorded().place) == len(LAT)
+    same(path, plain)
 
 
 @pytest.mark.parametrize(("factor", "text"), [(60.0, "latitude=TITLE/60"), (1e7, "TITLE/1e7")])
