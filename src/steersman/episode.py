@@ -65,7 +65,7 @@ _REASONS = {float(reason): reason.name.lower() for reason in Reason}
 # Ways a run can end.
 DURATION, LAPS, END_OF_PATH = "duration", "laps", "end_of_path"
 OFF_TRACK, ROLL_OVER, TIMEOUT = "off_track", "roll_over", "timeout"
-COLLISION = "collision"
+COLLISION, OVERRUN = "collision", "overrun"
 ERROR, INTERRUPTED = "error", "interrupted"
 COMPLETED = frozenset({DURATION, LAPS, END_OF_PATH})
 

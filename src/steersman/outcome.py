@@ -11,7 +11,7 @@ from steersman.errors import ControllerError, PlantError
 from steersman.kernels import world as kernel
 
 Outcome: TypeAlias = Literal[
-    "finished", "left_road", "rolled_over", "collided", "timed_out", "controller_failed",
+    "finished", "left_road", "rolled_over", "collided", "overran", "timed_out", "controller_failed",
     "plant_failed",
 ]  # fmt: skip
 # Outcomes by the end that an episode names; of all others a run is finished.
@@ -19,6 +19,7 @@ OUTCOMES: dict[str, Outcome] = {
     ending.OFF_TRACK: "left_road",
     ending.ROLL_OVER: "rolled_over",
     ending.COLLISION: "collided",
+    ending.OVERRUN: "overran",
     ending.TIMEOUT: "timed_out",
 }
 # Ends by the kernel's reason, but for those that depend on what was planned.
@@ -26,6 +27,7 @@ ENDS = {
     kernel.LEFT_CORRIDOR: ending.OFF_TRACK,
     kernel.ROLLED: ending.ROLL_OVER,
     kernel.COLLIDED: ending.COLLISION,
+    kernel.OVERRAN: ending.OVERRUN,
     kernel.GOAL_REACHED: ending.END_OF_PATH,
 }
 

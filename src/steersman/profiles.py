@@ -20,8 +20,9 @@ from steersman.tables import Sheet, read_sheet
 from steersman.types import FloatArray
 
 CAP_STEP = 1.0
-# A car that is to stop at the end of a path gets there at this speed [m/s].
-CRAWL = 0.3
+# A car that is to stop at the end of a path drives the last bit before at this speed [m/s], so long
+# a bit [m].
+CRAWL, CRAWLED = 0.3, 0.35
 # No limit, as a speed [m/s] or an acceleration [m/s^2].
 _CEILING = 1e3
 # Steps are so much longer than a whole fraction of the path that none is left over by rounding.
@@ -48,6 +49,11 @@ class RoadSpeed(NamedTuple):
     grip: FloatArray | None = None
     """Rows of speed [m/s], acceleration along and across [m/s^2] instead of a_lat_max and
     deceleration."""
+
+    @property
+    def stops(self) -> bool:
+        """Whether the car is to stand at the end of an open path."""
+        return self.end == 0.0
 
 
 class Profile(NamedTuple):
@@ -98,15 +104,15 @@ def road_limits(path: Path, profile: Profile) -> tuple[FloatArray, float]:
     if road is None:
         limits = profile.a_lat_max, profile.deceleration, profile.acceleration
         return curvature_cap(path, *limits), CAP_STEP
-    count = max(math.ceil(path.length / CAP_STEP), 1)
-    step = path.length / count * _LONGER
-    places = np.arange(count + 1) * step
-    kappa = np.empty(count + 1)
-    curvatures(path.table, 0, step, math.inf, kappa)
-    limit = np.full(count + 1, _CEILING)
+    step, places = _places(path, road)
+    kappa = np.empty(len(places))
+    curvatures(path.table, 0, step, math.inf if path.closed else path.length, kappa)
+    limit = np.full(len(places), _CEILING)
     if not path.closed:
         limit[0] = _CEILING if road.start is None else max(road.start, CRAWL)
         limit[-1] = _CEILING if road.end is None else max(road.end, CRAWL)
+        if road.stops:
+            limit[places >= path.length - CRAWLED] = CRAWL
     across = _CEILING if profile.a_lat_max is None else profile.a_lat_max
     grip = np.array([[0.0, profile.deceleration, across]])
     if road.grip is not None:
@@ -125,6 +131,18 @@ def road_limits(path: Path, profile: Profile) -> tuple[FloatArray, float]:
         limit = np.minimum(limit, own)
         gain_ahead(path.table, 0, 2.0 * road.engine * step, limit)
     return np.maximum(limit, CRAWL), step
+
+
+def _places(path: Path, road: RoadSpeed) -> tuple[float, FloatArray]:
+    """Arc lengths of the limits along a path [m], the last at its end or behind, and their step.
+
+    Where the car is to stop, one of them is where it is slow.
+    """
+    length = path.length
+    slow = max(length - CRAWLED, 0.5 * length) if road.stops and not path.closed else length
+    count = max(math.ceil(slow / CAP_STEP), 1)
+    step = slow / count * _LONGER
+    return step, step * np.arange(math.ceil(length / step) + 1, dtype=np.float64)
 
 
 def stack_profiles(profiles: list[Profile], paths_: list[Path]) -> SpeedTable:
@@ -161,6 +179,7 @@ def write_profile(
         profile.k_p,
         profile.k_i,
         profile.cap_scale,
+        float(profile.road is not None and profile.road.stops),
     )
     write_points(profile.times, profile.speeds, times[i], speeds[i])
 

@@ -132,6 +132,7 @@ def _show(
 ) -> None:
     from steersman.metrics.base import evaluate, metrics, readable
     from steersman.metrics.following import following
+    from steersman.metrics.stopping import stopping
     from steersman.report.tables import text
 
     steady = found["steady"]
@@ -140,10 +141,11 @@ def _show(
         unit, value = readable(metric, found[name])
         late = text(readable(metric, steady[name])[1]) if name in steady else ""
         figures.add_row(metric.meaning, unit, text(value), late)
-    ahead = following() if config.lead is not None else {}
-    for name, value in evaluate(episode, ahead).items():
-        unit, shown = readable(ahead[name], value)
-        figures.add_row(ahead[name].meaning, unit, text(shown), "")
+    more = following() if config.lead is not None else {}
+    more |= stopping() if getattr(config.speed, "end", None) == 0.0 else {}
+    for name, value in evaluate(episode, more).items():
+        unit, shown = readable(more[name], value)
+        figures.add_row(more[name].meaning, unit, text(shown), "")
     who = f"{called(config.controller)} drives {config.plant.car(config.vehicle)}"
     where = f"on {called(config.path)}, {called(config.speed)}"
     end = str(found["end"]).replace("_", " ")

@@ -12,15 +12,22 @@ from steersman.kernels.vehicle import interpolate
 from steersman.types import FloatArray
 
 # Columns of SpeedTable.rows.
-IS_PROFILE, CONSTANT_THROTTLE, K_P, K_I, CAP_SCALE = range(5)
-N_COLUMNS = 5
+IS_PROFILE, CONSTANT_THROTTLE, K_P, K_I, CAP_SCALE, STOPS = range(6)
+N_COLUMNS = 6
+# A car that is to stand at the end of a path presses the brake so far before it [m], so far [-].
+_HOLD, _HOLD_BRAKE = 0.12, 0.5
+# It stands at the end if it is at most so far from it [m], at no more than this speed [m/s].
+AT_END, STANDING = 0.2, 0.01
+# It brakes so early, since the pedals follow late [s].
+_LEAD = 0.5
 
 
 class SpeedTable(NamedTuple):
     """Longitudinal control of N vehicles."""
 
     rows: FloatArray
-    """(N, 5): 1 to track the profile else 0, constant throttle, gains, factor on the cap."""
+    """(N, 6): 1 to track the profile else 0, constant throttle, gains, factor on the cap, 1 to
+    stand at the end of an open path else 0."""
     times: FloatArray
     """(N, K) times of the profile's breakpoints [s], increasing."""
     speeds: FloatArray
@@ -43,7 +50,19 @@ def target_speed(
     target = interpolate(speed.times[n], speed.speeds[n], time)
     if speed.cap.shape[0] > 0:
         target = min(target, speed.rows[n, CAP_SCALE] * road_limit(speed, table, p, s))
-    return target
+    return 0.0 if _is_held(speed, n, table, p, s) else target
+
+
+@kernel
+def stops(speed: SpeedTable, n: int, table: PathTable, p: int) -> bool:
+    """Whether vehicle ``n`` is to stand at the end of path ``p``."""
+    return bool(speed.rows[n, STOPS] > 0.0 and table.meta[p, paths.CLOSED] == 0.0)
+
+
+@kernel
+def _is_held(speed: SpeedTable, n: int, table: PathTable, p: int, s: float) -> bool:
+    """Whether vehicle ``n`` is so near the end of path ``p`` that it is to stand."""
+    return stops(speed, n, table, p) and s >= table.meta[p, paths.LENGTH] - _HOLD
 
 
 @kernel
@@ -102,12 +121,17 @@ def pedals(  # noqa: PLR0917 - numba takes no keyword-only arguments
 
     The sum of both terms is throttle when positive, brake when negative; the integral stops
     where the pedals do (anti-windup by clamping). A target above ``most`` [m/s] becomes that,
-    unless it is NaN.
+    unless it is NaN. A car that is to stand at the end of the path brakes there.
     """
     row = speed.rows[n]
     if row[IS_PROFILE] == 0.0:
         return row[CONSTANT_THROTTLE], 0.0, integral
+    if _is_held(speed, n, table, p, s):
+        return 0.0, _HOLD_BRAKE, 0.0
     target = target_speed(speed, n, table, p, time, s)
+    if stops(speed, n, table, p):
+        ahead = road_limit(speed, table, p, s + _LEAD * v)
+        target = min(target, row[CAP_SCALE] * ahead)
     if most < target:
         target = max(most, 0.0)
     error = target - v

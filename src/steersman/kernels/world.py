@@ -18,13 +18,14 @@ from steersman.kernels import vehicle as car
 from steersman.kernels.compiled import inlined, kernel
 from steersman.kernels.fleet import Fleet, World
 from steersman.kernels.path import CLOSED, LENGTH
-from steersman.kernels.speed import pedals, wishes
+from steersman.kernels.speed import AT_END, STANDING, pedals, stops, wishes
 from steersman.kernels.vehicle import VehicleTable
 from steersman.types import FloatArray
 
-# Reasons to end a drive; GOAL_REACHED is the end of an open road or the laps that were asked for.
-RUNNING, LEFT_CORRIDOR, ROLLED, GOAL_REACHED, TIME_UP, COLLIDED = range(6)
-FAILED = LEFT_CORRIDOR, ROLLED, COLLIDED
+# Reasons to end a drive; GOAL_REACHED is the end of an open road or the laps that were asked for,
+# OVERRAN that the car did not stand at the end of a road where that was wished.
+RUNNING, LEFT_CORRIDOR, ROLLED, GOAL_REACHED, TIME_UP, COLLIDED, OVERRAN = range(7)
+FAILED = LEFT_CORRIDOR, ROLLED, COLLIDED, OVERRAN
 # What arrives of an observation: the measurement; the last numbers again, at the present time or
 # at their own; or NaN.
 MEASURED, FROZEN, DROPPED, NOTHING = range(4)
@@ -180,10 +181,23 @@ def find_end(world: World, fleet: Fleet, n: int) -> None:
         fleet.ended[n] = ROLLED
     elif fleet.lead.shape[1] > 0 and not fleet.lead[n, ahead.GAP] > 0.0:
         fleet.ended[n] = COLLIDED
+    elif stops(world.speed, n, world.paths, fleet.path[n]):
+        _find_stop(world, fleet, n)
     elif clock[CLOCK_DISTANCE] >= clock[CLOCK_GOAL] - _SAME:
         fleet.ended[n] = GOAL_REACHED
-    elif clock[CLOCK_STEPS] * world.dt >= clock[CLOCK_LIMIT] - _SAME:
+    if fleet.ended[n] == RUNNING and clock[CLOCK_STEPS] * world.dt >= clock[CLOCK_LIMIT] - _SAME:
         fleet.ended[n] = TIME_UP
+
+
+@inlined
+def _find_stop(world: World, fleet: Fleet, n: int) -> None:
+    """The end of a drive that is to stand at the end of its path."""
+    state = fleet.state[n]
+    left = world.paths.meta[fleet.path[n], LENGTH] - fleet.tracking[n, obs.S]
+    if left < -AT_END:
+        fleet.ended[n] = OVERRAN
+    elif left <= AT_END and np.hypot(state[car.VX], state[car.VY]) <= STANDING:
+        fleet.ended[n] = GOAL_REACHED
 
 
 @inlined

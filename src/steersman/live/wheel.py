@@ -19,7 +19,7 @@ import numpy as np
 from pydantic import BaseModel, Field
 
 from steersman.controllers.base import ControllerComponent
-from steersman.episode import END_OF_PATH, INTERRUPTED, OFF_TRACK, ROLL_OVER
+from steersman.episode import END_OF_PATH, INTERRUPTED, OFF_TRACK, OVERRUN, ROLL_OVER
 from steersman.errors import PlantError, SteersmanError
 from steersman.files import make_folder
 from steersman.live.drives import LONGEST, answer_of
@@ -39,6 +39,7 @@ _CORRIDOR = 3.0
 _ENDS = {
     OFF_TRACK: "you left the road",
     ROLL_OVER: "the car rolled over",
+    OVERRUN: "the car did not stand at the end of the road",
     END_OF_PATH: "finished, at the end of the road",
 }
 
