@@ -2,7 +2,8 @@
 
 It holds every class of disturbance of the test suite at other values, on roads of a generator that
 neither tests nor trainings use. Each disturbance is met once, on one of six roads, and each of them
-has two drives near its grip; a seventh is driven at up to 60 m/s. A trial drives the whole suite.
+has two drives near its grip; a seventh is driven at up to 60 m/s, an eighth as fast as 0.7 of the
+grip allows all along. A trial drives the whole suite.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from steersman.disturbances import Dropouts, FrictionPatch, PositionDrift, Senso
 from steersman.kernels.vehicle import GRAVITY
 from steersman.paths.base import PathComponent
 from steersman.paths.generated import HarmonicRoad
-from steersman.speed import SpeedComponent, SpeedTracking, StopAndGo
+from steersman.speed import SpeedComponent, SpeedProfile, SpeedTracking, StopAndGo
 from steersman.vehicles import Vehicle
 
 _ROADS, _LENGTH = 6, 400.0
@@ -86,9 +87,10 @@ def disturbances() -> dict[str, Disturbance]:
     }
 
 
-# A wide road for speeds at which a car is far less damped. Its sensors are exact: a controller
-# without an estimator that had to hold noise there would be slow everywhere.
-_MOTORWAY = "harmonic_fast"
+# Wide roads for speeds at which a car is far less damped; one of them is driven as fast as 0.7 of the
+# grip allows. Their sensors are exact: a controller without an estimator that had to hold noise
+# there would be slow everywhere.
+_MOTORWAY, _RACE = "harmonic_fast", "harmonic_race"
 # Little grip is left: an axle uses up to 87 % of its own.
 _FAST = {
     "friction_0.75_fast": Disturbance(friction=0.75, used_grip=0.76, used_along=0.35),
@@ -120,6 +122,11 @@ def tuning() -> Suite:
             "sporty": (CLEAN, "oversteer", "heavy"),
         },
     )
+    courses[_RACE] = Course(
+        path=HarmonicRoad(seed=_ROADS + 1, distance=1000.0, min_radius=45.0, shortest=90.0),
+        speeds={"race": SpeedProfile(a_lat_max=20.6, deceleration=3.3, acceleration=2.5)},
+        only={"race": (CLEAN, "oversteer", "heavy")},
+    )
     single = {CLEAN: Disturbance(), **known, **_FAST}
     return Suite(courses=courses, disturbances=single, mixed=mixed)
 
@@ -149,9 +156,10 @@ def _capped(speeds: Mapping[str, SpeedComponent], cap: float) -> Speeds:
 def on_road(found: Suite, road: PathComponent) -> Suite:
     """The suite on this road alone: each course begins at another place of it, 40 s at most.
 
-    The course for high speeds stays out: its speeds are those of its own road.
+    The courses for high speeds stay out: their speeds are those of their own roads.
     """
-    known = {name: one for name, one in found.courses.items() if name != _MOTORWAY}
+    fast = _MOTORWAY, _RACE
+    known = {name: one for name, one in found.courses.items() if name not in fast}
     count = len(known)
     changes = {"path": road, "laps": None, "duration": _SECONDS}
     courses = {

@@ -14,7 +14,12 @@ from steersman.controllers.delay_mpc import NO_PLAN, DelayMpc, DelayMpcState, re
 from steersman.controllers.mpc_delay_plan import PlanProblem, solve
 from steersman.controllers.nmpc_plan import Ahead
 from steersman.kernels import mpc_delay as kernel
+from steersman.kernels.grip import turn_share
 from steersman.types import Observation, Status
+
+# Share of an axle's grip up to which its tyres are taken for linear [-]: there a brush tyre's force
+# grows 0.63 times as fast with the slip as at none.
+_LINEAR = 0.5
 
 
 @register("controller", "mpc_delay")
@@ -23,8 +28,9 @@ class MpcDelay(DelayMpc):
 
     Error dynamics of the present speed; the plan is the infinite-horizon optimum while no limit is
     active, and a quadratic program's while one is. If that has no solution, the optimum is forced
-    into the limits and marked as a fallback. Where the car turned out to have less grip than its
-    nominal tyres, the plan is one iteration of ``nmpc``'s, with tyres up to that grip.
+    into the limits and marked as a fallback. Where tyres are far from linear, the plan is one
+    iteration of ``nmpc``'s, with tyres up to their grip: where the car turned out to have less grip
+    than its nominal tyres, and where the turn needs more than half of an axle's.
     """
 
     def plan(
@@ -32,11 +38,13 @@ class MpcDelay(DelayMpc):
     ) -> tuple[float, Status, DelayMpcState]:
         """The next wheel angle [rad], and the state with what the next plan starts from."""
         known, o, v = state.motion, observation, ahead.v
-        if known.friction < known.vehicle.friction:
-            return replanned(state, self.weights(), ahead, o, 1)
         road = np.empty(self.horizon + 1)
         start, step = ahead.motion[kernel.WAY], v * known.dt
         kernel.road_ahead(o.preview, o.spacing, o.curvature, start, step, road)
+        side = kernel.most_turned(road, v, float(ahead.motion[kernel.RATE]))
+        share = turn_share(known.vehicle.table.rows[0], known.grips, side)
+        if known.friction < known.vehicle.friction or share > _LINEAR:
+            return replanned(state, self.weights(), ahead, o, 1)
         problem = PlanProblem.at(
             known.vehicle,
             known.dt,

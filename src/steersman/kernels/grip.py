@@ -73,6 +73,16 @@ def _side_grip(grip: float, pull: float) -> float:
 
 
 @kernel
+def turn_share(row: FloatArray, grips: FloatArray, side: float) -> float:
+    """The larger share of its ``grips`` [N] that an axle needs in a steady turn [-].
+
+    ``side`` is the turn's side acceleration [m/s^2].
+    """
+    force = row[MASS] * abs(side) / (row[L_F] + row[L_R])
+    return float(max(force * row[L_R] / (grips[0] + 1e-9), force * row[L_F] / (grips[1] + 1e-9)))
+
+
+@kernel
 def axle_forces(
     row: FloatArray, grips: FloatArray, slip_f: float, slip_r: float
 ) -> tuple[float, float]:

@@ -178,6 +178,18 @@ def road_at(
 
 
 @kernel
+def most_turned(road: FloatArray, v: float, rate: float) -> float:
+    """Largest side acceleration of steady turns [m/s^2]: of the yaw rate, of the road's curvature.
+
+    ``road`` are curvatures [1/m], ``v`` the speed [m/s], ``rate`` the yaw rate [rad/s].
+    """
+    most = abs(v * rate)
+    for kappa in road:
+        most = max(most, v * v * abs(kappa))
+    return most
+
+
+@kernel
 def free_plan(  # noqa: PLR0917 - numba takes no keyword-only arguments
     a: FloatArray,
     b: FloatArray,
