@@ -16,11 +16,13 @@ from steersman.controllers.nmpc_plan import Limits, Nlp, improved, iterated, lin
 from steersman.disturbances import SensorBias
 from steersman.kernels import grip
 from steersman.kernels import vehicle as car
+from steersman.kernels.grip_demand import axle_share
 from steersman.kernels.nmpc_model import N_WORK, move, steady_turn
 from steersman.paths.analytic import Circle, FigureEight, Straight
 from steersman.plants.simulator import SimulatorConfig
 from steersman.speed import ConstantSpeed
 from steersman.types import FloatArray, Status
+from steersman.vehicles import Bmw320i, CarlaModel3, Vehicle
 
 from ..loops import CAR, DT, Posed, beside, drive, observe
 
@@ -89,6 +91,27 @@ def test_a_turn_near_the_grip_is_held_from_its_first_moment(estimator: str | Non
         duration=4.0,
     )
     assert np.abs(found["lateral_error"]).max() < 0.02
+
+
+@pytest.mark.parametrize("vehicle", [CarlaModel3(), Bmw320i()])
+@pytest.mark.parametrize("kind", ["nmpc", "mpc_delay"])
+def test_a_lap_at_four_fifths_of_the_grip_is_held(kind: str, vehicle: Vehicle) -> None:
+    """Linear tyres in the plan lost both cars there; the second one has nothing tuned for it."""
+    found = sm.drive(
+        f"estimated/tuned/{kind}",
+        path={"kind": "harmonic_road", "seed": 3, "distance": 800, "min_radius": 40, "shortest": 80},
+        speed={"kind": "profile", "a_lat_max": 0.8 * vehicle.friction * 9.81, "deceleration": 3.0},
+        vehicle=vehicle,
+        duration=60.0,
+    )
+    assert found.completed, found.end
+
+
+def test_a_turn_needs_the_share_of_grip_that_its_forces_are() -> None:
+    for side in (-9.0, 0.5, 12.0):
+        grips = np.array(grip.axle_grips(ROW, CAR.friction, 0.0, 0.0))
+        share = axle_share(ROW, 0.0, 0.0, CAR.mass * abs(side)) / CAR.friction
+        assert grip.turn_share(ROW, grips, side) == pytest.approx(share, rel=1e-6)
 
 
 def test_iterations_find_the_least_cost() -> None:
