@@ -17,7 +17,6 @@ class Nmpc(DelayMpc):
     of one period ago goes on, marked as a fallback.
     """
 
-    horizon: int = param(12, "-", "Steps of the plan, one control period each.", ge=2, le=200)
     iterations: int = param(1, "-", "Gauss-Newton steps in a decision.", ge=1, le=50)
 
     def plan(

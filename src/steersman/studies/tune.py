@@ -143,7 +143,7 @@ def tune(
     if it had not been), ``tuned.yaml`` (the controller, as ``steersman drive`` reads it),
     ``config.yaml``, ``pareto.json`` (of :class:`steersman.studies.trials.TuningTrials`) and
     ``result.json``. The first trial is the controller as it is, so the result is never worse on
-    the suite.
+    the suite; the second one are the defaults of its kind.
 
     Args:
         config: what to tune, on what.
@@ -193,8 +193,9 @@ def _next(config: TuneConfig, finished: Sequence[Any]) -> tuple[dict[str, float]
         name: optuna.distributions.FloatDistribution(low, high, log=log)
         for name, (low, high, log) in ranges(config.controller, _tried(finished)).items()
     }
-    if not finished:
-        return _present(config.controller), space
+    starts = _starts(config.controller)
+    if len(finished) < len(starts):
+        return starts[len(finished)], space
     known = optuna.create_study(sampler=sampler(config.seed, len(finished)))
     known.add_trials(
         optuna.trial.create_trial(params=one.params, distributions=space, value=one.value)
@@ -250,6 +251,15 @@ def _apply(controller: ControllerComponent, values: dict[str, float]) -> Control
     data = override(dump(controller) or {}, [f"{name}={value!r}" for name, value in values.items()])
     del data["kind"]
     return build(type(controller), data)
+
+
+def _starts(controller: ControllerComponent) -> list[dict[str, float]]:
+    """The values that a search begins with: the controller's own, then the defaults of its kind."""
+    kind, present = type(controller), _present(controller)
+    if any(each.is_required() for each in kind.model_fields.values()):
+        return [present]
+    usual = _present(kind())
+    return [present] if usual == present else [present, usual]
 
 
 def _present(controller: ControllerComponent) -> dict[str, float]:
