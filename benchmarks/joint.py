@@ -37,6 +37,11 @@ from steersman.rollout import RunConfig, attempt
 from steersman.speed import SpeedProfile
 
 STEERS = "tuned/mpc_delay"
+# Those that find the friction by driving.
+FINDERS: dict[str, Any] = {
+    "found": {"kind": "grip_speed", "inner": STEERS, "found": True},
+    "joint_nmpc": {"kind": "joint_nmpc", "found": True},
+}
 DRY = 1.0
 # Shares of the grip that a speed profile uses in bends and for braking.
 USED, BRAKING = 0.8, 0.5
@@ -59,8 +64,8 @@ def run_of(scenario: Scenario, name: str, policy: str) -> RunConfig:
     run, friction = scenario.run, FRICTION.get(scenario.disturbance.split("_")[0], PATCHES)
     controller: Any = STEERS
     changes: dict[str, Any] = {}
-    if name == "found":
-        controller = {"kind": "grip_speed", "inner": STEERS, "found": True}
+    if name in FINDERS:
+        controller = FINDERS[name]
         changes["sensor"] = run.sensor.model_copy(update={"count": 41})
     if name == "dry_profile":
         # As fast as wished or as a dry road allows: the slower of both.
