@@ -2,22 +2,25 @@
 
     python benchmarks/joint.py runs/joint/policy.onnx --out results/joint/results.json
 
-Drives the suite ``beyond_grip``, a stop at the end of a path, the driving cycle on the training
+Drives the suite ``beyond_grip``, stops at the end of paths, the driving cycle on the training
 circuit and a lap of Monza with each of:
 
 - ``lateral``: tuned/mpc_delay, which drives as fast as wished;
 - ``dry_profile``: the same, at the speeds that a dry road (friction 1) allows, if they are lower;
 - ``found``: grip_speed with the friction that mpc_delay finds on the way, and 80 m of road in view;
+- ``joint_nmpc``: the MPC of steering and speed, which finds the friction so, too;
 - ``oracle``: tuned/mpc_delay and speeds along the path that both know the true friction;
 - ``joint``, the policy; ``joint_1`` and so on, further ones.
 
 The last line of a row is what the oracle's time on the same road is to that of the drive: 1 is as
-fast. Lost drives have none.
+fast. Lost drives have none. Intervals are of 95 %: Wilson's of the drives kept, a bootstrap over
+roads of the mean pace.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
 from pathlib import Path
@@ -27,16 +30,24 @@ import numpy as np
 
 from steersman.bench.beyond import FRICTION, beyond_grip
 from steersman.bench.grip import demanded_grip
+from steersman.bench.statistics import Clusters
 from steersman.bench.suite import Scenario
 from steersman.config import build, resolve
 from steersman.files import write_text
 from steersman.kernels.vehicle import GRAVITY
+from steersman.metrics.base import evaluate
+from steersman.metrics.stopping import stopping
 from steersman.policy_file import read_policy
 from steersman.provenance import provenance
 from steersman.rollout import RunConfig, attempt
 from steersman.speed import SpeedProfile
 
 STEERS = "tuned/mpc_delay"
+# Those that find the friction by driving.
+FINDERS: dict[str, Any] = {
+    "found": {"kind": "grip_speed", "inner": STEERS, "found": True},
+    "joint_nmpc": {"kind": "joint_nmpc", "found": True},
+}
 DRY = 1.0
 # Shares of the grip that a speed profile uses in bends and for braking.
 USED, BRAKING = 0.8, 0.5
@@ -59,8 +70,8 @@ def run_of(scenario: Scenario, name: str, policy: str) -> RunConfig:
     run, friction = scenario.run, FRICTION.get(scenario.disturbance.split("_")[0], PATCHES)
     controller: Any = STEERS
     changes: dict[str, Any] = {}
-    if name == "found":
-        controller = {"kind": "grip_speed", "inner": STEERS, "found": True}
+    if name in FINDERS:
+        controller = FINDERS[name]
         changes["sensor"] = run.sensor.model_copy(update={"count": 41})
     if name == "dry_profile":
         # As fast as wished or as a dry road allows: the slower of both.
@@ -118,6 +129,13 @@ def interval(kept: int, count: int) -> tuple[float, float]:
     return round(middle - half, 3), round(middle + half, 3)
 
 
+def pace_of(rows: list[dict[str, Any]]) -> list[float]:
+    """Mean pace with its interval."""
+    clusters = Clusters([row["road"] for row in rows])
+    found = clusters.interval(lambda mean: mean([row["pace"] for row in rows]))
+    return [round(each, 3) for each in found]
+
+
 def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Kept drives and pace of each, over all drives whose wish is beyond grip, and by grip."""
     out: dict[str, Any] = {}
@@ -129,7 +147,7 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
             "drives": len(own),
             "kept": kept,
             "kept_95": interval(kept, len(own)),
-            "pace": round(float(np.mean(paces)), 3) if paces else None,
+            "pace": pace_of([r for r in own if r["pace"]]) if paces else None,
             "by_grip": {
                 grip: f"{sum(r['kept'] for r in own if r['grip'] == grip)} of "
                 f"{sum(r['grip'] == grip for r in own)}"
@@ -139,13 +157,47 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     return out
 
 
+def controlled(name: str, file: str) -> dict[str, Any]:
+    """One of those that drive where grip suffices."""
+    if file:
+        sensor = {"kind": "waypoints", "count": waypoints(file)}
+        return {"controller": {"kind": "policy", "file": file}, "sensor": sensor}
+    return {"controller": "joint_nmpc" if name == "joint_nmpc" else STEERS}
+
+
+def stops(names: dict[str, str]) -> dict[str, Any]:
+    """Standing at the end of three roads, with three cars and three demands of speed."""
+    roads: dict[str, Any] = {
+        "clothoid_100": {"kind": "clothoid_road", "seed": 100, "distance": 250.0},
+        "double_lane_change": "double_lane_change",
+        "straight": {"kind": "straight", "distance": 60.0},
+    }
+    speeds: dict[str, Any] = {
+        "12 m/s": {"kind": "constant_speed", "speed": 12.0, "a_lat_max": 4.0, "end": 0.0},
+        "profile": {"kind": "profile", "deceleration": 3.0, "top": 15.0, "end": 0.0},
+        "hard": {"kind": "constant_speed", "speed": 9.0, "deceleration": 3.5, "end": 0.0},
+    }
+    rows = []
+    for name, file in names.items():
+        for car in ("carla_model3", "bmw_320i", "vw_t7"):
+            for (road, path), (speed, wish) in itertools.product(roads.items(), speeds.items()):
+                words = {"path": path, "speed": wish, "vehicle": car, "corridor": 3.0}
+                run = build(RunConfig, {**words, **controlled(name, file)})
+                episode = attempt(run).of_controller()
+                left = evaluate(episode, stopping())["stop_error_m"]
+                told = {"driven_by": name, "car": car, "road": road, "speed": speed}
+                rows.append({**told, "end": episode.end, "stop_error_m": left and round(left, 4)})
+    out: dict[str, Any] = {}
+    for name in names:
+        own = [row["stop_error_m"] for row in rows if row["driven_by"] == name]
+        stood = [each for each in own if each is not None]
+        out[name] = {"drives": len(own), "stood": len(stood), "largest_m": max(stood, default=None)}
+    return {**out, "rows": rows}
+
+
 def usual(names: dict[str, str]) -> dict[str, Any]:
-    """Where grip suffices: a stop, the driving cycle, a lap of Monza."""
+    """Where grip suffices: the driving cycle, a lap of Monza."""
     wishes: dict[str, dict[str, Any]] = {
-        "stop": {
-            "path": {"kind": "clothoid_road", "seed": 100, "distance": 250.0},
-            "speed": {"kind": "constant_speed", "speed": 12.0, "a_lat_max": 4.0, "end": 0.0},
-        },
         "nedc": {
             "path": "training_circuit",
             "speed": {"kind": "nedc", "a_lat_max": 4.0},
@@ -161,9 +213,7 @@ def usual(names: dict[str, str]) -> dict[str, Any]:
     for task, wish in wishes.items():
         out[task] = {}
         for name, file in names.items():
-            controller = {"kind": "policy", "file": file} if file else STEERS
-            sensor = {"kind": "waypoints", "count": waypoints(file)} if file else "waypoints"
-            run = build(RunConfig, {**wish, "controller": controller, "sensor": sensor})
+            run = build(RunConfig, {**wish, **controlled(name, file)})
             out[task][name] = figures(run)
             if task == "nedc":
                 out[task][name]["speed_rms_m_s"] = speed_error(run)
@@ -191,13 +241,16 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=1, help="drive every so many-th scenario")
     given = parser.parse_args()
     learned = {f"joint_{k}" if k else "joint": file for k, file in enumerate(given.policies)}
-    peers = {**dict.fromkeys(("lateral", "dry_profile", "found", "oracle"), ""), **learned}
+    classical = ("lateral", "dry_profile", "found", "joint_nmpc", "oracle")
+    peers = {**dict.fromkeys(classical, ""), **learned}
+    at_ease = {"lateral": "", "joint_nmpc": "", **learned}
     rows = beyond(peers, given.every)
     found = {
         "commit": provenance()["commit"],
         "every": given.every,
         "beyond_grip": summary(rows),
-        "usual": usual({"lateral": "", **learned}),
+        "stops": stops(at_ease),
+        "usual": usual(at_ease),
         "rows": rows,
     }
     write_text(Path(given.out), json.dumps(found, indent=1, allow_nan=False) + "\n")

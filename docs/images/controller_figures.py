@@ -337,6 +337,29 @@ def grip_speed() -> dict[str, Any]:
     return {"title": title, "x": "arc length [m]", "y": "speed [m/s]", "lines": lines}
 
 
+def joint_nmpc() -> dict[str, Any]:
+    """One plan of both, beside a speed limit around a controller that steers."""
+    road, lines = ClothoidRoad(seed=3, distance=300.0), []
+    car = {"kind": "carla_model3", "friction": 0.4}
+    for name, controller in {
+        "joint_nmpc": {"kind": "joint_nmpc"},
+        "grip_speed around nmpc": {"kind": "grip_speed", "inner": "tuned/nmpc"},
+        "joint_nmpc, friction found": {"kind": "joint_nmpc", "found": True},
+    }.items():
+        words = {
+            "controller": controller,
+            "path": road,
+            "speed": {"kind": "profile", "start": 0.0, "top": 20.0, "a_lat_max": 30.0},
+            "vehicle": car,
+            "nominal": "carla_model3" if "found" in controller else car,
+            "sensor": {"kind": "waypoints", "count": 41},
+        }
+        episode = attempt(build(RunConfig, words)).episode
+        lines.append({"name": name, "x": episode["s"], "y": episode["v_x"]})
+    title = "Speed on ice (friction 0.4), where 20 m/s are wished"
+    return {"title": title, "x": "arc length [m]", "y": "speed [m/s]", "lines": lines}
+
+
 def time_gap() -> dict[str, Any]:
     """Behind a car that brakes and speeds up, with two sets of gains."""
     trace = {
@@ -365,6 +388,7 @@ def time_gap() -> dict[str, Any]:
 FIGURES = {
     "time_gap": time_gap,
     "grip_speed": grip_speed,
+    "joint_nmpc": joint_nmpc,
     "pid": pid,
     "pid_feedforward": pid_feedforward,
     "bearing_pid": bearing_pid,

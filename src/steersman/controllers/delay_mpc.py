@@ -11,6 +11,7 @@ import numpy as np
 
 from steersman.config import param
 from steersman.controllers.base import ControllerComponent
+from steersman.controllers.grip_use import Belief
 from steersman.controllers.model_error import TyreModelError
 from steersman.controllers.motion_estimate import (
     SLOWEST,
@@ -32,6 +33,14 @@ from steersman.vehicles import Vehicle
 NO_PLAN: FloatArray = np.zeros(0)
 
 
+class SpeedState(NamedTuple):
+    """What a plan of the speed carries from step to step."""
+
+    belief: Belief
+    limit: float = math.nan
+    """The largest speed for the next control period [m/s]."""
+
+
 class DelayMpcState(NamedTuple):
     """What the controller carries from step to step."""
 
@@ -43,6 +52,8 @@ class DelayMpcState(NamedTuple):
     """Curvature at which it was to act [1/m]."""
     plan: FloatArray = NO_PLAN
     """Wheel angles of the last plan, if the next one starts from it [rad]."""
+    speed: SpeedState | None = None
+    """Where the speed is planned, too."""
 
 
 class DelayMpc(ControllerComponent):

@@ -10,48 +10,21 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, NamedTuple
 
-import numpy as np
 from pydantic import model_validator
 
 from steersman.config import Of, param, register
 from steersman.controllers.base import ControllerComponent, Wrapper
 from steersman.controllers.delay_mpc import DelayMpc
+from steersman.controllers.grip_use import Belief, GripUse, bends_in_view, near_speed
 from steersman.controllers.plausible import usable
 from steersman.errors import ConfigError
-from steersman.kernels.mpc_delay import road_ahead
+from steersman.kernels.bend_speed import approach_speed, for_pedals
 from steersman.kernels.vehicle import GRAVITY
 from steersman.types import Decision, Observation
 from steersman.vehicles import Vehicle
 
 # Waypoints that a curvature needs.
 _FEWEST = 4
-# The limit moves on from the last one, unless that is so far from the speed [m/s].
-_AWAY = 0.5
-# Share of the grip for bends and pedals together, and for braking where bends take it all.
-_CIRCLE, _LEAST_BRAKING = 0.7, 0.1
-# Time constant of the accelerations that tyres have shown [s].
-_SHOWN_TIME = 0.15
-# What an acceleration along the road counts, where nothing shows that tyres are near their grip.
-_ALONG = 0.5
-# After a slide, the friction reckoned with stays below this share of what it was.
-_AFTER_SLIDE = 0.9
-# Least curvature that limits a speed [1/m].
-_STRAIGHT = 1e-4
-
-
-class Belief(NamedTuple):
-    """What a drive has shown of the friction."""
-
-    friction: float
-    """Friction to reckon with [-]."""
-    most: float
-    """The largest that it may become; lower after a slide [-]."""
-    a_x: float = 0.0
-    """Acceleration along the road, filtered [m/s^2]."""
-    a_y: float = 0.0
-    """Across it [m/s^2]."""
-    v: float = math.nan
-    """Speed one period ago [m/s]."""
 
 
 class GripSpeedState(NamedTuple):
@@ -65,7 +38,7 @@ class GripSpeedState(NamedTuple):
 
 
 @register("controller", "grip_speed")
-class GripSpeed(Wrapper):
+class GripSpeed(GripUse, Wrapper):
     """Lets a controller steer and limits the speed to what grip allows in the bends ahead.
 
     The limit changes no faster than the grip that is left to pedals allows.
@@ -73,24 +46,6 @@ class GripSpeed(Wrapper):
 
     inner: Annotated[ControllerComponent, Of("controller")] = param(
         "tuned/mpc_delay", "-", "The controller that steers."
-    )
-    friction: float | None = param(
-        None, "-", "Tyre friction to reckon with; null: the nominal vehicle's.", gt=0
-    )
-    found: bool = param(
-        False,
-        "-",
-        "Find the friction by driving: reckon with little at first, and with more as tyres show "
-        "it; with less when mpc_delay or nmpc finds less.",
-    )
-    least: float = param(0.2, "-", "Where it is found: the friction at first, and the least.", gt=0)
-    reach: float = param(
-        2.2, "-", "Where it is found: friction over what accelerations have shown of it.", ge=1
-    )
-    growth: float = param(0.5, "1/s", "Its largest rate of growth, relative.", gt=0)
-    used: float = param(0.6, "-", "Share of the grip for bends.", gt=0, le=1)
-    braking: float = param(
-        0.5, "-", "Share of the grip for braking before them, and for speeding up.", gt=0, le=1
     )
 
     @model_validator(mode="after")
@@ -103,9 +58,7 @@ class GripSpeed(Wrapper):
 
     def init(self, vehicle: Vehicle, dt: float) -> GripSpeedState:
         """State before the first step."""
-        most = vehicle.friction if self.friction is None else self.friction
-        belief = Belief(min(self.least, most) if self.found else most, most)
-        return GripSpeedState(self.inner.init(vehicle, dt), belief, dt)
+        return GripSpeedState(self.inner.init(vehicle, dt), self.believed(vehicle), dt)
 
     def step(
         self, state: GripSpeedState, observation: Observation
@@ -116,42 +69,17 @@ class GripSpeed(Wrapper):
         seen = usable(observation)
         if seen is not None and len(seen.preview) >= _FEWEST:
             if self.found:
-                state = state._replace(belief=self._shown(state, seen))
+                found = inner.motion.friction
+                state = state._replace(belief=self.shown(state.belief, seen, found, state.dt))
             state = state._replace(limit=self._moved(state, seen))
         return decision._replace(speed_limit=state.limit), state
-
-    def _shown(self, state: GripSpeedState, o: Observation) -> Belief:
-        """The friction to reckon with, after one more period.
-
-        It grows while the car's acceleration comes near it, and falls to what the inner controller
-        finds, once the tyres slide.
-        """
-        belief, dt = state.belief, state.dt
-        surge = 0.0 if math.isnan(belief.v) else (o.v_x - belief.v) / dt
-        blend = min(dt / _SHOWN_TIME, 1.0)
-        a_x = belief.a_x + blend * (surge - belief.a_x)
-        a_y = belief.a_y + blend * (o.v_x * o.yaw_rate - belief.a_y)
-        reached = self.reach * math.hypot(_ALONG * a_x, a_y) / GRAVITY
-        grown = min(reached, belief.friction * (1.0 + self.growth * dt))
-        friction, most = max(belief.friction, grown), belief.most
-        found = state.inner.motion.friction
-        if found < friction:
-            most = min(most, _AFTER_SLIDE * friction)
-        least = min(self.least, belief.most)
-        friction = max(min(friction, most, found), least)
-        return Belief(friction, max(most, least), a_x, a_y, o.v_x)
 
     def _moved(self, state: GripSpeedState, o: Observation) -> float:
         """The limit [m/s], moved on by no more than grip leaves to the pedals."""
         grip = state.belief.friction * GRAVITY
-        across = o.v_x * o.v_x * abs(o.curvature)
-        left = math.sqrt(max((_CIRCLE * grip) ** 2 - across * across, 0.0))
-        last = o.v_x
-        if math.isfinite(state.limit):
-            last = min(max(state.limit, last - _AWAY), last + _AWAY)
-        least = last - max(left, _LEAST_BRAKING * grip) * state.dt
-        most = last + min(left, self.braking * grip) * state.dt
-        return min(max(self._fastest(o, grip), least), most)
+        least, most = for_pedals(grip, self.braking * grip, o.v_x, o.curvature)
+        last = near_speed(state.limit, o.v_x)
+        return min(max(self._fastest(o, grip), last + least * state.dt), last + most * state.dt)
 
     def speed_limit(self, state: GripSpeedState) -> float:
         """What grip allows [m/s]."""
@@ -167,9 +95,5 @@ class GripSpeed(Wrapper):
 
     def _fastest(self, o: Observation, grip: float) -> float:
         """The largest speed from which every bend in view can be braked for [m/s]."""
-        kappa = np.empty(len(o.preview) - 2)
-        road_ahead(o.preview, o.spacing, o.curvature, 0.0, o.spacing, kappa)
-        ahead = o.spacing * np.arange(len(kappa))
-        squares = self.used * grip / np.maximum(np.abs(kappa), _STRAIGHT)
-        squares += 2.0 * self.braking * grip * ahead
-        return float(np.sqrt(squares.min()))
+        kappa = bends_in_view(o)
+        return approach_speed(kappa, o.spacing, 0.0, self.used * grip, self.braking * grip)

@@ -97,6 +97,7 @@ def problem(
     *,
     last: float,
     kappa: float,
+    speeds: FloatArray | None = None,
 ) -> tuple[Nlp, Limits]:
     """The optimal control problem of a predicted motion.
 
@@ -108,11 +109,14 @@ def problem(
         observation: whose waypoints are the road.
         last: wheel angle commanded one period ago [rad].
         kappa: curvature at which it was to act [1/m].
+        speeds: (N + 1,) in each period [m/s]; None: the measured acceleration goes on.
     """
     o, vehicle, dt, v = observation, known.vehicle, known.dt, ahead.v
     n = tables.horizon
-    goes_on = -np.expm1(-dt / _SURGE * np.arange(n + 1))
-    speeds = np.maximum(v + known.acceleration * _SURGE * goes_on, SLOWEST)
+    if speeds is None:
+        goes_on = -np.expm1(-dt / _SURGE * np.arange(n + 1))
+        speeds = v + known.acceleration * _SURGE * goes_on
+    speeds = np.maximum(speeds, SLOWEST)
     road, start = np.empty(n + 1), float(ahead.motion[delay_kernel.WAY])
     delay_kernel.road_at(o.preview, o.spacing, o.curvature, start, speeds, dt, road)
     lacks = np.array(known.disturbance)

@@ -63,7 +63,7 @@ def _turn(turned: FloatArray, k: int, by_plan: FloatArray, terms: FloatArray) ->
 
 
 @kernel
-def _add(
+def add_step(
     weight: FloatArray,
     xi: FloatArray,
     k: int,
@@ -177,7 +177,7 @@ def condense(  # noqa: PLR0917 - numba takes no keyword-only arguments
         errors(speeds[k + 1], road[k + 1], headings[k + 1], z, xi, turned)
         xi[N_STATES] = deviation
         _turn(turned, k, by_plan, terms)
-        cost += _add(terminal if k == n - 1 else weight, xi, k, terms, weighed, hessian, linear)
+        cost += add_step(terminal if k == n - 1 else weight, xi, k, terms, weighed, hessian, linear)
     for i in range(n):
         for j in range(i):
             hessian[j, i] = hessian[i, j]
