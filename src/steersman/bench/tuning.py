@@ -87,8 +87,8 @@ def disturbances() -> dict[str, Disturbance]:
     }
 
 
-# Wide roads for speeds at which a car is far less damped; one of them is driven as fast as 0.7 of the
-# grip allows. Their sensors are exact: a controller without an estimator that had to hold noise
+# Wide roads for speeds at which a car is far less damped; one of them is driven as fast as 0.7 of
+# the grip allows. Their sensors are exact: a controller without an estimator that had to hold noise
 # there would be slow everywhere.
 _MOTORWAY, _RACE = "harmonic_fast", "harmonic_race"
 # Little grip is left: an axle uses up to 87 % of its own.

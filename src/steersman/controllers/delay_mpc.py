@@ -81,7 +81,7 @@ class DelayMpc(ControllerComponent):
         ge=0,
         le=1.0,
     )
-    # Longer plans of a car that oversteers at speed are badly conditioned: with 20 steps it is lost.
+    # Longer plans of a car that oversteers at speed are badly conditioned: 20 steps lose it.
     horizon: int = param(12, "-", "Steps of the plan, one control period each.", ge=2, le=200)
     q_lateral: float = param(1.0, "1/m^2", "Weight of the squared lateral error.", gt=0)
     q_lateral_rate: float = param(0.01, "s^2/m^2", "Weight of its squared rate.", ge=0)

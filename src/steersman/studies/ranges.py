@@ -63,6 +63,26 @@ def declared(controller: ControllerComponent) -> dict[str, GainRange]:
     return {name: GainRange(*given) for name, given in controller.search.items()}
 
 
+def starts(controller: ControllerComponent) -> list[dict[str, float]]:
+    """The values that a search begins with: the controller's own, then the defaults of its kind."""
+    kind, present = type(controller), _present(controller)
+    if any(each.is_required() for each in kind.model_fields.values()):
+        return [present]
+    usual = _present(kind())
+    return [present] if usual == present else [present, usual]
+
+
+def _present(controller: ControllerComponent) -> dict[str, float]:
+    """The controller's own values, brought into the ranges."""
+    out = {}
+    for name, (low, high, _) in controller.search.items():
+        value: Any = controller
+        for part in name.split("."):
+            value = getattr(value, part)
+        out[name] = min(max(float(value), low), high)
+    return out
+
+
 def ranges(controller: ControllerComponent, tried: Sequence[TriedValues]) -> dict[str, GainRange]:
     """The ranges to search after these trials."""
     found = declared(controller)

@@ -34,7 +34,7 @@ from steersman.rollout import RunConfig
 from steersman.studies.folder import open_study, same_study, sampler, trial_states
 from steersman.studies.objective import Prices, RunCost, measure, together
 from steersman.studies.racing import affordable, bound, raced
-from steersman.studies.ranges import TriedValues, ranges, widened
+from steersman.studies.ranges import TriedValues, ranges, starts, widened
 from steersman.studies.trials import TrialFigures, TuneResult, trade
 from steersman.vehicles import Vehicle
 
@@ -193,9 +193,9 @@ def _next(config: TuneConfig, finished: Sequence[Any]) -> tuple[dict[str, float]
         name: optuna.distributions.FloatDistribution(low, high, log=log)
         for name, (low, high, log) in ranges(config.controller, _tried(finished)).items()
     }
-    starts = _starts(config.controller)
-    if len(finished) < len(starts):
-        return starts[len(finished)], space
+    first = starts(config.controller)
+    if len(finished) < len(first):
+        return first[len(finished)], space
     known = optuna.create_study(sampler=sampler(config.seed, len(finished)))
     known.add_trials(
         optuna.trial.create_trial(params=one.params, distributions=space, value=one.value)
@@ -251,26 +251,6 @@ def _apply(controller: ControllerComponent, values: dict[str, float]) -> Control
     data = override(dump(controller) or {}, [f"{name}={value!r}" for name, value in values.items()])
     del data["kind"]
     return build(type(controller), data)
-
-
-def _starts(controller: ControllerComponent) -> list[dict[str, float]]:
-    """The values that a search begins with: the controller's own, then the defaults of its kind."""
-    kind, present = type(controller), _present(controller)
-    if any(each.is_required() for each in kind.model_fields.values()):
-        return [present]
-    usual = _present(kind())
-    return [present] if usual == present else [present, usual]
-
-
-def _present(controller: ControllerComponent) -> dict[str, float]:
-    """The controller's own values, brought into the ranges."""
-    out = {}
-    for name, (low, high, _) in controller.search.items():
-        value: Any = controller
-        for part in name.split("."):
-            value = getattr(value, part)
-        out[name] = min(max(float(value), low), high)
-    return out
 
 
 def _write(config: TuneConfig, out: FilePath, best: ControllerComponent, study: Any) -> TuneResult:
