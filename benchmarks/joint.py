@@ -23,6 +23,9 @@ import argparse
 import itertools
 import json
 import math
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -106,17 +109,22 @@ def figures(run: RunConfig) -> dict[str, Any]:
     }
 
 
-def beyond(names: dict[str, str], every: int) -> list[dict[str, Any]]:
+def beyond(names: dict[str, str], every: int, jobs: int) -> list[dict[str, Any]]:
     """A row for each drive of the suite."""
-    rows = []
-    for scenario in beyond_grip().scenarios()[::every]:
-        share = round(demanded_grip(scenario.run), 3)
-        found = {name: figures(run_of(scenario, name, file)) for name, file in names.items()}
-        best = found["oracle"]["seconds"]
-        for name, row in found.items():
-            pace = best / row["seconds"] if row["kept"] and found["oracle"]["kept"] else None
-            told = {"road": scenario.path, "grip": scenario.disturbance, "share": share}
-            rows.append({"driven_by": name, **told, **row, "pace": pace and round(pace, 4)})
+    scenarios = beyond_grip().scenarios()[::every]
+    with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
+        return [row for rows in pool.map(partial(on, names), scenarios) for row in rows]
+
+
+def on(names: dict[str, str], scenario: Scenario) -> list[dict[str, Any]]:
+    """A row for each that drives a scenario."""
+    share = round(demanded_grip(scenario.run), 3)
+    found = {name: figures(run_of(scenario, name, file)) for name, file in names.items()}
+    best, rows = found["oracle"]["seconds"], []
+    for name, row in found.items():
+        pace = best / row["seconds"] if row["kept"] and found["oracle"]["kept"] else None
+        told = {"road": scenario.path, "grip": scenario.disturbance, "share": share}
+        rows.append({"driven_by": name, **told, **row, "pace": pace and round(pace, 4)})
     return rows
 
 
@@ -239,12 +247,13 @@ def main() -> None:
     parser.add_argument("policies", nargs="*")
     parser.add_argument("--out", required=True)
     parser.add_argument("--every", type=int, default=1, help="drive every so many-th scenario")
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
     given = parser.parse_args()
     learned = {f"joint_{k}" if k else "joint": file for k, file in enumerate(given.policies)}
     classical = ("lateral", "dry_profile", "found", "joint_nmpc", "oracle")
     peers = {**dict.fromkeys(classical, ""), **learned}
     at_ease = {"lateral": "", "joint_nmpc": "", **learned}
-    rows = beyond(peers, given.every)
+    rows = beyond(peers, given.every, given.jobs)
     found = {
         "commit": provenance()["commit"],
         "every": given.every,

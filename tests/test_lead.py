@@ -29,6 +29,9 @@ from steersman.learning.env import PathFollowingEnv
 from steersman.learning.export import export_policy
 from steersman.learning.fleet import FleetDriver
 from steersman.metrics.base import evaluate, metrics
+from steersman.report.pack import Blob
+from steersman.report.scene import RoadGroup, scenes
+from steersman.report.signals import ShownDrive, signals_of, values_of
 from steersman.rollout import RunConfig, attempt
 from steersman.studies.objective import Prices, measure
 from steersman.types import CarAhead, Observation
@@ -127,6 +130,19 @@ def test_a_drive_prints_the_gap_where_a_car_is_ahead() -> None:
     shown = [CliRunner().invoke(app, [*words, *more]).output for more in ((), ("lead.speed=nedc",))]
     assert [text.count("gap to the car ahead") for text in shown] == [0, 1]
     assert [text.count("RMS longitudinal jerk") for text in shown] == [0, 1]
+
+
+def test_a_page_shows_the_gap_where_a_car_is_ahead() -> None:
+    """Of drives on one page that have none, the panel is empty."""
+    alone = attempt(behind("pid", 1.0).model_copy(update={"lead": None})).episode
+    assert "gap" not in {signal.key for signal in signals_of([alone])}
+    (gap,) = (signal for signal in signals_of([alone, driven()]) if signal.key == "gap")
+    assert np.array_equal(values_of(gap, driven()), driven()["gap"])
+    assert np.isnan(values_of(gap, alone)).all()
+    both = [ShownDrive("law", driven(), False), ShownDrive("alone", alone, False)]
+    for drives in (both, both[1:]):
+        (scene,) = scenes([RoadGroup("road", drives, 1.5)], Blob())
+        assert ["gap" in run["columns"] for run in scene["runs"]] == [len(drives) > 1] * len(drives)
 
 
 def test_speeds_along_the_path_are_none_of_a_car_ahead() -> None:

@@ -42,7 +42,8 @@ GROUPS: dict[str, Callable[[str], bool]] = {
     "disturbed": lambda name: name != CLEAN,
 }
 # Metrics beside the errors that are given with intervals.
-FIGURES = ("steer_change_rms", "weighted_acceleration_m_s2", "control_time_us_p50")
+_ALWAYS = ("steer_change_rms", "weighted_acceleration_m_s2", "control_time_us_p50")
+FIGURES = (*_ALWAYS, "rms_gap_error_m")
 # What errors are shown against.
 SWEPT = ("delay", "waypoint_noise", "friction")
 # Factors of the best controller's error at which profiles are given.
@@ -134,7 +135,7 @@ def _figures(rows: Sequence[BenchRow]) -> dict[str, Any]:
     timed = ("control_time_us_p50", "control_time_us_p99")
     return {
         **{name: _errors(_in_group(rows, name)) for name in GROUPS},
-        "figures": {name: _distributed(rows, name) for name in FIGURES},
+        "figures": {k: _distributed(rows, k) for k in FIGURES if _measured(rows, k).size},
         "replicates": max(len({row.replicate for row in rows}), 1),
         "runs": len(rows),
         "error": next((row.error for row in rows if row.error is not None), None),

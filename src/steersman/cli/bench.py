@@ -131,6 +131,8 @@ def _show(outcome: BenchResult, folder: str) -> None:
     )
     if best is not None:
         notes += f"; ratio: RMS error over that of {best}, the best classical controller"
+    if "gap" in columns:
+        notes += "; gap: RMS of the gap to the car ahead less the wished one [m]"
     notes += "."
     if any(one.beyond is not None for one in summary.controllers.values()):
         notes += " With a +: lost of the runs beyond grip, which no other column counts."
@@ -146,11 +148,17 @@ def _cells(found: ControllerSummary) -> dict[str, str]:
         "disturbed": _interval(found.disturbed.rms_m, 1e3),
         "typical": _interval(found.disturbed.typical_m, 1e3),
         "lost": _lost(found),
+        "gap": _gap(found),
         "steer": _steering(found),
         "step": _number(found.control_time_us_p50),
         "regret": "" if found.regret is None else _interval(found.regret.median_m, 1e3),
         "ratio": "" if found.ratio is None else _interval(found.ratio["all"].rms),
     }
+
+
+def _gap(found: ControllerSummary) -> str:
+    known = found.figures.get("rms_gap_error_m")
+    return "" if known is None else _interval(known.rms)
 
 
 def _fitting(cells: Mapping[str, Mapping[str, str]]) -> tuple[list[str], list[str]]:

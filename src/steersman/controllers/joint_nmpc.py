@@ -32,7 +32,7 @@ class JointNmpc(GripUse, DelayMpc):
 
     As ``nmpc``, with the speed as a state of the plan: no faster than bends allow, and slow enough
     at its end to brake for every bend in view. The speed limit is that of the plan a little ahead.
-    The weights of the errors are those of ``tuned/nmpc``, rounded.
+    The weights of the errors were found by tuning ``nmpc``.
     """
 
     # The suite that tunes asks for no slower speed, and the errors' weights are tuned ones.

@@ -176,6 +176,8 @@ def _row(name: str, found: ControllerSummary, best: str | None) -> dict[str, Any
         **_measured(found, "steer_change_rms", "steering change [1/1000]", _MM),
         "reversals per minute": found.steer_reversals_per_min,
     }
+    if (gap := found.figures.get("rms_gap_error_m")) is not None:
+        row["gap error, RMS [m]"] = interval_text(gap.rms)
     if best:
         ratio = None if found.ratio is None else found.ratio["all"]
         row[f"RMS over {best}'s"] = interval_text(None if ratio is None else ratio.rms)

@@ -20,7 +20,7 @@ from steersman.rendering import RoadLine, road_line
 from steersman.report.marks import marks
 from steersman.report.pack import Blob
 from steersman.report.seen import path_of, vehicle_of, waypoints
-from steersman.report.signals import SIGNALS, ShownDrive, decimate, look
+from steersman.report.signals import PlotSignal, ShownDrive, decimate, look, signals_of, values_of
 from steersman.types import FloatArray
 from steersman.vehicles import Vehicle
 
@@ -52,7 +52,10 @@ def scenes(groups: Sequence[RoadGroup], blob: Blob, budget: int = BUDGET) -> lis
     lengths = [len(drive.episode) for group in groups for drive in group.drives]
     rows = iter(shares(lengths, budget))
     seen = SEEN_BUDGET * budget // BUDGET // max(len(lengths), 1)
-    return [_scene(group, [next(rows) for _ in group.drives], seen, blob) for group in groups]
+    signals = signals_of(drive.episode for group in groups for drive in group.drives)
+    return [
+        _scene(group, [next(rows) for _ in group.drives], seen, signals, blob) for group in groups
+    ]
 
 
 def shares(lengths: Sequence[int], budget: int) -> list[int]:
@@ -70,7 +73,9 @@ def shares(lengths: Sequence[int], budget: int) -> list[int]:
     return out
 
 
-def _scene(group: RoadGroup, rows: Sequence[int], seen: int, blob: Blob) -> dict[str, Any]:
+def _scene(
+    group: RoadGroup, rows: Sequence[int], seen: int, signals: Sequence[PlotSignal], blob: Blob
+) -> dict[str, Any]:
     episodes = [drive.episode for drive in group.drives]
     path = next((p for p in map(path_of, episodes) if p is not None), None)
     road = road_line(path) if path is not None else _driven_road(episodes)
@@ -84,7 +89,7 @@ def _scene(group: RoadGroup, rows: Sequence[int], seen: int, blob: Blob) -> dict
         "origin": origin,
         "road": [blob.add(v - o, _PLACE) for v, o in zip(road, origin, strict=True)],
         "runs": [
-            _run(drive, look(k), n, seen, origin, blob)
+            _run(drive, look(k), n, seen, origin, signals, blob)
             for drive, k, n in zip(group.drives, looks, rows, strict=True)
         ],
     }
@@ -104,10 +109,11 @@ def _run(
     count: int,
     seen: int,
     origin: Sequence[float],
+    signals: Sequence[PlotSignal],
     blob: Blob,
 ) -> dict[str, Any]:
     episode = drive.episode
-    values = [signal.values(episode) for signal in SIGNALS]
+    values = [values_of(signal, episode) for signal in signals]
     found = marks(episode)
     rows = decimate(values, count)
     at_marks = np.array([m[k] for m in found for k in ("row", "until")], dtype=np.intp)
@@ -124,7 +130,7 @@ def _run(
         "columns": {
             **_place(episode, rows, origin, blob),
             **{
-                s.key: blob.add(v[rows], s.step) for s, v in zip(SIGNALS, values, strict=True)
+                s.key: blob.add(v[rows], s.step) for s, v in zip(signals, values, strict=True)
             },
         },
         "marks": [

@@ -16,7 +16,7 @@ from steersman.report.article import LinePlot, PlotLine, Section, Table
 from steersman.report.curves import FIRST, TITLES
 from steersman.report.html import render
 from steersman.report.runs import ReportRun
-from steersman.report.signals import SIGNALS
+from steersman.report.signals import signals_of
 from steersman.report.tables import scaled
 from steersman.report.view import ResultView, article_view
 from steersman.seed_folders import seed_folder
@@ -42,9 +42,9 @@ def shown_episode(episode: Episode) -> ResultView:
             f"{signal.title} [{signal.unit}]",
             [PlotLine(signal.title, episode["time"], signal.values(episode))],
         )
-        for signal in SIGNALS
+        for signal in signals_of([episode])
     ]
-    first = sum(signal.shown for signal in SIGNALS)
+    first = sum(signal.shown for signal in signals_of([episode]))
     return ResultView(figures, partial(render, [drive_run("drive", episode)], "Drive"), first)
 
 

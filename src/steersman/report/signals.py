@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +30,21 @@ class PlotSignal(NamedTuple):
     step: float
     shown: bool = True
     """Whether a page shows it at first."""
+    column: str = "time"
+    """A column of the episodes that have it."""
+
+
+def signals_of(episodes: Iterable[Episode]) -> list[PlotSignal]:
+    """The signals that at least one of the episodes has."""
+    columns = set().union(*(episode.columns for episode in episodes))
+    return [signal for signal in SIGNALS if signal.column in columns]
+
+
+def values_of(signal: PlotSignal, episode: Episode) -> FloatArray:
+    """A signal over an episode; NaN where it has none."""
+    if signal.column in episode.columns:
+        return signal.values(episode)
+    return np.full(len(episode), np.nan)
 
 
 SIGNALS = (
@@ -39,6 +54,7 @@ SIGNALS = (
     ),
     PlotSignal("steer_command", "steering command", "-", lambda e: e["steer_command"], 1e-5),
     PlotSignal("speed", "speed", "m/s", lambda e: np.hypot(e["v_x"], e["v_y"]), 1e-3),
+    PlotSignal("gap", "gap to the car ahead", "m", lambda e: e["gap"], 1e-2, column="gap"),
     PlotSignal("a_y", "lateral acceleration", "m/s²", lambda e: e["a_y"], 1e-3),
     PlotSignal(
         "course_error", "course error", "°", lambda e: np.degrees(e["course_error"]), 1e-4, False

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from steersman.errors import SteersmanError, how_to_install
 from steersman.report.pack import Blob, packed
 from steersman.report.scene import BUDGET, RoadGroup, scenes
-from steersman.report.signals import SIGNALS
+from steersman.report.signals import signals_of
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -92,7 +92,7 @@ def parts(
         "groups": scenes(groups, blob, budget),
         "signals": [
             {"key": s.key, "title": s.title, "unit": s.unit, "step": s.step, "shown": s.shown}
-            for s in SIGNALS
+            for s in signals_of(drive.episode for group in groups for drive in group.drives)
         ],
         "training": training,
     }
