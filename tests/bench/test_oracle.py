@@ -50,9 +50,11 @@ def test_costs_are_found_by_all_that_a_scenario_is() -> None:
     assert not known([other])
 
 
-def test_a_sample_of_the_test_has_an_oracle() -> None:
-    scenarios = suite("standard").model_copy(update={"sample": 4}).scenarios()
+def test_every_scenario_of_the_test_has_an_oracle() -> None:
+    """But for some beyond grip, where no drive was found that stays on the road."""
+    scenarios = suite("standard").scenarios()
     found = known(scenarios)
-    assert {short(each) for each in scenarios} <= set(stored().costs)
-    assert len(found) > 0.9 * len(scenarios)
+    assert {short(each) for each in scenarios} == set(stored().costs)
+    without = {each.disturbance for each in scenarios if each.name not in found}
+    assert all(name.endswith(("_beyond", "_floored")) for name in without)
     assert all(math.isfinite(one.total(0.05)) for one in found.values())
