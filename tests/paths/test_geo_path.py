@@ -106,3 +106,17 @@ def test_what_is_no_line_is_refused(tmp_path: FilePath, name: str, text: str, wo
     assert words in str(caught.value)
     assert str(caught.value).startswith(str(file))
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("latitude", [8.0100000000005, -18.1002, 89.0, 48.1001])
+@pytest.mark.parametrize("longitude", [11.50001, -170.0])
+def test_stray_points_are_a_message(tmp_path: FilePath, latitude: float, longitude: float) -> None:
+    """Thousands of kilometres beside metres: the equations of the smoothing are singular there."""
+    line = [[11.5 + 1e-5 * k * k, 48.1 + 1e-4 * k] for k in range(6)] + [[11.50361, 48.1019]]
+    line[1] = [longitude, latitude]
+    line[2][1], line[5][1] = -18.1002, 4.101800000000004
+    file = tmp_path / "line.geojson"
+    geometry = {"type": "LineString", "coordinates": line}
+    file.write_text(json.dumps({"type": "Feature", "geometry": geometry}))
+    with pytest.raises(DataError, match=r"line\.geojson"):
+        GeoJsonPath(file=file).table  # noqa: B018 - reading it is the test

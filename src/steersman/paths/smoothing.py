@@ -111,7 +111,13 @@ def _fits(
 
     def fit(power: float) -> tuple[FloatArray, float]:
         weight = 10.0**power
-        solve = splu((gram + weight * stiff).tocsc()).solve
+        try:
+            solve = splu((gram + weight * stiff).tocsc()).solve
+        except RuntimeError:  # singular, but for rounding it would not be
+            raise DataError(
+                f"points that lie {gaps.min():.3g} m and others that lie {gaps.max():.3g} m apart"
+                " cannot be smoothed together; take stray points out, or set smoothing=0"
+            ) from None
         return weight * (bends @ solve(right)), weight * float(np.sum(looked * solve(looked)))
 
     return fit
