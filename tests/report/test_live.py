@@ -396,7 +396,7 @@ def by_hand(page, folder):
     assert episode["steer_command"].min() < -0.02  # to the right
     assert len(episode) >= 10
     assert "By hand: stopped by you, after " in page.text_content("#kept")
-    assert "stopped by you" in page.text_content("#figures")
+    until(page, "() => document.getElementById('figures').textContent.includes('stopped by you')")
     assert page.locator("#pin").is_disabled()  # it would keep another drive than the one shown
     # With a game pad, until the car has left the road.
     page.evaluate("navigator.getGamepads = () => [null, { axes: [-0.9, 0], buttons: [] }]")

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from .serving import Serving, connect, serving, synchronous
+from .serving import Serving, another_world, connect, serving, synchronous
 
 
 @pytest.fixture(scope="session")
@@ -34,7 +34,7 @@ def client(server: Serving) -> Iterator[Any]:
     settings.synchronous_mode = False
     world.apply_settings(settings)
     if not world.get_map().name.endswith("StandInStraight"):
-        client.load_world("StandInStraight")
+        another_world(server)
 
 
 @pytest.fixture

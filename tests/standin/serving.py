@@ -91,6 +91,26 @@ def connect(server: Serving, patience: float = PATIENCE) -> Any:
     return client
 
 
+_ELSEWHERE = """import sys, carla
+client = carla.Client("127.0.0.1", int(sys.argv[1]))
+client.set_timeout(60.0)
+text = sys.stdin.read()
+client.generate_opendrive_world(text) if text else client.load_world("StandInStraight")
+"""
+
+
+def another_world(server: Serving, map_text: str = "") -> None:
+    """Another episode, on an OpenDRIVE map or on the straight road, asked for by another process.
+
+    The client dies of another episode now and then, where it is the one that asks for it: it ends
+    the old one's threads while they run. The server has gone on by then.
+    """
+    words = [sys.executable, "-c", _ELSEWHERE, str(server.port)]
+    subprocess.run(
+        words, input=map_text, text=True, check=False, capture_output=True, timeout=120.0
+    )
+
+
 def synchronous(world: Any, dt: float = DT, substep: float = 0.01, most: int = 10) -> Any:
     """Switch a world to synchronous mode."""
     settings = world.get_settings()

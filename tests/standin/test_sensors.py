@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from .serving import PATIENCE, ROAD, at, spawn, synchronous
+from .serving import PATIENCE, ROAD, Serving, another_world, at, spawn, synchronous
 
 carla = pytest.importorskip("carla", reason="the wheel 'carla' is not installed")
 
@@ -133,10 +133,13 @@ def test_a_sensor_with_an_impossible_period_is_refused(world: Any, value: str) -
 @pytest.mark.parametrize(
     "reference", ["", "+proj=tmerc +lat_0=49 +lon_0=-8.5", "+proj=utm +zone=32 +lat_0=-35.25"]
 )
-def test_gnss_says_what_the_client_makes_of_the_map(client: Any, reference: str) -> None:
+def test_gnss_says_what_the_client_makes_of_the_map(
+    server: Serving, client: Any, reference: str
+) -> None:
     header = f'<header revMajor="1" revMinor="4"><geoReference>{reference}</geoReference></header>'
     text = ROAD.replace('<header revMajor="1" revMinor="4"/>', header)
-    world = synchronous(client.generate_opendrive_world(text))
+    another_world(server, text)
+    world = synchronous(client.get_world())
     car = spawn(world, 1000.0, -2000.0, 90.0)
     on_car = Listener(world, car, "sensor.other.gnss", at(1.5, z=2.0))
     alone = Listener(world, None, "sensor.other.gnss", at(-300.0, 40.0, z=7.0))
@@ -187,9 +190,10 @@ def test_a_car_that_leaves_its_lane_is_told(world: Any) -> None:
     assert listener.sensor.destroy()
 
 
-def test_lane_invasions_need_marks(client: Any) -> None:
+def test_lane_invasions_need_marks(server: Serving, client: Any) -> None:
     """The client's program would end where a lane has none."""
-    world = synchronous(client.generate_opendrive_world(ROAD))
+    another_world(server, ROAD)
+    world = synchronous(client.get_world())
     car = spawn(world)
     with pytest.raises(RuntimeError, match="needs a roadMark at the beginning of every lane"):
         Listener(world, car, "sensor.other.lane_invasion", at(0.0))
