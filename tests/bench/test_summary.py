@@ -12,6 +12,8 @@ from steersman.bench.entrants import entrants
 from steersman.bench.results import BenchRow, IntervalEstimate
 from steersman.bench.statistics import Clusters
 from steersman.bench.summary import summarise_rows
+from steersman.cli.bench import _cells
+from steersman.episode import COLLISION
 
 PID, MPC = entrants(["pid", "mpc_pid"])
 
@@ -41,6 +43,17 @@ def test_errors_are_pooled_as_root_mean_squares() -> None:
     assert found.disturbed.rms_m.value == pytest.approx(0.4)
     assert found.ratio is not None
     assert found.ratio["all"].rms == IntervalEstimate(value=1.0, low=1.0, high=1.0)
+
+
+def test_tables_tell_collisions_gap_and_jerk_where_a_car_is_ahead() -> None:
+    behind = {"rms_gap_error_m": 0.3, "rms_longitudinal_jerk_m_s3": 1.2}
+    hit = {"end": COLLISION, "completed": False, "driven_share": 0.5}
+    rows = [row("pid", "a", 0.3, **behind), row("pid", "b", 0.4, **behind, **hit)]
+    found = summarise_rows(rows, [PID]).controllers["pid"]
+    assert _cells(found) == _cells(found) | {"hit": "1/2", "gap": "0.3", "jerk": "1.2"}
+    alone = [row("pid", "a", 0.3, rms_longitudinal_jerk_m_s3=1.2), row("pid", "b", 0.4, **hit)]
+    free = summarise_rows(alone, [PID]).controllers["pid"]
+    assert {_cells(free)[k] for k in ("hit", "gap", "jerk")} == {""}
 
 
 def test_ratios_are_paired() -> None:

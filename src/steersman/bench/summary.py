@@ -43,7 +43,7 @@ GROUPS: dict[str, Callable[[str], bool]] = {
 }
 # Metrics beside the errors that are given with intervals.
 _ALWAYS = ("steer_change_rms", "weighted_acceleration_m_s2", "control_time_us_p50")
-FIGURES = (*_ALWAYS, "rms_gap_error_m")
+_BEHIND_A_CAR = ("rms_gap_error_m", "rms_longitudinal_jerk_m_s3")
 # What errors are shown against.
 SWEPT = ("delay", "waypoint_noise", "friction")
 # Factors of the best controller's error at which profiles are given.
@@ -133,9 +133,11 @@ def _figures(rows: Sequence[BenchRow]) -> dict[str, Any]:
     counted = ("interventions", "fallbacks", "deadline_misses_50ms", "deadline_misses_10ms")
     meant = ("steer_reversals_per_min", "saturated_share", "weighted_acceleration_m_s2")
     timed = ("control_time_us_p50", "control_time_us_p99")
+    behind = _measured(rows, _BEHIND_A_CAR[0]).size
+    measured = (*_ALWAYS, *(_BEHIND_A_CAR if behind else ()))
     return {
         **{name: _errors(_in_group(rows, name)) for name in GROUPS},
-        "figures": {k: _distributed(rows, k) for k in FIGURES if _measured(rows, k).size},
+        "figures": {k: _distributed(rows, k) for k in measured if _measured(rows, k).size},
         "replicates": max(len({row.replicate for row in rows}), 1),
         "runs": len(rows),
         "error": next((row.error for row in rows if row.error is not None), None),

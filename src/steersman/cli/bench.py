@@ -11,6 +11,7 @@ import typer
 from steersman.cli import settings
 from steersman.cli.outcome import goes_on
 from steersman.cli.output import console, note, show, show_json, suite_progress, table
+from steersman.episode import COLLISION
 from steersman.errors import counted, three_digits
 
 if TYPE_CHECKING:
@@ -133,6 +134,10 @@ def _show(outcome: BenchResult, folder: str) -> None:
         notes += f"; ratio: RMS error over that of {best}, the best classical controller"
     if "gap" in columns:
         notes += "; gap: RMS of the gap to the car ahead less the wished one [m]"
+    if "jerk" in columns:
+        notes += "; jerk: RMS, along the car, of drives behind another [m/s^3]"
+    if "hit" in columns:
+        notes += "; hit: runs that ended by a collision with it"
     notes += "."
     if any(one.beyond is not None for one in summary.controllers.values()):
         notes += " With a +: lost of the runs beyond grip, which no other column counts."
@@ -148,7 +153,7 @@ def _cells(found: ControllerSummary) -> dict[str, str]:
         "disturbed": _interval(found.disturbed.rms_m, 1e3),
         "typical": _interval(found.disturbed.typical_m, 1e3),
         "lost": _lost(found),
-        "gap": _gap(found),
+        **_following(found),
         "steer": _steering(found),
         "step": _number(found.control_time_us_p50),
         "regret": "" if found.regret is None else _interval(found.regret.median_m, 1e3),
@@ -156,9 +161,12 @@ def _cells(found: ControllerSummary) -> dict[str, str]:
     }
 
 
-def _gap(found: ControllerSummary) -> str:
-    known = found.figures.get("rms_gap_error_m")
-    return "" if known is None else _interval(known.rms)
+def _following(found: ControllerSummary) -> dict[str, str]:
+    """What tells of drives behind another car; empty where none was."""
+    names = {"gap": "rms_gap_error_m", "jerk": "rms_longitudinal_jerk_m_s3"}
+    known = {name: found.figures.get(figure) for name, figure in names.items()}
+    shown = {name: _interval(one.rms) if one else "" for name, one in known.items()}
+    return {"hit": f"{found.ends.get(COLLISION, 0)}/{found.runs}" if known["gap"] else "", **shown}
 
 
 def _fitting(cells: Mapping[str, Mapping[str, str]]) -> tuple[list[str], list[str]]:
@@ -166,8 +174,8 @@ def _fitting(cells: Mapping[str, Mapping[str, str]]) -> tuple[list[str], list[st
     rows = list(cells.values())
     columns = [name for name in rows[0] if any(row[name] for row in rows)]
     lines = {c: [c, *(line for row in rows for line in row[c].splitlines())] for c in columns}
-    widths = {name: 1 + max(map(len, of)) for name, of in lines.items()}
-    room = console(sys.stdout, like=sys.stdout).width - 1 - max(map(len, ["controller", *cells]))
+    widths = {name: 2 + max(map(len, of)) for name, of in lines.items()}
+    room = console(sys.stdout, like=sys.stdout).width - max(map(len, ["controller", *cells]))
     left_out: list[str] = []
     for name in _LAST:
         if sum(widths[c] for c in columns) > room and name in columns:

@@ -16,6 +16,7 @@ from steersman.bench.results import (
     Summary,
     SweepStep,
 )
+from steersman.episode import COLLISION
 from steersman.report.article import LinePlot, PlotLine, Section, Table, write_article
 from steersman.report.cases import places, replays, worst
 from steersman.report.charts import HeatMap, IntervalPlot, ShownEstimate
@@ -176,14 +177,25 @@ def _row(name: str, found: ControllerSummary, best: str | None) -> dict[str, Any
         **_measured(found, "steer_change_rms", "steering change [1/1000]", _MM),
         "reversals per minute": found.steer_reversals_per_min,
     }
-    if (gap := found.figures.get("rms_gap_error_m")) is not None:
-        row["gap error, RMS [m]"] = interval_text(gap.rms)
+    row |= _following(found)
     if best:
         ratio = None if found.ratio is None else found.ratio["all"]
         row[f"RMS over {best}'s"] = interval_text(None if ratio is None else ratio.rms)
         row["typical ratio"] = interval_text(None if ratio is None else ratio.typical)
     times = _measured(found, "control_time_us_p50", "step time [us]")
     return row | times | {"p99 of it": text(found.control_time_us_p99, 3)}
+
+
+def _following(found: ControllerSummary) -> dict[str, str]:
+    """What tells of drives behind another car, if any was."""
+    gap, jerk = (found.figures.get(f"rms_{k}") for k in ("gap_error_m", "longitudinal_jerk_m_s3"))
+    if gap is None:
+        return {}
+    return {
+        "collisions": f"{found.ends.get(COLLISION, 0)} of {found.runs}",
+        "gap error, RMS [m]": interval_text(gap.rms),
+        "jerk, RMS [m/s³]": "" if jerk is None else interval_text(jerk.rms),
+    }
 
 
 def _measured(
