@@ -40,7 +40,7 @@ from steersman.provenance import provenance
 
 STAGES = 4
 BASELINE = "nothing"
-# The best classical controller of the package with an estimator: it finds delay and biases itself.
+# Behind the predictor it holds delays, and it steers calmly: a teacher that a network can follow.
 TEACHER = "predicted/tuned/lqr"
 NEVER = {"kind": "constant", "at": 0.0}
 # Demonstrations take this share of the steps, where there are any before the training.
