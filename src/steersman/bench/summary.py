@@ -133,8 +133,7 @@ def _figures(rows: Sequence[BenchRow]) -> dict[str, Any]:
     counted = ("interventions", "fallbacks", "deadline_misses_50ms", "deadline_misses_10ms")
     meant = ("steer_reversals_per_min", "saturated_share", "weighted_acceleration_m_s2")
     timed = ("control_time_us_p50", "control_time_us_p99")
-    behind = _measured(rows, _BEHIND_A_CAR[0]).size
-    measured = (*_ALWAYS, *(_BEHIND_A_CAR if behind else ()))
+    measured = _ALWAYS + _BEHIND_A_CAR * bool(_measured(rows, _BEHIND_A_CAR[0]).size)
     return {
         **{name: _errors(_in_group(rows, name)) for name in GROUPS},
         "figures": {k: _distributed(rows, k) for k in measured if _measured(rows, k).size},
@@ -239,10 +238,8 @@ def _errors(rows: Sequence[BenchRow]) -> PooledErrors:
 def _distributed(rows: Sequence[BenchRow], metric: str) -> DistributedFigure:
     known = [row for row in rows if row.metrics.get(metric) is not None]
     values, clusters = _column(row.number(metric) for row in known), clusters_of(known)
-    root = clusters.interval(lambda mean: np.sqrt(mean(values**2)))
-    return DistributedFigure(
-        rms=IntervalEstimate.of(root), median=IntervalEstimate.of(clusters.median(values))
-    )
+    root, median = clusters.interval(lambda m: np.sqrt(m(values**2))), clusters.median(values)
+    return DistributedFigure(rms=IntervalEstimate.of(root), median=IntervalEstimate.of(median))
 
 
 def _ratios(rows: Sequence[BenchRow], base: Sequence[BenchRow]) -> dict[str, ErrorRatio]:
