@@ -55,6 +55,7 @@ CONTROLLERS = (
     "tuned/pid", "tuned/pid_feedforward", "tuned/bearing_pid", "tuned/pure_pursuit",
     "tuned/pure_pursuit_cm", "tuned/stanley", "tuned/stanley_cm", "tuned/lqr", "tuned/sliding_mode",
     "tuned/mpc", "tuned/mpc_pid", "tuned/mpc_pid_scheduled", "tuned/mpc_delay", "nmpc",
+    "joint_nmpc speed=constant_speed",
     "predicted/tuned/lqr", "estimated/tuned/lqr", "supervised/tuned/lqr",
     "supervised/estimated/predicted/tuned/lqr", "precision",
     "grip_speed controller.inner=tuned/lqr speed=constant_speed", "untrained/pid_gains",

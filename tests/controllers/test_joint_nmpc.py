@@ -9,7 +9,7 @@ from steersman.config import build
 from steersman.controllers.joint_nmpc import JointNmpc
 from steersman.controllers.joint_plan import JointNlp, improved, linearised
 from steersman.controllers.nmpc_plan import Limits
-from steersman.kernels import joint_nmpc as kernel
+from steersman.kernels import joint_speeds
 from steersman.kernels.vehicle import GRAVITY
 from steersman.rollout import RunConfig, attempt
 
@@ -64,7 +64,7 @@ def test_a_plan_keeps_all_its_limits() -> None:
         plan = improved(p, Limits(0.0, 0.03), pairs(p, 0.5))
         assert plan is not None
         speeds = np.empty(N + 1)
-        kernel.speeds_of(plan, p.start, p.nlp.dt, speeds)
+        joint_speeds.speeds_of(plan, p.start, p.nlp.dt, speeds)
         assert (speeds[1:] <= held + 1e-5).all()
         assert (plan[1::2] >= -3.0 - 1e-6).all()
         assert (plan[1::2] <= 2.0 + 1e-6).all()
@@ -78,11 +78,22 @@ def test_it_brakes_for_a_bend_in_view_and_no_earlier_than_it_has_to() -> None:
     road, low, high = np.zeros(N + 1), np.empty(2 * N), np.empty(2 * N)
     caps, view = np.empty(N), np.where(np.arange(40) * 2.0 >= 40.0, 0.05, 0.0)
     speeds, grip = np.full(N + 1, 14.0), 0.5 * GRAVITY
-    kernel.bound_speeds(road, view, 2.0, 0.0, speeds, 0.05, grip, 0.6, 0.5, low, high, caps)
+    joint_speeds.bound_speeds(road, view, 2.0, 0.0, speeds, 0.05, grip, 0.6, 0.5, low, high, caps)
     way = 14.0 * 0.05 * N
     assert caps[-1] == pytest.approx(np.sqrt(0.6 * grip / 0.05 + grip * (40.0 - way)), rel=1e-6)
     assert caps[:-1].min() > 100.0
     assert (low[1::2], high[1::2]) == (pytest.approx(-0.7 * grip), pytest.approx(0.5 * grip))
+
+
+def test_wished_speeds_are_those_in_view_where_the_plan_will_be() -> None:
+    """Beside the first and beyond the last one, too, and on one."""
+    rng = np.random.default_rng(0)
+    view, dt, found = rng.uniform(5.0, 20.0, 9), 0.05, np.empty(N)
+    for start in (-3.0, 0.0, 6.1, 15.7, 99.0):
+        for speeds in (rng.uniform(0.0, 40.0, N + 1), np.full(N + 1, 40.0)):
+            joint_speeds.wished_speeds(view, 2.0, start, speeds, dt, 0.2, found)
+            places = start + np.cumsum(speeds[:-1]) * dt
+            assert found == pytest.approx(np.interp(places, 2.0 * np.arange(9), view) + 0.2, 1e-14)
 
 
 @pytest.mark.parametrize("friction", [0.3, 0.7])

@@ -201,6 +201,7 @@ def test_ros_has_no_speed(tmp_path: FilePath) -> None:
         ("tuned/mpc_pid_scheduled", "single"),
         ("grip_speed controller.inner=tuned/stanley speed=constant_speed", "mixed"),
         ("tuned/mpc_pid", "double"),
+        ("joint_nmpc controller.horizon=4 controller.found=true speed=constant_speed", "double"),
         ("estimated/predicted/tuned/stanley_cm", "double"),
         ("supervised/tuned/lqr controller.fallback=pure_pursuit controller.last=pid", "mixed"),
     ],

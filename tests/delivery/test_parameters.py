@@ -39,6 +39,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     "tuned/sliding_mode": (),
     "tuned/stanley": (),
     "tuned/stanley_cm": (),
+    "joint_nmpc": (*SMALL, "speed=constant_speed"),
     "grip_speed": ("controller.inner=tuned/stanley", "speed=constant_speed"),
 }
 

@@ -188,9 +188,14 @@ def raising(a: float, b: float, x: FloatArray) -> float:
     return a
 
 
+def inheriting(a: float, b: float, x: FloatArray) -> float:
+    return float(super().whole)  # type: ignore[misc]
+
+
 @pytest.mark.parametrize(
     ("function", "message"),
     [
+        (inheriting, "a call of super"),
         (recursive, "recursive calls itself"),
         (ragged, "where C needs a constant"),
         (raising, "raise ValueError"),

@@ -127,7 +127,12 @@ class DelayMpc(ControllerComponent):
         """The same with tables that are built where the car drives."""
         nominal = self.model_error.nominal(vehicle)
         tables = build_tables(nominal, dt, self.horizon, self.weights())
-        return DelayMpcState(unmoved(nominal, dt, self.delay), tables)
+        motion = unmoved(nominal, dt, self.delay)
+        return DelayMpcState(motion, tables, speed=self.begun(vehicle))
+
+    def begun(self, vehicle: Vehicle) -> SpeedState | None:
+        """What a plan of the speed carries before the first step; None: the speed is given."""
+        return None
 
     def decide(
         self, state: DelayMpcState, observation: Observation

@@ -67,10 +67,9 @@ class JointNmpc(GripUse, DelayMpc):
     )
     iterations: int = param(1, "-", "Gauss-Newton steps in a decision.", ge=1, le=50)
 
-    def redesign(self, vehicle: Vehicle, dt: float) -> DelayMpcState:
-        """State before the first step."""
-        state = super().redesign(vehicle, dt)
-        return state._replace(speed=SpeedState(self.believed(vehicle)))
+    def begun(self, vehicle: Vehicle) -> SpeedState:
+        """It plans the speed."""
+        return SpeedState(self.believed(vehicle))
 
     def plan(
         self, state: DelayMpcState, ahead: Ahead, observation: Observation

@@ -17,8 +17,8 @@ from steersman.controllers.mpc_delay_plan import Weights
 from steersman.controllers.nmpc_plan import Ahead, Limits, Nlp, Step, problem
 from steersman.controllers.quadratic import optimum
 from steersman.kernels import joint_nmpc as kernel
+from steersman.kernels import joint_speeds, nmpc
 from steersman.kernels import mpc_delay as delay_kernel
-from steersman.kernels import nmpc
 from steersman.types import FloatArray, Observation
 
 # Lower bound of what has none.
@@ -79,21 +79,19 @@ def joint_problem(
     known, tables = state.motion, state.tables
     n, dt = tables.horizon, known.dt
     speeds = np.empty(n + 1)
-    kernel.speeds_of(plan, drive.start, dt, speeds)
+    joint_speeds.speeds_of(plan, drive.start, dt, speeds)
     nlp, limits = problem(
         known, tables, weights, ahead, o, last=last, kappa=state.kappa, speeds=speeds
     )
     low, high, caps = np.empty(2 * n), np.empty(2 * n), np.empty(n)
     start = float(ahead.motion[delay_kernel.WAY])
-    kernel.bound_speeds(
+    joint_speeds.bound_speeds(
         nlp.road, bends_in_view(o), o.spacing, start, speeds, dt, drive.grip, drive.used,
         drive.braking, low, high, caps,
     )  # fmt: skip
     wished = np.full(n, drive.start)
     if len(o.wished) and np.isfinite(o.wished).all():
-        places = start + np.cumsum(speeds[:-1]) * dt
-        at = o.spacing * np.arange(len(o.wished))
-        wished = np.interp(places, at, o.wished) + drive.faster
+        joint_speeds.wished_speeds(o.wished, o.spacing, start, speeds, dt, drive.faster, wished)
     joint = JointNlp(
         nlp, known.friction, drive.start, wished, np.array(drive.prices), low, high, caps
     )
@@ -117,7 +115,7 @@ def improved(p: JointNlp, limits: Limits, plan: FloatArray) -> FloatArray | None
     """The plan (2 N,) after a full Gauss-Newton step within the limits; None if there is none."""
     s, n, (last, step) = linearised(p, plan), len(plan) // 2, limits
     speeds = np.empty(n + 1)
-    kernel.speeds_of(s.plan, p.start, p.nlp.dt, speeds)
+    joint_speeds.speeds_of(s.plan, p.start, p.nlp.dt, speeds)
     # The bounds may be out of reach from the last angle; a plan at the full rate meets them later.
     ramp = step * np.arange(1, n + 1)
     s.low[::2] = np.minimum(s.low[::2], last + ramp)

@@ -264,9 +264,9 @@ class _Pass:
         steer, status = (self.decision[name] for name in ("steer", "status"))
         kept = [*fields(self.state, self.start)]
         if self.setting.limits_speed:
-            kept.append(StateField("speed_limit", REAL, None, (math.nan,)))
+            kept.append(StateField("decided_limit", REAL, None, (math.nan,)))
             limit = self.step.real(self.decision["speed_limit"])
-            self.step.lines.append(f"state->speed_limit = {limit};")
+            self.step.lines.append(f"state->decided_limit = {limit};")
         self.step.lines += [
             f"*steer = {self.step.real(steer)};",
             f"return {self.step.number(status).text};",

@@ -54,7 +54,7 @@ def _speeds(setting: Setting) -> dict[str, str]:
         " /* speeds at the waypoints [m/s] */\n",
         "speed_limit_declared": "/* After step(): the largest speed for the next period [m/s];"
         f" NaN: as wished. */\n{head};\n\n",
-        "speed_limit": f"{head}\n{{\n    return ({handed})state->speed_limit;\n}}\n\n",
+        "speed_limit": f"{head}\n{{\n    return ({handed})state->decided_limit;\n}}\n\n",
         "limit_expected": f"    {handed} speed_limit; /* expected */\n",
         "limit_checked": fill("limit_test.c.in", {"prefix": prefix}),
     }
