@@ -15,9 +15,10 @@ import json
 import math
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
+from steersman.bench.foreign import WORLDS, world_of
 from steersman.bench.results import BenchResult, IntervalEstimate, PooledErrors, Summary
 from steersman.files import write_text
 
@@ -102,19 +103,6 @@ def lost_and_rms(rows: Mapping[str, PooledErrors], cell: str, bound: str) -> str
     return f"{three(1e3 * (one.rms_m.value or 0.0))}, {one.failures} of {one.runs}"
 
 
-# Foreign worlds by the names of their courses; what is none of them is a recorded line.
-WORLDS: dict[str, Callable[[str, BenchResult], bool]] = {
-    "race circuits at 60 and 80 % of the grip, Model 3": lambda c, _: c.endswith("_carla_model3"),
-    "the same with a BMW 320i": lambda c, _: c.endswith("_bmw_320i"),
-    "roads of OpenDRIVE maps": lambda c, r: any(
-        c.startswith(f"{Path(name).stem}_") for name in r.maps
-    ),
-    "TUM-CONTROL's references, its car, its noise": lambda c, _: c.startswith("reftraj"),
-    "multi-body BMW": lambda c, _: c.startswith("multibody"),
-    "lines that CARLA's agents were to follow": lambda *_: True,
-}
-
-
 def by_world(own: Summary, header: list[str]) -> Iterator[list[str]]:
     """The controllers of a table's header in the project's own and in foreign worlds."""
     names = [cell.strip("`") for cell in header[1:]]
@@ -123,9 +111,9 @@ def by_world(own: Summary, header: list[str]) -> Iterator[list[str]]:
     for title in ("clean", "disturbed"):
         parts = [getattr(own.controllers[name], title) for name in names]
         yield [f"suite `standard`, {title}", *(typical([part]) for part in parts)]
-    left = dict(foreign.summary.by["path"])
-    for title, belongs in WORLDS.items():
-        chosen = [left.pop(name) for name in list(left) if belongs(name, foreign)]
+    driven = foreign.summary.by["path"]
+    for title in WORLDS:
+        chosen = [driven[course] for course in driven if world_of(course, foreign.maps) == title]
         if chosen:
             yield [title, *(typical([course[name] for course in chosen]) for name in names)]
 

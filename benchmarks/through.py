@@ -5,19 +5,24 @@
 Reads what ``steersman bench standard`` and ``steersman bench foreign`` wrote and drives nothing:
 ``table.md`` has errors, lost drives, regret and computing time, ``references.md`` the lateral RMS
 error on TUM-CONTROL's references with the exact state and with each published noise. Controllers
-that ``--classical`` names stand first, the others follow in the order of the record.
+that ``--classical`` names stand first, the others follow in the order of the record. With
+``--over``, ``over.md`` compares them with one of them, scenario by scenario, in each world.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
-from steersman.bench.results import BenchResult, ControllerSummary
+from steersman.bench.apart import apart
+from steersman.bench.foreign import WORLDS, world_of
+from steersman.bench.results import BenchResult, BenchRow, ControllerSummary, IntervalEstimate
+from steersman.bench.statistics import Clusters
 from steersman.bench.suite import CLEAN
 from steersman.errors import three_digits
 from steersman.files import write_text
@@ -94,25 +99,69 @@ def _cell(rows: list[dict], name: str, path: str, word: str) -> str:
     return f"{text}, {lost} of {len(found)} lost" if lost else text
 
 
+def rows_in(folder: str) -> list[dict]:
+    """A benchmark's rows."""
+    lines = (Path(folder) / "rows.jsonl").read_text(encoding="utf-8").splitlines()
+    return [json.loads(line) for line in lines]
+
+
+def by_world(standard: list[dict], foreign: list[dict], maps: Iterable[str]) -> dict[str, list]:
+    """Rows within grip by where they were driven."""
+    out = apart(BenchRow.model_validate(row) for row in standard)
+    kept = [row for row in standard if row["scenario"] not in out]
+    worlds = {
+        "suite `standard`, clean": [row for row in kept if row["disturbance"] == CLEAN],
+        "suite `standard`, disturbed": [row for row in kept if row["disturbance"] != CLEAN],
+    }
+    for title in WORLDS:
+        worlds[title] = [row for row in foreign if world_of(row["path"], maps) == title]
+    return {title: rows for title, rows in worlds.items() if rows}
+
+
+def over(worlds: dict[str, list], base: str, names: list[str]) -> Iterable[list[str]]:
+    """The base's typical error, the others' over it, in pairs, and what was lost, by world."""
+    others = [name for name in names if name != base]
+    yield ["", f"`{base}`, typical [mm]", *(f"`{name}` over it" for name in others)]
+    for title, rows in worlds.items():
+        of = {row["scenario"]: row for row in rows if row["controller"] == base}
+        logs = [math.log(row["charged_rms_m"]) for row in of.values()]
+        cells = [f"{three_digits(1e3 * math.exp(np.mean(logs)))}, {_lost(list(of.values()))}"]
+        for name in others:
+            own = [row for row in rows if row["controller"] == name]
+            ratios = [row["charged_rms_m"] / of[row["scenario"]]["charged_rms_m"] for row in own]
+            draws = Clusters([row["path"] for row in own], [row["replicate"] for row in own])
+            logs = np.log(ratios)
+            found = draws.interval(lambda mean, logs=logs: np.exp(mean(logs)))
+            cells.append(f"{interval_text(IntervalEstimate.of(found))}, {_lost(own)}")
+        yield [title, *cells]
+
+
+def _lost(rows: list[dict]) -> str:
+    return f"{sum(not row['completed'] for row in rows)} of {len(rows)} lost"
+
+
 def main() -> None:
     """Read both benchmarks and write both tables."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("standard", help="folder of a benchmark on the suite standard")
     parser.add_argument("foreign", help="folder of a benchmark on foreign worlds, with rows.jsonl")
     parser.add_argument("--classical", default="", help="names that stand first, with commas")
+    parser.add_argument("--over", help="name of the one that over.md compares the others with")
     parser.add_argument("--out", required=True)
     given = parser.parse_args()
     standard, foreign = (
         BenchResult.read(Path(one) / "results.json") for one in (given.standard, given.foreign)
     )
-    known = standard.summary.controllers
+    away = foreign.summary.controllers
+    known = [name for name in standard.summary.controllers if name in away]
     first = [name for name in given.classical.split(",") if name]
     names = [*first, *(name for name in known if name not in first)]
-    lines = (Path(given.foreign) / "rows.jsonl").read_text(encoding="utf-8").splitlines()
-    rows = [json.loads(line) for line in lines]
-    out = Path(given.out)
+    out, rows = Path(given.out), rows_in(given.foreign)
     write_text(out / "table.md", table(whole(standard, foreign, names)))
     write_text(out / "references.md", table(references(rows, names)))
+    if given.over:
+        worlds = by_world(rows_in(given.standard), rows, foreign.maps)
+        write_text(out / "over.md", table(over(worlds, given.over, names)))
 
 
 if __name__ == "__main__":

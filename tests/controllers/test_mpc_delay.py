@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from steersman.config import resolve
 from steersman.controllers import mpc_delay_plan
+from steersman.controllers.base import ControllerComponent
 from steersman.controllers.mpc_delay import MpcDelay
 from steersman.controllers.mpc_delay_plan import (
     PlanProblem,
@@ -234,3 +236,16 @@ def test_the_delay_is_driven_through_at_its_mean_speed(monkeypatch: pytest.Monke
         car = beside(path, s, velocity=(v, 0.0), time=DT * k)
         _, state = controller.step(state, observe(path, car, s))
     assert speeds[-1] - v == pytest.approx(0.2, abs=0.02)
+
+
+@pytest.mark.parametrize("around", ["estimated", "grip_speed", "time_gap"])
+def test_a_redesign_builds_models_where_the_car_drives_alone(around: str) -> None:
+    """As an agent that sets weights twice a second needs it, whatever is around the MPC."""
+    field = "controller" if around == "estimated" else "inner"
+    inner = {"kind": "mpc_delay", "r": 0.0123 + 0.001 * len(around)}  # tables of no other test
+    controller = resolve("controller", {"kind": around, field: inner})
+    assert isinstance(controller, ControllerComponent)
+    state = controller.redesign(CAR, DT)
+    controller.step(state, observe(Straight(), beside(Straight(), 50.0), 50.0))
+    tables = getattr(state, "controller" if around == "estimated" else "inner").tables
+    assert sum(model is not None for model in tables._models) <= 2

@@ -7,7 +7,8 @@ names them and holds nothing of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from fnmatch import fnmatch
 from pathlib import Path as FilePath
 from typing import NamedTuple
 
@@ -30,6 +31,17 @@ from steersman.vehicles import Bmw320i, CarlaModel3, Vehicle, VwT7
 
 FOREIGN = "foreign"
 """Name of the suite."""
+
+MAPS, LINES = "roads of OpenDRIVE maps", "lines that CARLA's agents were to follow"
+WORLDS = {
+    "race circuits at 60 and 80 % of the grip, Model 3": "*_carla_model3",
+    "the same with a BMW 320i": "*_bmw_320i",
+    MAPS: None,
+    "TUM-CONTROL's references, its car, its noise": "reftraj*",
+    "multi-body BMW": "multibody*",
+    LINES: None,
+}
+"""Foreign worlds by title, with the pattern of their courses' names."""
 
 _CARS: dict[str, Vehicle] = {
     "carla_model3": CarlaModel3(),
@@ -55,6 +67,18 @@ class ForeignFolders(NamedTuple):
     """Reference trajectories of TUM-CONTROL as JSON files."""
     logs: FilePath | None = None
     """Recorded lines as CSV files with the columns x and y."""
+
+
+def world_of(course: str, maps: Iterable[str]) -> str:
+    """The title in ``WORLDS`` of a course, by its name and those of the files of the maps.
+
+    >>> world_of("Town01_2", ["Town01.xodr"]), world_of("multibody_spline", [])
+    ('roads of OpenDRIVE maps', 'multi-body BMW')
+    """
+    if any(course.startswith(f"{FilePath(name).stem}_") for name in maps):
+        return MAPS
+    found = (title for title, pattern in WORLDS.items() if pattern and fnmatch(course, pattern))
+    return next(found, LINES)
 
 
 def published_noise() -> dict[str, Disturbance]:

@@ -75,6 +75,13 @@ def a_loaded_controller_steers_alike(controller: ControllerComponent) -> Iterato
         yield "made again from its plain data it steers otherwise"
 
 
+def redesigned_it_steers_alike(controller: ControllerComponent) -> Iterator[str]:
+    """``redesign`` leaves work for later, and changes nothing."""
+    seen = scenes(PosedRoad())
+    if answers(controller, seen, controller.redesign(CAR, DT)) != answers(controller, seen):
+        yield "from the state of redesign it steers otherwise than from that of init"
+
+
 def signs_are_those_of_iso_8855(controller: ControllerComponent) -> Iterator[str]:
     """Left of a road, or turned to its left, it steers right; round a left bend, left.
 
@@ -278,6 +285,7 @@ check: Contract[ControllerComponent] = Contract(
     signs_are_those_of_iso_8855,
     an_ordinary_place_asks_for_no_full_lock,
     a_loaded_controller_steers_alike,
+    redesigned_it_steers_alike,
     place_and_direction_do_not_matter,
     *FAULTS,
     limits_are_kept,

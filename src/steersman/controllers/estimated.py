@@ -38,8 +38,14 @@ class Estimated(Wrapper):
 
     def init(self, vehicle: Vehicle, dt: float) -> EstimatedState:
         """State before the first step."""
-        chain = tuple(one.init(vehicle, dt) for one in self._chain())
-        return EstimatedState(chain, self.controller.init(vehicle, dt))
+        return self._begun(vehicle, dt, self.controller.init(vehicle, dt))
+
+    def redesign(self, vehicle: Vehicle, dt: float) -> EstimatedState:
+        """The same, with the controller's own redesign."""
+        return self._begun(vehicle, dt, self.controller.redesign(vehicle, dt))
+
+    def _begun(self, vehicle: Vehicle, dt: float, inner: Any) -> EstimatedState:
+        return EstimatedState(tuple(one.init(vehicle, dt) for one in self._chain()), inner)
 
     def step(
         self, state: EstimatedState, observation: Observation

@@ -60,6 +60,10 @@ class GripSpeed(GripUse, Wrapper):
         """State before the first step."""
         return GripSpeedState(self.inner.init(vehicle, dt), self.believed(vehicle), dt)
 
+    def redesign(self, vehicle: Vehicle, dt: float) -> GripSpeedState:
+        """The same, with the inner controller's own redesign."""
+        return GripSpeedState(self.inner.redesign(vehicle, dt), self.believed(vehicle), dt)
+
     def step(
         self, state: GripSpeedState, observation: Observation
     ) -> tuple[Decision, GripSpeedState]:

@@ -58,6 +58,10 @@ class TimeGap(Wrapper):
         """State before the first step."""
         return TimeGapState(self.inner.init(vehicle, dt))
 
+    def redesign(self, vehicle: Vehicle, dt: float) -> TimeGapState:
+        """The same, with the inner controller's own redesign."""
+        return TimeGapState(self.inner.redesign(vehicle, dt))
+
     def step(self, state: TimeGapState, observation: Observation) -> tuple[Decision, TimeGapState]:
         """The inner controller's steering, and the largest speed [m/s] that the gap allows."""
         decision, inner = self.inner.step(state.inner, observation)
