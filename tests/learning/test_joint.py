@@ -86,6 +86,10 @@ def steering(steps: int, share: float) -> FloatArray:
             },
             "whose base drives as fast as wished",
         ),
+        (
+            {"action": "residual", "base": "grip_speed", "demonstration": {"enabled": False}},
+            "'grip_speed' limits the speed, which this policy would not",
+        ),
     ],
 )  # fmt: skip
 def test_what_does_not_go_together_is_refused(changes: dict[str, Any], message: str) -> None:

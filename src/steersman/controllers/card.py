@@ -53,7 +53,7 @@ def card_base(card: PolicyCard) -> ControllerComponent | None:
     base = resolve("controller", card.base)
     assert isinstance(base, ControllerComponent)
     try:
-        check_base(base)
+        check_base(base, joint=card.joint)
     except ValueError as error:
         raise DataError(str(error)) from None
     return base
@@ -65,13 +65,23 @@ def card_parameters(card: PolicyCard) -> dict[str, str | tuple[Any, ...]]:
     return {name: each if isinstance(each, str) else tuple(each) for name, each in given.items()}
 
 
-def check_base(base: ControllerComponent) -> None:
-    """Refuse a base that no card can describe.
+def check_base(base: ControllerComponent, *, joint: bool) -> None:
+    """Refuse a base that no card can describe, or of which a policy would use a half.
+
+    Args:
+        base: the controller.
+        joint: whether the policy chooses the speed, too.
 
     Raises:
         ValueError: the base holds a policy, whose file would have to travel with the card, or a
-            program, which would run wherever the card is read.
+            program, which would run wherever the card is read; or it limits the speed, and the
+            policy is not joint.
     """
+    if base.limits_speed() and not joint:
+        raise ValueError(
+            f"base {base.kind!r} limits the speed, which this policy would not; set joint=true "
+            "(with action=residual), or name a controller that only steers"
+        )
     if any(_holds(dump(base), kind) for kind in LEARNED):
         raise ValueError("a policy cannot be the base, as its file is no part of the card")
     if _holds(dump(base), Process.kind):

@@ -137,7 +137,7 @@ class Problem(Settings):
                 "set action=residual or action=parameters"
             )
         if self.base is not None:
-            check_base(self.base)
+            check_base(self.base, joint=self.joint)
         return self
 
     @model_validator(mode="after")
