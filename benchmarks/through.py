@@ -6,7 +6,8 @@ Reads what ``steersman bench standard`` and ``steersman bench foreign`` wrote an
 ``table.md`` has errors, lost drives, regret and computing time, ``references.md`` the lateral RMS
 error on TUM-CONTROL's references with the exact state and with each published noise. Controllers
 that ``--classical`` names stand first, the others follow in the order of the record. With
-``--over``, ``over.md`` compares them with one of them, scenario by scenario, in each world.
+``--over``, ``over.md`` compares them with one of them, scenario by scenario, in each
+world, and ``seeds.md`` each seed of them on the suite.
 """
 
 from __future__ import annotations
@@ -32,6 +33,8 @@ REFERENCES = {"reftraj_monteblanco_edgar": "Monteblanco", "reftraj_lvms_edgar": 
 # Lateral RMS error [mm] of the weights-varying MPC of Zarrouki et al., least and most of its 26
 # Pareto-optimal sets, in the drives of 120 s that TUM-CONTROL publishes.
 PUBLISHED = {"Monteblanco": "139 to 287", "LVMS": "202 to 372"}
+
+DISTURBED = "suite `standard`, disturbed"
 
 
 def table(rows: Iterable[list[str]]) -> str:
@@ -111,7 +114,7 @@ def by_world(standard: list[dict], foreign: list[dict], maps: Iterable[str]) -> 
     kept = [row for row in standard if row["scenario"] not in out]
     worlds = {
         "suite `standard`, clean": [row for row in kept if row["disturbance"] == CLEAN],
-        "suite `standard`, disturbed": [row for row in kept if row["disturbance"] != CLEAN],
+        DISTURBED: [row for row in kept if row["disturbance"] != CLEAN],
     }
     for title in WORLDS:
         worlds[title] = [row for row in foreign if world_of(row["path"], maps) == title]
@@ -134,6 +137,18 @@ def over(worlds: dict[str, list], base: str, names: list[str]) -> Iterable[list[
             found = draws.interval(lambda mean, logs=logs: np.exp(mean(logs)))
             cells.append(f"{interval_text(IntervalEstimate.of(found))}, {_lost(own)}")
         yield [title, *cells]
+
+
+def by_seed(rows: list[dict], base: str) -> Iterable[list[str]]:
+    """Each seed's typical error over the base's, in pairs, lost drives and steering."""
+    yield ["controller", "seed", "over it, typical", "ended early", "steering change, RMS [1/1000]"]
+    of = {row["scenario"]: row["charged_rms_m"] for row in rows if row["controller"] == base}
+    for name, seed in sorted({(row["controller"], row["replicate"]) for row in rows}):
+        own = [row for row in rows if (row["controller"], row["replicate"]) == (name, seed)]
+        logs = [math.log(row["charged_rms_m"] / of[row["scenario"]]) for row in own]
+        steering = np.sqrt(np.mean([row["steer_change_rms"] ** 2 for row in own]))
+        figures = three_digits(math.exp(np.mean(logs))), _lost(own), three_digits(1e3 * steering)
+        yield [f"`{name}`", seed.removeprefix("seed "), *figures]
 
 
 def _lost(rows: list[dict]) -> str:
@@ -162,6 +177,7 @@ def main() -> None:
     if given.over:
         worlds = by_world(rows_in(given.standard), rows, foreign.maps)
         write_text(out / "over.md", table(over(worlds, given.over, names)))
+        write_text(out / "seeds.md", table(by_seed(worlds[DISTURBED], given.over)))
 
 
 if __name__ == "__main__":

@@ -46,6 +46,37 @@ def test_the_published_errors_stand_beside_the_exact_state_alone() -> None:
     assert found["LVMS, a noise"] == ""
 
 
+def test_ratios_are_those_of_the_same_drives_in_each_world_and_of_each_seed() -> None:
+    """The base errs ten times as much on one road: pairs alone tell that the agent has half."""
+
+    def drives(name: str, factor: float, seed: str = "", *, lost: bool = False) -> list[dict]:
+        steered = {"controller": name, "replicate": seed, "steer_change_rms": 0.01}
+        errors = {"a": 0.01, "b": 0.1}
+        paths = {road: f"multibody_{road}" for road in errors}
+        return [
+            {
+                **row(factor * errors[road], seed, lost=lost),
+                **steered,
+                "path": path,
+                "scenario": road,
+            }
+            for road, path in paths.items()
+        ]
+
+    rows = [*drives("base", 1.0), *drives("agent", 0.5, "0"), *drives("agent", 0.5, "1", lost=True)]
+    worlds = through.by_world([], rows, [])
+    assert list(worlds) == ["multi-body BMW"]
+    head, found = through.over(worlds, "base", ["base", "agent"])
+    assert head[1:] == ["`base`, typical [mm]", "`agent` over it"]
+    assert found[1:] == ["31.6, 0 of 2 lost", "0.5 [0.5, 0.5], 2 of 4 lost"]
+    _, *seeds = through.by_seed(rows, "base")
+    assert [each[1:] for each in seeds] == [
+        ["0", "0.5", "0 of 2 lost", "10"],
+        ["1", "0.5", "2 of 2 lost", "10"],
+        ["", "1", "0 of 2 lost", "10"],
+    ]
+
+
 @pytest.mark.parametrize("first", [[], ["precision"]])
 def test_the_table_shows_what_both_records_hold(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, first: list[str]
