@@ -111,7 +111,7 @@ def test_a_program_that_is_not_there() -> None:
 def test_no_card_starts_a_program() -> None:
     for kind in (program(), resolve("controller", {"kind": "estimated", "controller": program()})):
         with pytest.raises(ValueError, match="a program cannot be the base"):
-            check_base(kind)  # type: ignore[arg-type]
+            check_base(kind, joint=False)  # type: ignore[arg-type]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs SIGKILL")
