@@ -32,6 +32,7 @@ from steersman.bench.results import (
 )
 from steersman.bench.suite import CLEAN, Suite
 from steersman.metrics.comfort import MOST_ACCELERATION
+from steersman.metrics.following import GAP_AND_JERK
 from steersman.provenance import provenance
 from steersman.types import FloatArray
 
@@ -43,7 +44,6 @@ GROUPS: dict[str, Callable[[str], bool]] = {
 }
 # Metrics beside the errors that are given with intervals.
 _ALWAYS = ("steer_change_rms", "weighted_acceleration_m_s2", "control_time_us_p50")
-_BEHIND_A_CAR = ("rms_gap_error_m", "rms_longitudinal_jerk_m_s3")
 # What errors are shown against.
 SWEPT = ("delay", "waypoint_noise", "friction")
 # Factors of the best controller's error at which profiles are given.
@@ -133,7 +133,7 @@ def _figures(rows: Sequence[BenchRow]) -> dict[str, Any]:
     counted = ("interventions", "fallbacks", "deadline_misses_50ms", "deadline_misses_10ms")
     meant = ("steer_reversals_per_min", "saturated_share", "weighted_acceleration_m_s2")
     timed = ("control_time_us_p50", "control_time_us_p99")
-    measured = _ALWAYS + _BEHIND_A_CAR * bool(_measured(rows, _BEHIND_A_CAR[0]).size)
+    measured = _ALWAYS + GAP_AND_JERK * bool(_measured(rows, GAP_AND_JERK[0]).size)
     return {
         **{name: _errors(_in_group(rows, name)) for name in GROUPS},
         "figures": {k: _distributed(rows, k) for k in measured if _measured(rows, k).size},

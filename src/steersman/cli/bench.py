@@ -11,7 +11,6 @@ import typer
 from steersman.cli import settings
 from steersman.cli.outcome import goes_on
 from steersman.cli.output import console, note, show, show_json, suite_progress, table
-from steersman.episode import COLLISION
 from steersman.errors import counted, three_digits
 
 if TYPE_CHECKING:
@@ -163,8 +162,10 @@ def _cells(found: ControllerSummary) -> dict[str, str]:
 
 def _following(found: ControllerSummary) -> dict[str, str]:
     """What tells of drives behind another car; empty where none was."""
-    names = {"gap": "rms_gap_error_m", "jerk": "rms_longitudinal_jerk_m_s3"}
-    known = {name: found.figures.get(figure) for name, figure in names.items()}
+    from steersman.episode import COLLISION
+    from steersman.metrics.following import GAP_AND_JERK
+
+    known = dict(zip(("gap", "jerk"), map(found.figures.get, GAP_AND_JERK), strict=True))
     shown = {name: _interval(one.rms) if one else "" for name, one in known.items()}
     return {"hit": f"{found.ends.get(COLLISION, 0)}/{found.runs}" if known["gap"] else "", **shown}
 

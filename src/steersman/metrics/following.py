@@ -17,6 +17,8 @@ _NAMES = (
     "rms_time_gap_error_s",
     "rms_longitudinal_jerk_m_s3",
 )
+GAP_AND_JERK = ("rms_gap_error_m", "rms_longitudinal_jerk_m_s3")
+"""Those that a benchmark sums up and shows, in this order."""
 # Below this speed a time gap tells nothing [m/s].
 _SLOW = 1.0
 

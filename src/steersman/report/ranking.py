@@ -8,6 +8,7 @@ from typing import Any
 from steersman.bench.pairs import FEW_PATHS
 from steersman.bench.results import ControllerSummary, IntervalEstimate, Summary
 from steersman.episode import COLLISION
+from steersman.metrics.following import GAP_AND_JERK
 from steersman.report.article import Section, Table
 from steersman.report.charts import IntervalPlot, ShownEstimate
 from steersman.report.tables import interval_text, scaled, text
@@ -120,7 +121,7 @@ def _row(name: str, found: ControllerSummary, best: str | None) -> dict[str, Any
 
 def _following(found: ControllerSummary) -> dict[str, str]:
     """What tells of drives behind another car, if any was."""
-    gap, jerk = (found.figures.get(f"rms_{k}") for k in ("gap_error_m", "longitudinal_jerk_m_s3"))
+    gap, jerk = map(found.figures.get, GAP_AND_JERK)
     if gap is None:
         return {}
     return {
