@@ -14,6 +14,7 @@ from steersman.episode import Episode
 from steersman.errors import ConfigError
 from steersman.kernels.vehicle import GRAVITY
 from steersman.rollout import RunConfig, attempt
+from steersman.types import Observation
 from steersman.vehicles import CarlaModel3
 
 from ..loops import DT
@@ -58,3 +59,24 @@ def test_a_friction_that_nothing_tells_is_found(friction: float) -> None:
     assert 0.4 < used[-1] < 1.0
     assert np.abs(episode["lateral_error"]).max() < 0.5
     assert not on_a_bend(resolve("controller", FOUND["inner"]), friction, 12.0).completed
+
+
+def test_what_is_reckoned_with_grows_slowly_once_it_is_much_and_falls_at_once() -> None:
+    """Below ``cautious`` at most at ``growth``, above at ``slow_growth``; a slide is for ever."""
+    controller = resolve("controller", FOUND)
+    assert isinstance(controller, GripSpeed)
+    belief = controller.believed(CarlaModel3())
+    seen = Observation(0.0, 0.0, 0.0, 15.0, 0.0, 0.6, 0.0, 0.04, np.zeros((9, 2)), 2.0)
+    rates = []
+    for _ in range(400):
+        last, belief = belief, controller.shown(belief, seen, 3.0, DT)
+        rates.append((last.friction, (belief.friction / last.friction - 1.0) / DT))
+    assert belief.friction > controller.cautious
+    for friction, rate in rates:
+        most = controller.growth if friction < controller.cautious else controller.slow_growth
+        assert -1e-9 <= rate <= most + 1e-9
+    slid = controller.shown(belief, seen, 0.3, DT)
+    assert slid.friction == pytest.approx(max(0.8 * 0.3, controller.least))
+    for _ in range(200):
+        slid = controller.shown(slid, seen, 3.0, DT)
+    assert slid.friction == pytest.approx(max(0.8 * 0.3, controller.least))

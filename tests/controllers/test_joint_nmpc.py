@@ -78,11 +78,13 @@ def test_it_brakes_for_a_bend_in_view_and_no_earlier_than_it_has_to() -> None:
     road, low, high = np.zeros(N + 1), np.empty(2 * N), np.empty(2 * N)
     caps, view = np.empty(N), np.where(np.arange(40) * 2.0 >= 40.0, 0.05, 0.0)
     speeds, grip = np.full(N + 1, 14.0), 0.5 * GRAVITY
-    joint_speeds.bound_speeds(road, view, 2.0, 0.0, speeds, 0.05, grip, 0.6, 0.5, low, high, caps)
+    joint_speeds.bound_speeds(
+        road, view, 2.0, 0.0, speeds, 0.05, grip, 0.6, 0.5, (1.0, 0.8), low, high, caps
+    )
     way = 14.0 * 0.05 * N
     assert caps[-1] == pytest.approx(np.sqrt(0.6 * grip / 0.05 + grip * (40.0 - way)), rel=1e-6)
     assert caps[:-1].min() > 100.0
-    assert (low[1::2], high[1::2]) == (pytest.approx(-0.7 * grip), pytest.approx(0.5 * grip))
+    assert (low[1::2], high[1::2]) == (pytest.approx(-0.8 * 0.85 * grip), pytest.approx(0.5 * grip))
 
 
 def test_wished_speeds_are_those_in_view_where_the_plan_will_be() -> None:

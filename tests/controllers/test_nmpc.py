@@ -22,7 +22,7 @@ from steersman.paths.analytic import Circle, FigureEight, Straight
 from steersman.plants.simulator import SimulatorConfig
 from steersman.speed import ConstantSpeed
 from steersman.types import FloatArray, Status
-from steersman.vehicles import Bmw320i, CarlaModel3, Vehicle
+from steersman.vehicles import Bmw320i, CarlaModel3, Vehicle, VwT7
 
 from ..loops import CAR, DT, Posed, beside, drive, observe
 
@@ -202,6 +202,36 @@ def test_holds_a_slippery_circle_and_finds_its_friction(kind: Any, share: float)
     assert abs(errors[-60:]).max() < 0.01
     if share > 0.8:
         assert state.motion.friction == pytest.approx(friction, rel=0.3)
+
+
+@pytest.mark.parametrize("nominal", [1.0, 3.0])
+@pytest.mark.parametrize("kind", [CarlaModel3, Bmw320i, VwT7])
+def test_a_slide_is_told_from_a_wrong_stiffness_whatever_grip_the_car_should_have(
+    kind: Any, nominal: float
+) -> None:
+    """An axle with 0.4 of its weight for a force, at slips from where the brush tyre slides on.
+
+    Half or one and a half of a stiffness at a small slip is no want of grip.
+    """
+    row = kind().replace(friction=nominal).row()
+    frictions, v = np.linspace(0.1, nominal, 32), 12.0
+    grips = np.array(grip.axle_grips(row, 0.4, v, 0.0))
+    stiffness = np.array([row[car.C_F], row[car.C_R]])
+
+    def scores(slips: FloatArray, forces: FloatArray) -> tuple[FloatArray, int]:
+        found = np.zeros(32)
+        best = grip.score_frictions(row, frictions, v, 0.0, slips, forces, np.zeros(2), 0.0, found)
+        return found, best
+
+    for times in (1.0, 2.0, 5.0):
+        slips = times * 3.0 * grips / stiffness
+        found, best = scores(slips, -grips)
+        assert found[-1] > found[best] + 1.5
+        assert frictions[best] < 0.6
+    for wrong in (0.5, 1.5):
+        slips = 0.1 * grips / stiffness
+        found, best = scores(slips, -wrong * stiffness * slips)
+        assert found[-1] < found[best] + 1.5
 
 
 @pytest.mark.parametrize("nominal", [CAR.replace(c_f=1.3 * CAR.c_f, c_r=1.3 * CAR.c_r), CAR])

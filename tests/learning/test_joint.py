@@ -176,7 +176,7 @@ def test_a_demonstrated_speed_is_an_action_that_leads_there() -> None:
     assert env.action_space.shape == (2,)
     env.reset()
     # The bend allows 5.9 m/s; where it takes all the grip, a tenth of it is left for braking.
-    allowed = 8.0 - 0.1 * 0.15 * GRAVITY * DT
+    allowed = 8.0 - 0.4 * 0.15 * GRAVITY * DT
     actions = env.demonstrated_actions()
     assert actions[:, 1] == pytest.approx(allowed / 8.0 - 1.0, abs=2e-3)
     env.step(actions)

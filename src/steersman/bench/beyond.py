@@ -19,14 +19,14 @@ FRICTION = {"wet": 0.7, "ice": 0.3}
 _SEEDS = range(100, 104)
 _DISTANCE = 400.0
 # From standstill, so that no drive begins in a bend with too much speed.
-_WISHED = StopAndGo(speed=20.0, stand=0.5, hold=1e3, a_lat_max=30.0)
+WISHED = StopAndGo(speed=20.0, stand=0.5, hold=1e3, a_lat_max=30.0)
 
 
 def beyond_grip() -> Suite:
     """The suite."""
     courses = {
         f"{name}_{seed}": Course(
-            path=kind(seed=seed, distance=_DISTANCE), speeds={"wished": _WISHED}
+            path=kind(seed=seed, distance=_DISTANCE), speeds={"wished": WISHED}
         )
         for name, kind in GENERATORS.items()
         for seed in _SEEDS

@@ -18,7 +18,7 @@ from steersman.controllers.delay_mpc import DelayMpc
 from steersman.controllers.grip_use import Belief, GripUse, bends_in_view, near_speed
 from steersman.controllers.plausible import usable
 from steersman.errors import ConfigError
-from steersman.kernels.bend_speed import approach_speed, for_pedals
+from steersman.kernels.bend_speed import approach_speed, for_pedals, pedal_shares
 from steersman.kernels.vehicle import GRAVITY
 from steersman.types import Decision, Observation
 from steersman.vehicles import Vehicle
@@ -33,6 +33,8 @@ class GripSpeedState(NamedTuple):
     inner: Any
     belief: Belief
     dt: float
+    shares: tuple[float, float]
+    """Of the grip, for driving and for braking [-]."""
     limit: float = math.nan
     """The largest speed for the next control period [m/s]."""
 
@@ -58,11 +60,15 @@ class GripSpeed(GripUse, Wrapper):
 
     def init(self, vehicle: Vehicle, dt: float) -> GripSpeedState:
         """State before the first step."""
-        return GripSpeedState(self.inner.init(vehicle, dt), self.believed(vehicle), dt)
+        return self._begun(self.inner.init(vehicle, dt), vehicle, dt)
 
     def redesign(self, vehicle: Vehicle, dt: float) -> GripSpeedState:
         """The same, with the inner controller's own redesign."""
-        return GripSpeedState(self.inner.redesign(vehicle, dt), self.believed(vehicle), dt)
+        return self._begun(self.inner.redesign(vehicle, dt), vehicle, dt)
+
+    def _begun(self, inner: Any, vehicle: Vehicle, dt: float) -> GripSpeedState:
+        shares = pedal_shares(vehicle.row())
+        return GripSpeedState(inner, self.believed(vehicle), dt, shares)
 
     def step(
         self, state: GripSpeedState, observation: Observation
@@ -81,7 +87,7 @@ class GripSpeed(GripUse, Wrapper):
     def _moved(self, state: GripSpeedState, o: Observation) -> float:
         """The limit [m/s], moved on by no more than grip leaves to the pedals."""
         grip = state.belief.friction * GRAVITY
-        least, most = for_pedals(grip, self.braking * grip, o.v_x, o.curvature)
+        least, most = for_pedals(grip, self.braking * grip, state.shares, o.v_x, o.curvature)
         last = near_speed(state.limit, o.v_x)
         return min(max(self._fastest(o, grip), last + least * state.dt), last + most * state.dt)
 

@@ -22,9 +22,10 @@ _SHOWN_TIME = 0.15
 # What an acceleration along the road counts, where nothing shows that tyres are near their grip.
 _ALONG = 0.5
 # The limit moves on from the last one, unless that is so far from the speed [m/s].
-_AWAY = 0.5
-# After a slide, the friction reckoned with stays below this share of what it was.
-_AFTER_SLIDE = 0.9
+_AWAY = 1.0
+# After a slide, this share of the friction that was found then is reckoned with, at most: it is
+# found too large at first.
+_AFTER_SLIDE = 0.8
 
 
 class Belief(NamedTuple):
@@ -54,14 +55,25 @@ class GripUse(ControllerComponent):
         "Find the friction by driving: reckon with little at first, and with more as tyres show "
         "it; with less when mpc_delay or nmpc finds less.",
     )
-    least: float = param(0.2, "-", "Where it is found: the friction at first, and the least.", gt=0)
-    reach: float = param(
-        2.2, "-", "Where it is found: friction over what accelerations have shown of it.", ge=1
+    least: float = param(
+        0.24, "-", "Where it is found: the friction at first, and the least.", gt=0
     )
-    growth: float = param(0.5, "1/s", "Its largest rate of growth, relative.", gt=0)
+    reach: float = param(
+        2.3, "-", "Where it is found: friction over what accelerations have shown of it.", ge=1
+    )
+    growth: float = param(
+        1.8, "1/s", "Its largest rate of growth, relative, while it is below `cautious`.", gt=0
+    )
+    cautious: float = param(
+        0.42,
+        "-",
+        "Friction from which on it grows slowly: a slippery patch shows itself only in the bend.",
+        gt=0,
+    )
+    slow_growth: float = param(0.02, "1/s", "Its largest rate of growth from there on.", gt=0)
     used: float = param(0.6, "-", "Share of the grip for bends.", gt=0, le=1)
     braking: float = param(
-        0.5, "-", "Share of the grip for braking before them, and for speeding up.", gt=0, le=1
+        0.48, "-", "Share of the grip for braking before them, and for speeding up.", gt=0, le=1
     )
 
     def believed(self, vehicle: Vehicle) -> Belief:
@@ -82,10 +94,11 @@ class GripUse(ControllerComponent):
         a_x = belief.a_x + blend * (surge - belief.a_x)
         a_y = belief.a_y + blend * (o.v_x * o.yaw_rate - belief.a_y)
         reached = self.reach * math.hypot(_ALONG * a_x, a_y) / GRAVITY
-        grown = min(reached, belief.friction * (1.0 + self.growth * dt))
+        rate = self.growth if belief.friction < self.cautious else self.slow_growth
+        grown = min(reached, belief.friction * (1.0 + rate * dt))
         friction, most = max(belief.friction, grown), belief.most
-        if found < friction:
-            most = min(most, _AFTER_SLIDE * friction)
+        if found < belief.friction:
+            most = min(most, _AFTER_SLIDE * found)
         least = min(self.least, belief.most)
         friction = max(min(friction, most, found), least)
         return Belief(friction, max(most, least), a_x, a_y, o.v_x)

@@ -19,6 +19,7 @@ from steersman.controllers.quadratic import optimum
 from steersman.kernels import joint_nmpc as kernel
 from steersman.kernels import joint_speeds, nmpc
 from steersman.kernels import mpc_delay as delay_kernel
+from steersman.kernels.bend_speed import pedal_shares
 from steersman.types import FloatArray, Observation
 
 # Lower bound of what has none.
@@ -87,7 +88,7 @@ def joint_problem(
     start = float(ahead.motion[delay_kernel.WAY])
     joint_speeds.bound_speeds(
         nlp.road, bends_in_view(o), o.spacing, start, speeds, dt, drive.grip, drive.used,
-        drive.braking, low, high, caps,
+        drive.braking, pedal_shares(known.vehicle.table.rows[0]), low, high, caps,
     )  # fmt: skip
     wished = np.full(n, drive.start)
     if len(o.wished) and np.isfinite(o.wished).all():

@@ -8,12 +8,16 @@ from __future__ import annotations
 import math
 
 from steersman.kernels.compiled import kernel
+from steersman.kernels.vehicle import BRAKE_FRONT, DRIVE_FRONT, L_F, L_R
 from steersman.types import FloatArray
 
 # Least curvature that limits a speed [1/m].
 _STRAIGHT = 1e-4
-# Share of the grip for bends and pedals together, and for braking where bends take it all.
-_CIRCLE, _LEAST_BRAKING = 0.7, 0.1
+# Shares of the grip for bends and pedals together, while driving and while braking: a car that is
+# too fast uses more of it.
+_DRIVING, _BRAKING = 0.7, 0.85
+# Share for braking where bends take it all: a car that slides has to become slower.
+_LEAST_BRAKING = 0.4
 
 
 @kernel
@@ -45,11 +49,34 @@ def approach_speed(
 
 
 @kernel
-def for_pedals(grip: float, braking: float, v: float, kappa: float) -> tuple[float, float]:
+def pedal_shares(row: FloatArray) -> tuple[float, float]:
+    """Shares of the car's grip that driving and braking can use: one axle is first at its limit."""
+    front = row[L_R] / (row[L_F] + row[L_R])
+    return _axle_first(front, row[DRIVE_FRONT]), _axle_first(front, row[BRAKE_FRONT])
+
+
+@kernel
+def _axle_first(load: float, force: float) -> float:
+    """The smaller load of an axle over its force; both are the front's shares."""
+    if load <= force:
+        return float(load / force)
+    return float((1.0 - load) / (1.0 - force))
+
+
+@kernel
+def for_pedals(
+    grip: float, braking: float, shares: tuple[float, float], v: float, kappa: float
+) -> tuple[float, float]:
     """Hardest braking (negative) and speeding up that the bend leaves of the grip [m/s^2].
 
-    ``braking`` is the most for speeding up [m/s^2].
+    ``braking`` is the most for speeding up [m/s^2], ``shares`` are those of ``pedal_shares``.
     """
+    drive, brake = shares
     across = v * v * abs(kappa)
-    left = math.sqrt(max((_CIRCLE * grip) ** 2 - across * across, 0.0))
-    return -max(left, _LEAST_BRAKING * grip), min(left, braking)
+    slowing = max(brake * _left(_BRAKING * grip, across), _LEAST_BRAKING * grip)
+    return -slowing, min(drive * _left(_DRIVING * grip, across), braking)
+
+
+@kernel
+def _left(grip: float, across: float) -> float:
+    return math.sqrt(max(grip * grip - across * across, 0.0))

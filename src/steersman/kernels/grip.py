@@ -161,14 +161,16 @@ def score_frictions(  # noqa: PLR0917 - numba takes no keyword-only arguments
         scores: (n,) fading means of the squared errors, over their variances; changed in place.
     """
     least = row[MASS] * _LEAST_NOISE
-    doubt_f, doubt_r = _DOUBT * row[C_F] * slips[0], _DOUBT * row[C_R] * slips[1]
+    best = frictions.shape[0] - 1
+    most_f, most_r = axle_grips(row, frictions[best], v, a_x)
+    doubt_f = _DOUBT * min(row[C_F] * abs(slips[0]), most_f)
+    doubt_r = _DOUBT * min(row[C_R] * abs(slips[1]), most_r)
     unsure_f, unsure_r = row[C_F] * _SIDEWAYS / v, row[C_R] * _SIDEWAYS / v
     var_f = noise[0] + least * least + doubt_f * doubt_f + unsure_f * unsure_f
     var_r = noise[1] + least * least + doubt_r * doubt_r + unsure_r * unsure_r
     # No car accelerates by more than friction times gravity.
     across = max(abs(forces[0] + forces[1]) - 2.0 * math.sqrt(noise[0] + noise[1]), 0.0) / row[MASS]
     least_friction = _SURE * math.hypot(a_x, across) / GRAVITY
-    best = frictions.shape[0] - 1
     for i in range(best, -1, -1):
         grip_f, grip_r = axle_grips(row, frictions[i], v, a_x)
         off_f = forces[0] + side_force(row[C_F], slips[0], grip_f)

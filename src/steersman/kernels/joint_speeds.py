@@ -51,6 +51,7 @@ def bound_speeds(  # noqa: PLR0917 - numba takes no keyword-only arguments
     grip: float,
     used: float,
     braking: float,
+    shares: tuple[float, float],
     low: FloatArray,
     high: FloatArray,
     caps: FloatArray,
@@ -67,6 +68,7 @@ def bound_speeds(  # noqa: PLR0917 - numba takes no keyword-only arguments
         grip: friction times gravity [m/s^2].
         used: share of it for bends.
         braking: share of it for braking before them, and for speeding up.
+        shares: of the grip, for driving and for braking.
         low: (2 N,) least inputs, of which the accelerations are filled [m/s^2]; out.
         high: (2 N,) largest ones; out.
         caps: (N,) largest speeds at the periods' ends [m/s], or what the hardest braking reaches
@@ -74,7 +76,7 @@ def bound_speeds(  # noqa: PLR0917 - numba takes no keyword-only arguments
     """
     slowest, way = speeds[0], start
     for k in range(caps.shape[0]):
-        least, most = bend_speed.for_pedals(grip, braking * grip, speeds[k], road[k])
+        least, most = bend_speed.for_pedals(grip, braking * grip, shares, speeds[k], road[k])
         low[2 * k + 1], high[2 * k + 1] = least, most
         slowest = max(slowest + least * dt, 0.0)
         way += 0.5 * (speeds[k] + speeds[k + 1]) * dt
