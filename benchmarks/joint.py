@@ -12,6 +12,9 @@ circuit and a lap of Monza with each of:
 - ``oracle``: tuned/mpc_delay and speeds along the path that both know the true friction;
 - ``joint``, the policy; ``joint_1`` and so on, further ones.
 
+``rms_over_way_m`` is the lateral error over the way: a mean over time also counts how long a car
+stands where it happens to stand.
+
 The last line of a row is what the oracle's time on the same road is to that of the drive: 1 is as
 fast. Lost drives have none. Intervals are of 95 %: Wilson's of the drives kept, a bootstrap over
 roads of the mean pace.
@@ -99,11 +102,13 @@ def figures(run: RunConfig) -> dict[str, Any]:
     """What a drive came to; speeds in m/s, lengths in m."""
     episode = attempt(run).of_controller()
     errors, v = episode["lateral_error"], episode["v_x"]
+    way = np.abs(v) / np.abs(v).sum()
     return {
         "kept": bool(episode.completed),
         "seconds": round(len(episode) * episode.dt, 3),
         "distance_m": round(episode.distance, 2),
         "rms_m": float(f"{np.sqrt(np.mean(errors**2)):.4g}"),
+        "rms_over_way_m": float(f"{np.sqrt(np.sum(way * errors**2)):.4g}"),
         "largest_m": float(f"{np.abs(errors).max():.4g}"),
         "last_speed_m_s": float(f"{v[-1]:.4g}"),
     }
@@ -170,6 +175,8 @@ def controlled(name: str, file: str) -> dict[str, Any]:
     if file:
         sensor = {"kind": "waypoints", "count": waypoints(file)}
         return {"controller": {"kind": "policy", "file": file}, "sensor": sensor}
+    if name == "found":
+        return {"controller": FINDERS[name], "sensor": {"kind": "waypoints", "count": 41}}
     return {"controller": "joint_nmpc" if name == "joint_nmpc" else STEERS}
 
 
@@ -252,7 +259,7 @@ def main() -> None:
     learned = {f"joint_{k}" if k else "joint": file for k, file in enumerate(given.policies)}
     classical = ("lateral", "dry_profile", "found", "joint_nmpc", "oracle")
     peers = {**dict.fromkeys(classical, ""), **learned}
-    at_ease = {"lateral": "", "joint_nmpc": "", **learned}
+    at_ease = {"lateral": "", "found": "", "joint_nmpc": "", **learned}
     rows = beyond(peers, given.every, given.jobs)
     found = {
         "commit": provenance()["commit"],

@@ -6,8 +6,8 @@ r"""A lap of each circuit against the clock: what steers and drives, and the spe
 Wished are the fastest speeds that 6 m/s^2 across and 4 m/s^2 along allow (``speed=profile``, at
 most 40 m/s). Each lap begins at the profile's speed, in a corridor of 1.5 m to both sides. Beside
 policies drive ``tuned/mpc_delay`` as fast as wished, and ``grip_speed`` and ``joint_nmpc``, which
-slow down where grip would not suffice. A lap's time is that of its whole length, by the profile and
-as driven.
+slow down where grip would not suffice; ``found`` is ``grip_speed`` with the friction that it finds.
+A lap's time is that of its whole length, by the profile and as driven.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ WISHED = {"kind": "profile", "a_lat_max": 6.0, "deceleration": 4.0, "top": 40.0}
 PEERS: dict[str, Any] = {
     "mpc_delay": "tuned/mpc_delay",
     "grip_speed": {"kind": "grip_speed", "inner": "tuned/mpc_delay"},
+    "found": {"kind": "grip_speed", "inner": "tuned/mpc_delay", "found": True},
     "joint_nmpc": "joint_nmpc",
 }
 # The goals: time over the profile's, and the largest lateral error [m].
