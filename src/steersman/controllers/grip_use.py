@@ -70,7 +70,7 @@ class GripUse(ControllerComponent):
         "Friction from which on it grows slowly: a slippery patch shows itself only in the bend.",
         gt=0,
     )
-    slow_growth: float = param(0.02, "1/s", "Its largest rate of growth from there on.", gt=0)
+    slow_growth: float = param(0.05, "1/s", "Its largest rate of growth from there on.", gt=0)
     used: float = param(0.6, "-", "Share of the grip for bends.", gt=0, le=1)
     braking: float = param(
         0.48, "-", "Share of the grip for braking before them, and for speeding up.", gt=0, le=1
