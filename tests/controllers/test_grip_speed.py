@@ -22,13 +22,15 @@ from ..loops import DT
 FOUND = {"kind": "grip_speed", "inner": "tuned/mpc_delay", "found": True}
 
 
-def on_a_bend(controller: Any, friction: float, seconds: float) -> Episode:
+def on_a_bend(
+    controller: Any, friction: float, seconds: float, car: str = "carla_model3"
+) -> Episode:
     """From standstill into a road of bends, where 20 m/s are wished."""
     words: dict[str, Any] = {
         "path": {"kind": "circle", "radius": 30.0},
         "speed": {"kind": "stop_and_go", "speed": 20.0, "stand": 0.1, "hold": 1e3},
-        "vehicle": {"kind": "carla_model3", "friction": friction},
-        "nominal": "carla_model3",
+        "vehicle": {"kind": car, "friction": friction},
+        "nominal": car,
         "sensor": {"count": 41},
         "duration": seconds,
     }
@@ -50,15 +52,19 @@ def test_what_finds_no_friction_is_refused() -> None:
     assert nominal.belief.friction == CarlaModel3().friction
 
 
+@pytest.mark.parametrize("car", ["carla_model3", "bmw_320i"])
 @pytest.mark.parametrize("friction", [0.3, 0.7])
-def test_a_friction_that_nothing_tells_is_found(friction: float) -> None:
-    """Where a car as fast as wished leaves the road, it uses much of the grip and never all."""
-    episode = on_a_bend(resolve("controller", FOUND), friction, 25.0)
+def test_a_friction_that_nothing_tells_is_found(friction: float, car: str) -> None:
+    """Where a car as fast as wished leaves the road, it uses much of the grip and never all.
+
+    The BMW drives its rear wheels and should have a friction of 1, the Model 3 all and 3.
+    """
+    episode = on_a_bend(resolve("controller", FOUND), friction, 25.0, car)
     assert episode.completed
     used = episode["v_x"] ** 2 / 30.0 / (friction * GRAVITY)
     assert 0.4 < used[-1] < 1.0
     assert np.abs(episode["lateral_error"]).max() < 0.5
-    assert not on_a_bend(resolve("controller", FOUND["inner"]), friction, 12.0).completed
+    assert not on_a_bend(resolve("controller", FOUND["inner"]), friction, 12.0, car).completed
 
 
 def test_what_is_reckoned_with_grows_slowly_once_it_is_much_and_falls_at_once() -> None:
