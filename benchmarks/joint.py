@@ -139,7 +139,7 @@ def interval(kept: int, count: int) -> tuple[float, float]:
     middle = (share + z * z / (2 * count)) / (1 + z * z / count)
     half = math.sqrt(share * (1 - share) / count + z * z / (4 * count * count))
     half *= z / (1 + z * z / count)
-    return round(middle - half, 3), round(middle + half, 3)
+    return max(round(middle - half, 3), 0.0), min(round(middle + half, 3), 1.0)
 
 
 def pace_of(rows: list[dict[str, Any]]) -> list[float]:
