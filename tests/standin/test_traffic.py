@@ -19,11 +19,13 @@ import sys, carla
 client = carla.Client("127.0.0.1", int(sys.argv[1]))
 client.set_timeout(20.0)
 world = client.get_world()
-for left in world.get_actors().filter("vehicle.*"):  # by a run that was ended
-    left.destroy()
 settings = world.get_settings()
 settings.synchronous_mode, settings.fixed_delta_seconds = True, 0.05
 world.apply_settings(settings)
+world.tick()
+# By a run that was ended; the client knows of them after a tick.
+for left in world.get_actors().filter("vehicle.*"):
+    left.destroy()
 world.tick()
 manager = client.get_trafficmanager(int(sys.argv[2]))
 manager.set_synchronous_mode(True)
