@@ -10,7 +10,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, final
+from typing import Annotated, NamedTuple, final
 
 import numpy as np
 from pydantic import model_validator
@@ -41,11 +41,19 @@ from steersman.kernels import observe
 from steersman.kernels.encode import EncodingTable
 from steersman.kernels.encode_slopes import EncodingSlopes
 from steersman.kernels.formula import Formula, numbers_of
-from steersman.kernels.formula_slopes import reads, slopes
+from steersman.kernels.formula_slopes import hands_on, reads, slopes
 from steersman.types import FloatArray
 
 # What of the loop's columns depends on the past.
 _COMMANDS = kernel.LAST_COMMAND, kernel.BASE_COMMAND
+
+
+class _Read(NamedTuple):
+    """What a formula reads."""
+
+    places: list[int]
+    alone: bool
+    """Whether it gives the one number that it reads, as it is."""
 
 
 @dataclass(frozen=True)
@@ -98,28 +106,35 @@ class Layout:
         Raises:
             ConfigError: numba cannot derive one of the formulas.
         """
-        of_numbers: list[list[int]] = []
-        of_cells: list[list[int]] = []
+        of_numbers: list[_Read] = []
+        of_cells: list[_Read] = []
         first, last = kernel.CELLS, kernel.CELLS + self.cells
         for feature in self.features:
             own = list(numbers_of(feature).values())
             sizes = observe.O_PREVIEW + 2 * feature.reads, kernel.CELLS, feature.cells
             found = feature.formulas
 
-            def places(name: str, i: int) -> list[int]:
-                seen, loop, memory = reads(found[name], own, i, sizes)  # noqa: B023
+            def read(name: str, i: int) -> _Read:
+                if name not in found:  # noqa: B023
+                    return _Read([], alone=False)
+                formula = found[name]  # noqa: B023
+                seen, loop, memory = reads(formula, own, i, sizes)  # noqa: B023
                 cells = [first + k for k in memory]  # noqa: B023
-                return [*(k for k in loop if k in _COMMANDS), *cells, *(last + k for k in seen)]
+                places = [*(k for k in loop if k in _COMMANDS), *cells, *(last + k for k in seen)]
+                return _Read(places, alone=len(places) == 1 and hands_on(formula, own, i))  # noqa: B023
 
-            of_numbers += [places("value", i) for i in range(feature.size)]
+            of_numbers += [read("value", i) for i in range(feature.size)]
             for i in range(feature.cells):
-                of_cells += [places(name, i) if name in found else [] for name in UPDATES]
+                of_cells += [read(name, i) for name in UPDATES]
             first += feature.cells
         of_all = of_numbers + of_cells
-        begins = np.cumsum([0, *(len(each) for each in of_all)])
-        flat = [place for each in of_all for place in each]
+        begins = np.cumsum([0, *(len(each.places) for each in of_all)])
+        flat = [place for each in of_all for place in each.places]
         return EncodingSlopes(
-            self._table(slopes), begins.astype(np.int64), np.array(flat, dtype=np.int64)
+            self._table(slopes),
+            begins.astype(np.int64),
+            np.array(flat, dtype=np.int64),
+            np.array([each.alone for each in of_all], dtype=np.bool_),
         )
 
     def _table(self, address: Callable[[Formula], int]) -> EncodingTable:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,11 +11,14 @@ import pytest
 from steersman.config import components
 from steersman.encoding import Layout
 from steersman.features.base import Feature
+from steersman.features.past import LateralErrorIntegral, PastErrors
 from steersman.features.road import Waypoints
 from steersman.kernels import encode as enc
 from steersman.kernels import encode_slopes as kernel
 from steersman.kernels import observe as obs
 from steersman.kernels.formula import call
+from steersman.kernels.formula_slopes import hands_on, reads
+from steersman.types import Observation
 
 SPACING, DT, COUNT = 2.0, 0.05, 15
 # Those of a joint action, which no algorithm with analytic gradients takes, are left out.
@@ -66,3 +70,46 @@ def test_only_what_a_formula_reads_is_tried() -> None:
     per_number = np.diff(slopes.first)[: len(layout.scale)]
     assert per_number.max() <= 7  # an acceleration: two waypoints, heading error, v_x, spacing
     assert slopes.reads.max() < enc.memory_size(layout.table) + obs.O_PREVIEW + 2 * COUNT
+
+
+class _Branches(Feature):
+    """Formulas that decide by what is known beforehand, and by what is not."""
+
+    def value(self, seen: Observation, memory: Sequence[float], i: int) -> float:
+        """Of the first number one side, of the others the other."""
+        if i == 0:
+            return seen.v_x
+        return memory[i - 1] if i < 3 else seen.v_y * seen.v_x
+
+    def advance(self, seen: Observation, memory: Sequence[float], i: int) -> float:
+        """By what is seen."""
+        return seen.steer if seen.v_x > 1.0 else memory[i]
+
+    def remember(self, memory: Sequence[float], i: int) -> float:
+        """By an index of its own."""
+        i = (i + 1) % 2
+        return memory[i]
+
+
+def test_of_a_branch_that_is_known_beforehand_one_side_is_read() -> None:
+    found, sizes = _Branches().formulas, (obs.O_PREVIEW, enc.CELLS, 4)
+    value = [reads(found["value"], [], i, sizes) for i in range(4)]
+    assert value == [
+        [[obs.O_VX], [], []],
+        [[], [], [0]],
+        [[], [], [1]],
+        [sorted([obs.O_VX, obs.O_VY]), [], []],
+    ]
+    assert [hands_on(found["value"], [], i) for i in range(4)] == [True, True, True, False]
+    assert reads(found["advance"], [], 2, sizes)[2] == [2]
+    assert not hands_on(found["advance"], [], 2)
+    assert reads(found["remember"], [], 0, sizes)[2] == [0, 1, 2, 3]
+    assert not hands_on(found["remember"], [], 0)
+
+
+def test_past_values_are_handed_on() -> None:
+    layout = Layout((PastErrors(count=3), LateralErrorIntegral()), SPACING, DT)
+    numbers, cells = np.split(layout.slopes.hands_on, [4])
+    assert numbers.all()
+    # Begin and remember of the errors; the integral adds something up.
+    assert cells.reshape(4, 3).tolist() == [[True, False, True]] * 3 + [[False] * 3]

@@ -69,7 +69,8 @@ def test_turn_is_an_equilibrium(curvature: float) -> None:
         state = steady(CAR, speed, curvature)
         out = np.zeros(kernel.N_MOTION)
         pedals = state[kernel.THROTTLE], state[kernel.BRAKE]
-        kernel.derivative(CAR.table, 0, state[: kernel.N_MOTION], state[kernel.STEER], *pedals, out)
+        axles, moved = kernel.tyres(CAR.table.rows[0]), state[: kernel.N_MOTION]
+        kernel.derivative(CAR.table, 0, axles, moved, state[kernel.STEER], *pedals, out)
         assert out[kernel.VX :] == pytest.approx(np.zeros(5), abs=1e-8)
         python = np.zeros(kernel.N_STATE)
         assert steady_turn.py_func(CAR.table, 0, python, speed, curvature)

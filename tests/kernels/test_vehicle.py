@@ -248,9 +248,14 @@ def test_without_an_arm_no_load_moves() -> None:
     assert loads == pytest.approx(kernel.wheel_loads(CAR.table.rows[0], 0.0, 0.0))
 
 
+def wheel_stiffness(load: float, limit: float) -> float:
+    """Of a wheel with 12 per load that carries 4 kN at rest."""
+    return tyre.tyre_stiffness(tyre.axle_tyres(12.0, 4e3, limit), load)
+
+
 def test_stiffness_over_load() -> None:
     loads = np.linspace(0.0, 4.0, 41) * 4e3
-    physx = np.array([tyre.tyre_stiffness(12.0, f, 4e3, 3.0) for f in loads])
+    physx = np.array([wheel_stiffness(f, 3.0) for f in loads])
     # PhysX: 20 F_rest S(F_z / F_rest), S(x) = x - x^2/3 + x^3/27, up to three static loads.
     share = np.minimum(loads / 4e3, 3.0)
     law = share - share**2 / 3.0 + share**3 / 27.0
@@ -258,17 +263,16 @@ def test_stiffness_over_load() -> None:
     assert (np.diff(physx) >= -1e-9).all()
     assert (np.diff(physx[loads < 12e3]) > 0.0).all()
     for limit in (0.0, 1.5, 3.0):
-        assert tyre.tyre_stiffness(12.0, 4e3, 4e3, limit) == pytest.approx(12.0 * 4e3)
-        assert tyre.tyre_stiffness.py_func(12.0, 5e3, 4e3, limit) == pytest.approx(
-            tyre.tyre_stiffness(12.0, 5e3, 4e3, limit)
-        )
-    assert tyre.tyre_stiffness(12.0, 5e3, 4e3, 0.0) == 12.0 * 5e3
+        assert wheel_stiffness(4e3, limit) == pytest.approx(12.0 * 4e3)
+        slow = tyre.tyre_stiffness.py_func(tyre.axle_tyres.py_func(12.0, 4e3, limit), 5e3)
+        assert slow == pytest.approx(wheel_stiffness(5e3, limit))
+    assert wheel_stiffness(5e3, 0.0) == 12.0 * 5e3
 
 
 def test_load_transfer_softens_an_axle_by_the_load_law_only() -> None:
     # In proportion to load, what the inner wheel loses the outer one gains.
     def axle(limit: float) -> float:
-        return sum(tyre.tyre_stiffness(12.0, f, 4e3, limit) for f in (1e3, 7e3))
+        return sum(wheel_stiffness(f, limit) for f in (1e3, 7e3))
 
     assert axle(0.0) == pytest.approx(2 * 12.0 * 4e3)
     assert axle(3.0) < 0.95 * 2 * 12.0 * 4e3

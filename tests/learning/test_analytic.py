@@ -94,6 +94,16 @@ def test_the_gradient_by_the_policys_weights_is_that_of_differences(change: Any)
     assert np.abs(gradient - wanted).max() < 1e-5 * np.abs(wanted).max()
 
 
+@pytest.mark.parametrize("throttle", [0.4, 1.0])
+def test_steps_with_derivatives_are_those_without_to_the_bit(throttle: float) -> None:
+    speeds = [{"kind": "constant_throttle", "throttle": throttle}]
+    problem = build(Problem, SMALL | {"speeds": speeds, "episode_time": 0.4})
+    weights = np.full(len(problem.layout.scale), 0.02)
+    kept, plain = (drive(problem, weights, keep=keep)[1] for keep in (True, False))
+    assert np.isfinite(plain).all()
+    assert np.array_equal(kept, plain)
+
+
 def test_what_follows_the_last_step_enters_by_its_inputs() -> None:
     problem = build(Problem, SMALL)
     size = len(problem.layout.scale)

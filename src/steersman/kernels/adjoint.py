@@ -1,8 +1,8 @@
 """The way back through driven control steps: from slopes of the rewards to slopes at the actions.
 
-The steps are driven by the world's own loop; what they began with is kept on a :class:`Tape`. The
-motion's Jacobian is that of the plant (:mod:`linearise`), reward and features are derived from
-their declarations, place and waypoints by the geometry of the road. What has no slope here:
+What the steps began with, and the Jacobians of their motion (:mod:`linearised_step`), are kept on a
+:class:`Tape`. Reward and features are derived from their declarations, place and waypoints by the
+geometry of the road. What has no slope here:
 
 - pedals, sensor errors, friction and wind are data; errors of pose and waypoints act as if they
   were added to what an exact sensor gives;
@@ -23,13 +23,11 @@ from steersman.kernels import encode as enc
 from steersman.kernels import encode_slopes as features
 from steersman.kernels import linearise as lin
 from steersman.kernels import observe as obs
-from steersman.kernels import vehicle as car
 from steersman.kernels import world as loop
-from steersman.kernels.compiled import kernel
+from steersman.kernels.compiled import inlined, kernel
 from steersman.kernels.fleet import DELAY_LINE, World
 from steersman.kernels.step import Lesson
 from steersman.kernels.tape import Adjoint, Slopes, Tape
-from steersman.kernels.vehicle import VehicleTable
 from steersman.types import FloatArray
 
 
@@ -98,35 +96,12 @@ def pull_inputs(
         _deliver(tape, t if after else t - 1, t, late, n, adjoint)
 
 
-@kernel
+@inlined
 def _move(world: World, tape: Tape, t: int, n: int, adjoint: Adjoint) -> None:
     """From slopes at the state after step ``t`` to those at the state before, and commands."""
     whole = tape.delay[t, n] // world.substeps
-    late = tape.delay[t, n] - whole * world.substeps
-    line, given = tape.delayed[t, n], world.vehicles
-    cars = VehicleTable(
-        tape.cars[t],
-        given.steer_speed,
-        given.steer_factor,
-        given.map_throttle,
-        given.map_speed,
-        given.map_accel,
-    )
-    lin.linearise(
-        cars,
-        n,
-        tape.state[t, n],
-        (tape.command[t, n, car.CMD_THROTTLE], tape.command[t, n, car.CMD_BRAKE]),
-        (line[whole + 1], line[whole]),
-        late,
-        world.h,
-        world.substeps,
-        adjoint.motion,
-        adjoint.following,
-        adjoint.jacobian,
-    )
-    state, delayed, jacobian = adjoint.state[n], adjoint.delayed[n], adjoint.jacobian
-    after = adjoint.following
+    state, delayed, jacobian = adjoint.state[n], adjoint.delayed[n], tape.jacobian[t, n]
+    after = adjoint.after
     for i in range(lin.N_MOVED):
         after[i], state[i] = state[i], 0.0
     for i in range(lin.N_MOVED):

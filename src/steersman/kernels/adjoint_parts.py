@@ -74,12 +74,12 @@ def sense(world: World, tape: Tape, t: int, n: int, adjoint: Adjoint) -> None:
         by_x, by_y = row[obs.O_PREVIEW + 2 * i], row[obs.O_PREVIEW + 2 * i + 1]
         if by_x == 0.0 and by_y == 0.0:
             continue
-        x, y, psi, _ = paths.at(world.paths, tape.path[t, n], s + i * world.spacing)
+        x, y, _, _, along, up = paths.frame(world.paths, tape.path[t, n], s + i * world.spacing)
         dx, dy = x - state[car.X], y - state[car.Y]
         out[car.X] += d * by_y - c * by_x
         out[1] -= d * by_x + c * by_y
         out[car.PSI] += by_x * (c * dy - d * dx) - by_y * (c * dx + d * dy)
-        place[obs.S] += by_x * math.cos(psi - yaw) + by_y * math.sin(psi - yaw)
+        place[obs.S] += by_x * (along * c + up * d) + by_y * (up * c - along * d)
 
 
 @kernel

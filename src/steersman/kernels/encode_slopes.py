@@ -12,7 +12,7 @@ import numpy as np
 
 from steersman.kernels import encode as enc
 from steersman.kernels import formula_slopes as _calls  # noqa: F401 - calls with dual numbers
-from steersman.kernels.compiled import kernel
+from steersman.kernels.compiled import inlined, kernel
 from steersman.kernels.dual_number import LANES, WIDTH, rows
 from steersman.kernels.encode import EncodingTable
 from steersman.kernels.formula import call
@@ -36,6 +36,8 @@ class EncodingSlopes(NamedTuple):
     then for each cell those of begin, advance and remember."""
     reads: Any
     """(any,) int64 places."""
+    hands_on: Any
+    """(features + 3 cells,) bool: the formula gives the one number that it reads, as it is."""
 
 
 def scratch(slopes: EncodingSlopes, columns: int) -> FloatArray:
@@ -52,7 +54,7 @@ def put(memory: FloatArray, row: FloatArray, work: FloatArray) -> None:
         work[memory.shape[0] + k, 0] = row[k]
 
 
-@kernel
+@inlined
 def _pull(
     slopes: EncodingSlopes,
     place: tuple[int, int, int, int],
@@ -86,7 +88,9 @@ def pull_features(
     ``work`` holds memory and observation as they were when the features were made.
     """
     for j in range(slopes.table.numbers.shape[0]):
-        if weights[j] != 0.0:
+        if slopes.hands_on[j]:
+            adjoint[slopes.reads[slopes.first[j]]] += weights[j]
+        elif weights[j] != 0.0:
             n = slopes.table.numbers[j]
             _pull(slopes, (n[0], n[2], n[3], n[1]), j, weights[j], work, adjoint)
     # The last command stands for the base's.
@@ -112,4 +116,7 @@ def pull_update(
             continue
         adjoint[place] = 0.0
         k = slopes.table.numbers.shape[0] + _UPDATES * c + which
+        if slopes.hands_on[k]:
+            adjoint[slopes.reads[slopes.first[k]]] += weight
+            continue
         _pull(slopes, (cell[which], cell[4], cell[5], cell[3]), k, weight, work, adjoint)

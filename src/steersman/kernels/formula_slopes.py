@@ -87,6 +87,44 @@ def _compiled(formula: Formula) -> int:
     return address_of(tree, formula.function, known, _SIGNATURE)
 
 
+class _Settled(ast.NodeTransformer):
+    """Keeps of each branch the side that is taken, where what is known decides it."""
+
+    def __init__(self, known: dict[str, Any]) -> None:
+        self.known = known
+
+    def visit_IfExp(self, node: ast.IfExp) -> Any:
+        taken = _known(node.test, self.known)
+        if taken is None:
+            return self.generic_visit(node)
+        return self.visit(node.body if taken else node.orelse)
+
+    def visit_If(self, node: ast.If) -> Any:
+        taken = _known(node.test, self.known)
+        if taken is None:
+            return self.generic_visit(node)
+        return [self.visit(each) for each in (node.body if taken else node.orelse)]
+
+
+def _settled(
+    formula: Formula, own: Sequence[float], i: int
+) -> tuple[list[ast.stmt], dict[str, Any], dict[str, int]]:
+    """What a formula computes of its ``i``-th number, what is known, and its groups by name."""
+    assert formula.placed is not None
+    names = [argument.arg for argument in formula.placed.args.args]
+    assigned = {
+        each.id
+        for each in ast.walk(formula.placed)
+        if isinstance(each, ast.Name) and isinstance(each.ctx, ast.Store)
+    }
+    known = {names[2]: own, "i": i, "int": int}
+    known = {name: value for name, value in known.items() if name not in assigned}
+    tree = _Settled(known).visit(copy.deepcopy(formula.placed))
+    ends = [k for k, each in enumerate(tree.body) if isinstance(each, ast.Return)]
+    body = tree.body[: ends[0] + 1] if ends else tree.body
+    return body, known, {names[0]: 0, names[1]: 1, names[3]: 2}
+
+
 def reads(formula: Formula, own: Sequence[float], i: int, sizes: Sequence[int]) -> list[list[int]]:
     """The places that a formula may read in its first, second and last group, ascending.
 
@@ -96,12 +134,9 @@ def reads(formula: Formula, own: Sequence[float], i: int, sizes: Sequence[int]) 
         i: which of the component's numbers it is.
         sizes: how many numbers the three groups have; what lies beyond is left out.
     """
-    assert formula.placed is not None
-    names = [argument.arg for argument in formula.placed.args.args]
-    groups = {names[0]: 0, names[1]: 1, names[3]: 2}
+    body, known, groups = _settled(formula, own, i)
     found: list[set[int]] = [set(), set(), set()]
-    known = {names[2]: own, "i": i, "int": int}
-    for node in ast.walk(formula.placed):
+    for node in (each for statement in body for each in ast.walk(statement)):
         if not isinstance(node, ast.Subscript) or not isinstance(node.value, ast.Name):
             continue
         group = groups.get(node.value.id)
@@ -110,14 +145,37 @@ def reads(formula: Formula, own: Sequence[float], i: int, sizes: Sequence[int]) 
     return [sorted(places) for places in found]
 
 
+def hands_on(formula: Formula, own: Sequence[float], i: int) -> bool:
+    """Whether a formula gives a number that it reads as it is: its only derivative is one."""
+    body, _, groups = _settled(formula, own, i)
+    steps = [each for each in body if not isinstance(each, ast.Expr)]  # docstrings
+    value = steps[0].value if len(steps) == 1 and isinstance(steps[0], ast.Return) else None
+    if (
+        isinstance(value, ast.Call)
+        and isinstance(value.func, ast.Name)
+        and value.func.id == "float"
+    ):
+        value = value.args[0]
+    return (
+        isinstance(value, ast.Subscript)
+        and isinstance(value.value, ast.Name)
+        and value.value.id in groups
+    )
+
+
+def _known(expression: ast.expr, known: dict[str, Any]) -> Any:
+    """The value of an expression that depends on nothing but ``known``, else None."""
+    whole = ast.fix_missing_locations(ast.Expression(copy.deepcopy(expression)))
+    try:
+        return eval(compile(whole, "index", "eval"), {"__builtins__": {}}, known)  # noqa: S307
+    except (NameError, ArithmeticError):
+        return None
+
+
 def _places(index: ast.expr, known: dict[str, Any], size: int) -> set[int]:
     """The place that an index names, or all of them if it depends on more than is known."""
-    whole = ast.fix_missing_locations(ast.Expression(index))
-    try:
-        place = int(eval(compile(whole, "index", "eval"), {"__builtins__": {}}, known))  # noqa: S307
-    except NameError:
-        return set(range(size))
-    return {place} & set(range(size))
+    place = _known(index, known)
+    return set(range(size)) & ({int(place)} if place is not None else set(range(size)))
 
 
 @_intrinsic

@@ -114,7 +114,7 @@ def _inside(
 
 
 @inlined
-def _frame(table: PathTable, p: int, s: float) -> tuple[float, float, float, float, float, float]:
+def frame(table: PathTable, p: int, s: float) -> tuple[float, float, float, float, float, float]:
     """Point of path ``p`` at arc length ``s``: x, y, psi, kappa, cos psi, sin psi."""
     s = _wrap(table, p, s)
     length = table.meta[p, LENGTH]
@@ -134,7 +134,7 @@ def at(table: PathTable, p: int, s: float) -> tuple[float, float, float, float]:
 
     Closed paths wrap (the tangent stays within one turn's range); open ones go on straight.
     """
-    x, y, psi, kappa, _, _ = _frame(table, p, s)
+    x, y, psi, kappa, _, _ = frame(table, p, s)
     return x, y, psi, kappa
 
 
@@ -167,7 +167,7 @@ def project_near(
     """
     s, before, limit = near, 0.0, _STEP_LIMIT
     for i in range(_NEAR_STEPS):
-        px, py, psi, kappa, c, n = _frame(table, p, s)
+        px, py, psi, kappa, c, n = frame(table, p, s)
         along = (x - px) * c + (y - py) * n
         d = (y - py) * c - (x - px) * n
         step = _towards(along, d, kappa)

@@ -30,6 +30,7 @@ from steersman.kernels.vehicle import (
     derivative,
     map_acceleration,
     steer_for_wheel,
+    tyres,
     wheel_tangents,
 )
 from steersman.types import FloatArray
@@ -50,7 +51,7 @@ def _turn_residual(
     # In a steady turn the acceleration is centripetal, so its frame components follow beta.
     q[LOAD_AX], q[LOAD_AY] = -q[VY] * q[YAW_RATE], q[VX] * q[YAW_RATE]
     drive, brake = max(unknown[2], 0.0), max(-unknown[2], 0.0)
-    derivative(table, n, q, unknown[1], drive, brake, out)
+    derivative(table, n, tyres(table.rows[n]), q, unknown[1], drive, brake, out)
 
 
 @kernel

@@ -44,14 +44,10 @@ class Tape(NamedTuple):
     next_tracking: FloatArray
     path: Any
     """(H, N) int64 number of the road."""
-    cars: FloatArray
-    """(H, N, N_PARAMS) the cars in the step."""
+    jacobian: FloatArray
+    """(H, N, N_MOVED, N_COLUMNS) derivatives of the motion, see :func:`linearise.linearise`."""
     delay: Any
     """(H, N) int64 steering delay in substeps."""
-    command: FloatArray
-    """(H, N, 3) commands, pedals included."""
-    delayed: FloatArray
-    """(H, N, DELAY_LINE) steering commands, newest first, this step's included."""
     demo: FloatArray
     """(H, N) steering of the demonstrator."""
     executed: FloatArray
@@ -69,7 +65,7 @@ class Tape(NamedTuple):
 # Arrays of a fleet that a step finds, and those that it leaves, under the same names.
 BEFORE = ("memory", "rows", "state", "tracking", "demo")
 AFTER = (
-    *("path", "delay", "command", "delayed", "executed", "sent", "arrives", "ended"),
+    *("path", "delay", "executed", "sent", "arrives", "ended"),
     *("next_memory", "next_rows", "next_state", "next_tracking"),
 )
 
@@ -77,7 +73,10 @@ AFTER = (
 def make_tape(fleet: Fleet, horizon: int) -> Tape:
     """An empty tape for so many steps of a fleet."""
     n = len(fleet.state)
-    made = {"cars": np.zeros((horizon, n, car.N_PARAMS)), "actions": np.zeros((horizon, n))}
+    made = {
+        "jacobian": np.zeros((horizon, n, lin.N_MOVED, lin.N_COLUMNS)),
+        "actions": np.zeros((horizon, n)),
+    }
     for name in (*BEFORE, *AFTER):
         like = getattr(fleet, name.removeprefix("next_"))
         made[name] = np.zeros((horizon, *like.shape), like.dtype)
@@ -105,10 +104,8 @@ class Adjoint(NamedTuple):
     """Scratch: slopes at the tracking row in turn."""
     memory: FloatArray
     """Scratch: the memory between the two halves of a step."""
-    following: FloatArray
-    jacobian: FloatArray
-    motion: FloatArray
-    """Scratch, see :func:`linearise.linearise`."""
+    after: FloatArray
+    """Scratch: slopes at a state after its step."""
 
 
 # Rows of the reward's scratch behind state and tracking: the two commands, the step, the reward.
@@ -131,7 +128,5 @@ def make_adjoint(tape: Tape, slopes: Slopes) -> Adjoint:
         judged=np.zeros((REWARD + 4, WIDTH)),
         place=np.zeros(obs.N_TRACKING),
         memory=np.zeros(memory),
-        following=np.zeros(car.N_STATE),
-        jacobian=np.zeros((lin.N_MOVED, lin.N_COLUMNS)),
-        motion=np.zeros((lin.N_SCRATCH, WIDTH)),
+        after=np.zeros(lin.N_MOVED),
     )

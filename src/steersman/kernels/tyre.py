@@ -8,8 +8,9 @@ over load: in proportion, or by PhysX's smoothing function (PxVehicleUpdate.cpp)
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
-from steersman.kernels.compiled import kernel
+from steersman.kernels.compiled import inlined
 
 # A wheel takes its half of the axle's force up to this share of its grip.
 _DRIVE_GRIP = 0.5
@@ -17,7 +18,7 @@ _DRIVE_GRIP = 0.5
 _MIN_SIDE_GRIP = 0.1
 
 
-@kernel
+@inlined
 def split_axle(demand: float, grip_left: float, grip_right: float) -> tuple[float, float]:
     """An axle's force on its two wheels [N]: halves, as by an open differential.
 
@@ -29,7 +30,7 @@ def split_axle(demand: float, grip_left: float, grip_right: float) -> tuple[floa
     return left + (half - right), right + (half - left)
 
 
-@kernel
+@inlined
 def side_force(stiffness: float, slip: float, limit: float) -> float:
     """Fiala's lateral force for tan(slip angle), opposing it; ``limit`` is the grip left [N]."""
     z = stiffness * abs(slip) / (3.0 * limit + 1e-9)
@@ -38,26 +39,46 @@ def side_force(stiffness: float, slip: float, limit: float) -> float:
     return -stiffness * slip * (1.0 - z + z * z / 3.0)
 
 
-@kernel
-def tyre_stiffness(per_load: float, load: float, static: float, limit: float) -> float:
-    """Cornering stiffness of a wheel under ``load`` [N]; at its static load ``per_load`` times it.
+class AxleTyres(NamedTuple):
+    """What of an axle's tyres does not change while the car drives."""
+
+    per_load: float
+    """Cornering stiffness per load of a wheel at rest [1/rad]."""
+    rest: float
+    """Load of a wheel at rest [N]."""
+    limit: float
+    """Loads at rest from which on stiffness grows no more [-]; 0: in proportion to the load."""
+    at_rest: float
+    """Smoothing function at the load at rest."""
+
+
+@inlined
+def axle_tyres(per_load: float, rest: float, limit: float) -> AxleTyres:
+    """An axle's tyres from their stiffness per load, load at rest and limit."""
+    return AxleTyres(per_load, rest, limit, _smoothing(3.0 / limit) if limit > 0.0 else 1.0)
+
+
+@inlined
+def tyre_stiffness(tyres: AxleTyres, load: float) -> float:
+    """Cornering stiffness of a wheel under ``load`` [N/rad]; at rest ``per_load`` times its load.
 
     With ``limit`` 0 in proportion to the load. Otherwise by PhysX's law: it grows ever slower, and
     no more from ``limit`` static loads on.
     """
-    if limit <= 0.0:
-        return per_load * load
-    return per_load * static * _smoothing(3.0 * load / (static * limit)) / _smoothing(3.0 / limit)
+    if tyres.limit <= 0.0:
+        return tyres.per_load * load
+    share = _smoothing(3.0 * load / (tyres.rest * tyres.limit))
+    return tyres.per_load * tyres.rest * share / tyres.at_rest
 
 
-@kernel
+@inlined
 def _smoothing(x: float) -> float:
     """PhysX's smoothing function: slope 1 at 0, and 1 with slope 0 from 3 on."""
     x = min(x, 3.0)
     return x - x * x / 3.0 + x * x * x / 27.0
 
 
-@kernel
+@inlined
 def wheel_force(
     stiffness: float,
     grip: float,

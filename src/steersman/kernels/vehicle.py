@@ -13,8 +13,14 @@ import math
 from typing import NamedTuple
 
 from steersman.kernels.actuator import slew, slew_lagged
-from steersman.kernels.compiled import kernel
-from steersman.kernels.tyre import split_axle, tyre_stiffness, wheel_force
+from steersman.kernels.compiled import inlined, kernel
+from steersman.kernels.tyre import (
+    AxleTyres,
+    axle_tyres,
+    split_axle,
+    tyre_stiffness,
+    wheel_force,
+)
 from steersman.types import FloatArray
 
 GRAVITY = 9.81
@@ -84,7 +90,7 @@ class VehicleTable(NamedTuple):
     """Net acceleration on a straight, (throttles, speeds) [m/s^2]."""
 
 
-@kernel
+@inlined
 def interpolate(grid: FloatArray, values: FloatArray, at: float) -> float:
     """Piecewise linear, held constant beyond the ends."""
     if at <= grid[0]:
@@ -96,7 +102,7 @@ def interpolate(grid: FloatArray, values: FloatArray, at: float) -> float:
     return float(values[-1])
 
 
-@kernel
+@inlined
 def wheel_tangents(
     table: VehicleTable, n: int, steer: float, speed: float
 ) -> tuple[float, float, float]:
@@ -127,7 +133,7 @@ def steer_for_wheel(table: VehicleTable, n: int, wheel_angle: float, speed: floa
     return float(steer - row[STEER_BIAS])
 
 
-@kernel
+@inlined
 def map_acceleration(table: VehicleTable, throttle: float, speed: float) -> float:
     """Net acceleration on a straight for a throttle position and speed, bilinear [m/s^2]."""
     t, v, a = table.map_throttle, table.map_speed, table.map_accel
@@ -144,7 +150,7 @@ def map_acceleration(table: VehicleTable, throttle: float, speed: float) -> floa
     return float(low + wt * (high - low))
 
 
-@kernel
+@inlined
 def wheel_demand(
     table: VehicleTable, n: int, throttle: float, brake: float, v_x: float
 ) -> tuple[float, float]:
@@ -168,7 +174,7 @@ def wheel_demand(
     return front, force + braking - front
 
 
-@kernel
+@inlined
 def wheel_loads(row: FloatArray, a_x: float, a_y: float) -> tuple[float, float, float, float]:
     """Vertical loads, front left, front right, rear left, rear right [N]; lifted wheels carry 0.
 
@@ -183,17 +189,32 @@ def wheel_loads(row: FloatArray, a_x: float, a_y: float) -> tuple[float, float, 
     return front * (0.5 - lean), front * (0.5 + lean), rear * (0.5 - lean), rear * (0.5 + lean)
 
 
-@kernel
+@inlined
+def tyres(row: FloatArray) -> tuple[AxleTyres, AxleTyres]:
+    """Tyres of the front and of the rear axle."""
+    base, weight = row[L_F] + row[L_R], row[MASS] * GRAVITY
+    limit = row[LOAD_LIMIT]
+    return (
+        axle_tyres(row[C_F] * base / (weight * row[L_R]), 0.5 * weight * row[L_R] / base, limit),
+        axle_tyres(row[C_R] * base / (weight * row[L_F]), 0.5 * weight * row[L_F] / base, limit),
+    )
+
+
+@inlined
 def derivative(
     table: VehicleTable,
     n: int,
+    axles: tuple[AxleTyres, AxleTyres],
     q: FloatArray,
     steer: float,
     throttle: float,
     brake: float,
     out: FloatArray,
 ) -> tuple[float, float]:
-    """Time derivative of the first N_MOTION state columns; returns a_x, a_y [m/s^2]."""
+    """Time derivative of the first N_MOTION state columns; returns a_x, a_y [m/s^2].
+
+    ``axles`` are the :func:`tyres` of vehicle ``n``.
+    """
     row = table.rows[n]
     v_x, v_y, rate = q[VX], q[VY], q[YAW_RATE]
     left, right, _ = wheel_tangents(table, n, steer, abs(v_x))
@@ -204,15 +225,8 @@ def derivative(
     demand_f -= turned * row[DRIVE_FRONT]
     demand_r -= turned * (1.0 - row[DRIVE_FRONT])
     fl, fr, rl, rr = wheel_loads(row, q[LOAD_AX], q[LOAD_AY])
-    base = row[L_F] + row[L_R]
-    weight = row[MASS] * GRAVITY
-    # Cornering stiffness per load, C_axle / (static axle load), and static loads of the wheels.
-    c_f = row[C_F] * base / (weight * row[L_R])
-    c_r = row[C_R] * base / (weight * row[L_F])
-    rest_f, rest_r = 0.5 * weight * row[L_R] / base, 0.5 * weight * row[L_F] / base
-    limit = row[LOAD_LIMIT]
-    c1, c2 = tyre_stiffness(c_f, fl, rest_f, limit), tyre_stiffness(c_f, fr, rest_f, limit)
-    c3, c4 = tyre_stiffness(c_r, rl, rest_r, limit), tyre_stiffness(c_r, rr, rest_r, limit)
+    c1, c2 = tyre_stiffness(axles[0], fl), tyre_stiffness(axles[0], fr)
+    c3, c4 = tyre_stiffness(axles[1], rl), tyre_stiffness(axles[1], rr)
     mu, half, soft = row[MU], 0.5 * row[TRACK], row[SLIP_SPEED]
     y_f, y_r = v_y + row[L_F] * rate, v_y - row[L_R] * rate
     x_l, x_r = v_x - half * rate, v_x + half * rate
@@ -247,7 +261,7 @@ def derivative(
     return a_x, a_y
 
 
-@kernel
+@inlined
 def move_inputs(row: FloatArray, inputs: FloatArray, command: FloatArray, h: float) -> None:
     """Move steering, throttle and brake towards a command for ``h`` [s], in place."""
     up, down, lag = row[STEER_UP], row[STEER_DOWN], row[STEER_LAG]
@@ -272,17 +286,18 @@ def advance(
     ``work`` is scratch of shape (3, N_MOTION).
     """
     row = table.rows[n]
+    axles = tyres(row)
     k1, k2, q = work[0], work[1], work[2]
     inputs = state[STEER : BRAKE + 1]
     a_x, a_y = state[AX], state[AY]
     for _ in range(substeps):
-        derivative(table, n, state, inputs[0], inputs[1], inputs[2], k1)
+        derivative(table, n, axles, state, inputs[0], inputs[1], inputs[2], k1)
         for i in range(N_MOTION):
             q[i] = state[i] + 0.5 * h * k1[i]
         for half in range(2):
             move_inputs(row, inputs, command, 0.5 * h)
             if half == 0:
-                a_x, a_y = derivative(table, n, q, inputs[0], inputs[1], inputs[2], k2)
+                a_x, a_y = derivative(table, n, axles, q, inputs[0], inputs[1], inputs[2], k2)
         for i in range(N_MOTION):
             state[i] += h * k2[i]
     # Accelerations are those in the middle of the last substep.

@@ -36,7 +36,7 @@ _SAME = 1e-9
 
 
 @kernel
-def _hold_back(steer: float, delayed: FloatArray, delay: int, substeps: int) -> tuple[int, int]:
+def hold_back(steer: float, delayed: FloatArray, delay: int, substeps: int) -> tuple[int, int]:
     """Put a command into the delay line; returns the whole periods of the delay and the rest."""
     for i in range(delayed.shape[0] - 1, 0, -1):
         delayed[i] = delayed[i - 1]
@@ -63,7 +63,7 @@ def drive(  # noqa: PLR0917 - numba takes no keyword-only arguments
     ``fine`` (substeps, 2) gets a_x and a_y [m/s^2] of every substep; of shape (0, 2) it does not,
     with the same motion to the bit.
     """
-    whole, late = _hold_back(command[car.CMD_STEER], delayed, delay, substeps)
+    whole, late = hold_back(command[car.CMD_STEER], delayed, delay, substeps)
     if fine.shape[0] > 0:
         for i in range(substeps):
             command[car.CMD_STEER] = delayed[whole + 1] if i < late else delayed[whole]

@@ -10,8 +10,25 @@ import numpy as np
 from steersman.errors import ConfigError
 from steersman.kernels import adjoint as kernel
 from steersman.kernels import tape as kept
+from steersman.kernels.fleet import Fleet, World
+from steersman.kernels.linearised_step import learn, make_derived
+from steersman.kernels.step import Lesson
 from steersman.learning.fleet import FleetDriver
+from steersman.plants.mover import Kernels
 from steersman.types import FloatArray
+
+
+class _Linearised(Kernels):
+    """The embedded simulator, which keeps the derivatives of its last step."""
+
+    def __init__(self, driver: FleetDriver) -> None:
+        super().__init__(driver.mover.vehicle)
+        self.derived = make_derived(driver.n)
+
+    def step(self, world: World, fleet: Fleet, lesson: Lesson | None, actions: FloatArray) -> None:
+        """One call of a kernel."""
+        assert lesson is not None
+        learn(self.bound(world, fleet, lesson), self.derived, actions)
 
 
 class Recorded:
@@ -25,7 +42,7 @@ class Recorded:
     """
 
     def __init__(self, driver: FleetDriver, horizon: int) -> None:
-        """Keep ``horizon`` steps of a fleet.
+        """Keep ``horizon`` steps of a fleet, which from now on is moved with derivatives.
 
         Raises:
             ConfigError: its plant is not the embedded simulator, a base controller is corrected,
@@ -42,6 +59,8 @@ class Recorded:
                 "a base controller has no derivatives; set action to rate or direct",
                 ("problem", "action"),
             )
+        self._mover = _Linearised(driver)
+        driver.simulation.mover = self._mover
         self._driver, self._late = driver, problem.sensor.periods(driver.dt)
         self._slopes = kept.Slopes(problem.layout.slopes, problem.task.slopes())
         self.tape = kept.make_tape(driver.fleet, horizon)
@@ -62,7 +81,7 @@ class Recorded:
         fleet, tape = self._driver.fleet, self.tape
         for name in kept.AFTER:
             getattr(tape, name)[t] = getattr(fleet, name.removeprefix("next_"))
-        tape.cars[t], tape.actions[t] = self._driver.world.vehicles.rows, actions
+        tape.jacobian[t], tape.actions[t] = self._mover.derived.jacobian, actions
         self.next_inputs[t], self.rewards[t] = fleet.inputs, fleet.reward[:, 0]
 
     def pull(

@@ -117,10 +117,14 @@ class Kernels:
 
     def step(self, world: World, fleet: Fleet, lesson: Lesson | None, actions: FloatArray) -> None:
         """One call of a kernel."""
+        (move if lesson is None else learn)(self.bound(world, fleet, lesson), actions)
+
+    def bound(self, world: World, fleet: Fleet, lesson: Lesson | None) -> Bound:
+        """The three as one, the same as long as they are."""
         tables = world, fleet, lesson
-        if any(new is not old for new, old in zip_longest(tables, self._tables)):
+        if self._bound is None or any(a is not b for a, b in zip_longest(tables, self._tables)):
             self._tables, self._bound = tables, bind(*tables)
-        (move if lesson is None else learn)(self._bound, actions)
+        return self._bound
 
     def lose(self) -> None:
         """They are where the fleet has them."""
