@@ -135,7 +135,10 @@ def _kind_with(error: ConfigError, command: str, tree: Mapping[str, Any]) -> str
     if name == "file" and by_suffix(family, FilePath(value).suffix):
         return f"{what}; write {field}={value}"
     kinds = [kind for kind, cls in components(family).items() if name in cls.model_fields]
-    return f"{what}; write {field}={'|'.join(kinds)} {field}.{name}={value}" if kinds else None
+    if not kinds:
+        return None
+    more = f" (or {field}={', '.join(kinds[1:])})" if kinds[1:] else ""
+    return f"{what}; write {field}={kinds[0]} {field}.{name}={value}{more}"
 
 
 def check_command(name: str, tree: Mapping[str, Any], command: str) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from typer.testing import Result
 
+from steersman.bench.suites import SUITES
 from steersman.cli.bench import _fitting
 from steersman.cli.output import console, table
 from steersman.engine.journal import Journal
@@ -122,3 +123,8 @@ def test_wrong_words_are_one_line(
     assert result.exit_code == 2
     assert message in result.stderr
     assert result.stderr.count("\n") == 1
+
+
+def test_the_help_names_every_suite(steersman: Steersman) -> None:
+    said = steersman("bench", "--help").output.replace("\n", " ").replace(",", " ").split()
+    assert set(SUITES) <= set(said)

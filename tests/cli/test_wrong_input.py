@@ -63,7 +63,7 @@ WRONG = [
     # a word for another one, or for a file
     ("drive speed=20", "given 20; write speed=constant_speed speed.speed=20"),
     ("drive speed=20km/h", "write speed=constant_speed speed.speed=NUMBER, in m/s"),
-    ("drive speed.speed=20", "; write speed=constant_speed|stop_and_go speed.speed=20"),
+    ("drive speed.speed=20", "; write speed=constant_speed speed.speed=20 (or speed=stop_and_go)"),
     ("drive path.file=one.csv", "unknown field of circle; write path=one.csv"),
     ("drive disturbances=dropouts", "'dropouts' is not a list; write [dropouts]"),
     ("drive vehicle=car", "unknown vehicle 'car'; did you mean 'car.yaml'?"),

@@ -48,6 +48,10 @@ def test_with_a_known_friction_it_is_what_the_bend_allows() -> None:
 def test_what_finds_no_friction_is_refused() -> None:
     with pytest.raises(ConfigError, match="finds no friction"):
         build(GripSpeed, {"inner": "pid", "found": True})
+    with pytest.raises(ConfigError, match="and let 'estimated' hold grip_speed"):
+        build(GripSpeed, {"inner": "estimated", "found": True})
+    with pytest.raises(ConfigError, match="at most 2"):
+        build(GripSpeed, {"found": True, "least": 3.0})
     nominal = GripSpeed(inner=Pid()).init(CarlaModel3(), DT)
     assert nominal.belief.friction == CarlaModel3().friction
 

@@ -41,8 +41,8 @@ def bench(  # noqa: PLR0913, PLR0917 - typer's options
         list[str] | None,
         typer.Argument(
             metavar="[SUITE] [key=value ...]",
-            help="standard, core, standard_1, core_1, tuning, quick, faults, maps, foreign, or a"
-            " YAML file; and settings over it.",
+            help="standard, core, standard_1, core_1, tuning, quick, faults, beyond_grip, acc,"
+            " acc_tuning, maps, foreign, or a YAML file; and settings over it.",
         ),
     ] = None,
     controllers: Annotated[

@@ -53,8 +53,11 @@ class GripSpeed(GripUse, Wrapper):
     @model_validator(mode="after")
     def _finds(self) -> GripSpeed:
         if self.found and not isinstance(self.inner, DelayMpc):
+            around = (
+                "" if self.inner.kind != "estimated" else ", and let 'estimated' hold grip_speed"
+            )
             raise ConfigError(
-                f"{self.inner.kind!r} finds no friction; name mpc_delay or nmpc", ("inner",)
+                f"{self.inner.kind!r} finds no friction; name mpc_delay or nmpc{around}", ("inner",)
             )
         return self
 

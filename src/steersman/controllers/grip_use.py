@@ -56,7 +56,7 @@ class GripUse(ControllerComponent):
         "it; with less when mpc_delay or nmpc finds less.",
     )
     least: float = param(
-        0.24, "-", "Where it is found: the friction at first, and the least.", gt=0
+        0.24, "-", "Where it is found: the friction at first, and the least.", gt=0, le=2
     )
     reach: float = param(
         2.3, "-", "Where it is found: friction over what accelerations have shown of it.", ge=1
