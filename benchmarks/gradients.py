@@ -2,7 +2,8 @@
 
     python benchmarks/gradients.py --out results/benchmarks/gradients.json
 
-The two are timed in turns in one process, in processor time; the policy's network is left out.
+Timed in turns in one process, in processor time, beside the same drive without derivatives; the
+policy's network is left out.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import argparse
 import json
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -25,30 +27,57 @@ from steersman.provenance import provenance
 CARS, STEPS, TURNS = 256, 40, 20
 
 
-def measure() -> dict[str, float]:
-    """Medians [ms] for the preset's problem with exact sensors, and the ratio of the two."""
+def fleet() -> FleetDriver:
+    """The cars of the preset ``apg``, with exact sensors."""
     tree = load_preset("apg")
     tree["problem"]["sensor"] = {"kind": "waypoints"}
     driver = FleetDriver(train_config(tree).problem, CARS)
-    recorded = Recorded(driver, STEPS)
     driver.seed(0)
-    nothing = np.zeros((CARS, recorded.inputs.shape[2]))
-    times: dict[str, list[float]] = {"drive": [], "back": []}
-    for _ in range(TURNS + 1):
-        for i in range(CARS):
-            driver.reset(i)
-        begun = time.process_time()
-        for t in range(STEPS):
+    return driver
+
+
+def drive(driver: FleetDriver, recorded: Recorded | None) -> None:
+    """A stretch, straight on."""
+    straight = np.zeros(CARS)
+    for t in range(STEPS):
+        if recorded is not None:
             recorded.before(t)
-            driver.step(np.zeros(CARS))
-            recorded.after(t, np.zeros(CARS))
-        times["drive"].append(time.process_time() - begun)
-        begun = time.process_time()
+        driver.step(straight)
+        if recorded is not None:
+            recorded.after(t, straight)
+
+
+def measure() -> dict[str, float]:
+    """Medians [ms]: a plain drive, one with derivatives, the way back; and ratios to the plain."""
+    plain, driver = fleet(), fleet()
+    recorded = Recorded(driver, STEPS)
+    nothing = np.zeros((CARS, recorded.inputs.shape[2]))
+
+    def back() -> None:
         ends = np.zeros_like(recorded.inputs)
         recorded.pull(np.ones((STEPS, CARS)), ends, lambda t, by: nothing + by[:, None])
-        times["back"].append(time.process_time() - begun)
-    drive, back = (1e3 * float(np.median(times[name][1:])) for name in ("drive", "back"))
-    return {"drive_ms": drive, "back_ms": back, "back_over_drive": back / drive}
+
+    jobs: dict[str, Callable[[], None]] = {
+        "plain": lambda: drive(plain, None),
+        "drive": lambda: drive(driver, recorded),
+        "back": back,
+    }
+    times: dict[str, list[float]] = {name: [] for name in jobs}
+    for _ in range(TURNS + 1):
+        for each in (plain, driver):
+            for i in range(CARS):
+                each.reset(i)
+        for name, job in jobs.items():
+            begun = time.process_time()
+            job()
+            times[name].append(time.process_time() - begun)
+    found = {name: 1e3 * float(np.median(taken[1:])) for name, taken in times.items()}
+    whole = found["drive"] + found["back"]
+    return {
+        **{f"{name}_ms": value for name, value in found.items()},
+        "whole_ms": whole,
+        "whole_over_plain": whole / found["plain"],
+    }
 
 
 def main() -> None:
