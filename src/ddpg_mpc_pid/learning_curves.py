@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ddpg_mpc_pid import statistics as st
-from ddpg_mpc_pid.plan import METHODS, THRESHOLDS, Plan
+from ddpg_mpc_pid.plan import METHODS, THRESHOLDS, Plan, alone_beside
 from ddpg_mpc_pid.results import (
     CostSaving,
     LearningCurves,
@@ -23,7 +23,6 @@ from ddpg_mpc_pid.results import (
     StudyTraining,
 )
 
-ALONE = "ddpg"
 SHOWN = (
     "validation_error_mm",
     "off_track_resets",
@@ -130,15 +129,11 @@ def _method(name: str, curves: Curves, plan: Plan) -> MethodResult:
     )
 
 
-def _demonstrated(curves: Mapping[str, Curves], least: int) -> dict[str, Curves]:
-    """The methods to compare with DDPG alone, if that and they have so many seeds."""
-    if ALONE not in curves or len(curves[ALONE].runs) < least:
-        return {}
-    return {
-        name: c
-        for name, c in curves.items()
-        if name != ALONE and not METHODS[name].ablation and len(c.runs) >= least
-    }
+def _demonstrated(curves: Mapping[str, Curves], least: int) -> list[tuple[str, str]]:
+    """The methods to compare with DDPG alone, and that, where both have so many seeds."""
+    enough = {name for name, c in curves.items() if len(c.runs) >= least}
+    pairs = [(name, alone_beside(name, curves)) for name in curves if not METHODS[name].ablation]
+    return [(name, alone) for name, alone in pairs if name != alone and {name, alone} <= enough]
 
 
 def _savings(plan: Plan, curves: Mapping[str, Curves]) -> list[Saving]:
@@ -149,10 +144,12 @@ def _savings(plan: Plan, curves: Mapping[str, Curves]) -> list[Saving]:
     """
     out = []
     for threshold in THRESHOLDS:
-        for name, c in _demonstrated(curves, 1).items():
+        for name, beside in _demonstrated(curves, 1):
             costs = {}
             for cost in COSTS:
-                alone, helped = (x.to_reach(1e3 * threshold, cost) for x in (curves[ALONE], c))
+                alone, helped = (
+                    curves[each].to_reach(1e3 * threshold, cost) for each in (beside, name)
+                )
                 limit = _horizon(plan, curves, cost)
                 costs[cost] = CostSaving(
                     alone_median=st.quartiles(alone)[1],
@@ -164,6 +161,7 @@ def _savings(plan: Plan, curves: Mapping[str, Curves]) -> list[Saving]:
                 Saving(
                     threshold_m=threshold,
                     method=name,
+                    alone=beside,
                     alone_reached=int(np.isfinite(alone).sum()),
                     reached=int(np.isfinite(helped).sum()),
                     seeds=[len(alone), len(helped)],
@@ -176,11 +174,12 @@ def _savings(plan: Plan, curves: Mapping[str, Curves]) -> list[Saving]:
 def _spreads(plan: Plan, curves: Mapping[str, Curves]) -> list[SpreadSaving]:
     """By how much the interquartile range over seeds is smaller than that of DDPG alone [mm]."""
     out = []
-    for name, c in _demonstrated(curves, 2).items():
-        groups = curves[ALONE].best(), c.best()
+    for name, beside in _demonstrated(curves, 2):
+        groups = curves[beside].best(), curves[name].best()
         out.append(
             SpreadSaving(
                 method=name,
+                alone=beside,
                 alone_mm=_range(groups[0]),
                 range_mm=_range(groups[1]),
                 alone_median_mm=st.quartiles(groups[0])[1],

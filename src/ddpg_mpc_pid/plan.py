@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Container
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -57,6 +58,11 @@ class Method(NamedTuple):
     ablation: bool = False
     """Compared with the full method; with fewer seeds in the short plan."""
 
+    @property
+    def direct(self) -> bool:
+        """Whether the action is the steering, not its rate."""
+        return _DIRECT[0] in self.words
+
 
 _BY_DEMONSTRATION: dict[str, Method] = {
     "ddpg": Method("DDPG alone", (*_NONE, "problem.demonstration.enabled=false"), "track"),
@@ -96,7 +102,6 @@ _PUBLISHED: dict[str, Method] = {
             label=f"{method.label}, direct action",
             words=(*method.words, *_DIRECT),
             reward=f"{method.reward}, direct",
-            ablation=True,
         )
         for name, method in list(_BY_DEMONSTRATION.items())[:4]
     },
@@ -112,6 +117,20 @@ _PUBLISHED: dict[str, Method] = {
     ),
 }
 METHODS: dict[str, Method] = _BY_DEMONSTRATION | _ABLATIONS | _PUBLISHED
+ALONE, _ALONE_DIRECT = "ddpg", "ddpg_direct"
+# Rewards of the full method, after a short and after a whole training.
+BY_LENGTH: dict[str, tuple[str, str]] = {
+    "the paper's reward": ("adaptive_short", FULL_METHOD),
+    "a finite slope at zero error": ("precise_short", "precise"),
+}
+
+
+def alone_beside(method: str, methods: Container[str]) -> str:
+    """DDPG alone with the same action, if that is among ``methods``; else with the rate."""
+    same = METHODS[method].direct and _ALONE_DIRECT in methods
+    return _ALONE_DIRECT if same else ALONE
+
+
 # Settings of the smoke run, over the departures.
 _TINY = (
     "steps=600",

@@ -106,6 +106,8 @@ class Saving(sm.StoredResult):
 
     threshold_m: float
     method: str
+    alone: str = "ddpg"
+    """The method without a demonstrator that it stands beside."""
     alone_reached: int
     """Seeds of DDPG alone that got there."""
     reached: int
@@ -120,6 +122,7 @@ class SpreadSaving(sm.StoredResult):
     """Interquartile range over seeds of the best error, beside that of DDPG alone [mm]."""
 
     method: str
+    alone: str = "ddpg"
     alone_mm: Number
     range_mm: Number
     alone_median_mm: Number

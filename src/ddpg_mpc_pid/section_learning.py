@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 
 from ddpg_mpc_pid.page import interval, number, percent, verdict
-from ddpg_mpc_pid.plan import FULL_METHOD
+from ddpg_mpc_pid.plan import ALONE, FULL_METHOD, METHODS
 from ddpg_mpc_pid.results import LearningCurves, MethodResult, StudyResult
 from steersman import article
 
-_ALONE = "ddpg"
 _CLAIMED = "both"
+# Methods of which savings and spread are told in sentences.
+_TOLD = (_CLAIMED, FULL_METHOD, "both_direct", "direct")
 # What the paper's figure shows: the adaptive reward is a reward of its own.
 _LOSSES = (("track", "tracking reward alone"), ("fixed", "demonstration reward, fixed"))
 # A seed whose best error is above this has never driven [mm].
@@ -74,15 +75,12 @@ def learning_section(results: StudyResult) -> article.Section:
     """The paper's figure of losses, and what matters more: errors, resets, savings, spread."""
     learning = results.learning
     methods = {k: m for k, m in learning.methods.items() if not m.ablation}
-    every, error = methods.values(), "validation_error_mm"
-    clock = "The same against computing time (wall time on a core of its own)"
-    figures = [
-        over_steps("validation", "Mean error on the validation set", "mm", every, error, True),
-        article.LinePlot(
-            "validation_time", clock, "s", "mm", list(map(_against_time, every)), True
-        ),
-        over_steps("resets", "Off-track resets so far", "resets", every, "off_track_resets", False),
-    ]
+    every = methods.values()
+    direct = [name for name in methods if METHODS[name].direct]
+    apart = direct if len(direct) > 1 else []
+    figures = _curve_figures([m for k, m in methods.items() if k not in apart], "", "")
+    if apart:
+        figures += _curve_figures([methods[k] for k in apart], "_direct", ", direct action")
     for reward, words in _LOSSES:
         same = [m for m in every if m.reward == reward]
         for column, name in (("actor_loss", "Actor loss"), ("critic_loss", "Critic loss")):
@@ -110,13 +108,31 @@ def learning_section(results: StudyResult) -> article.Section:
     )
 
 
+def _curve_figures(
+    methods: Sequence[MethodResult], suffix: str, words: str
+) -> list[article.LinePlot]:
+    """Errors over steps and over time, and resets, a line for each method."""
+    error, resets = "validation_error_mm", "off_track_resets"
+    title = f"Mean error on the validation set{words}"
+    clock = f"The same against computing time (wall time on a core of its own){words}"
+    lines = list(map(_against_time, methods))
+    return [
+        over_steps(f"validation{suffix}", title, "mm", methods, error, True),
+        article.LinePlot(f"validation_time{suffix}", clock, "s", "mm", lines, True),
+        over_steps(
+            f"resets{suffix}", f"Off-track resets so far{words}", "resets", methods, resets, False
+        ),
+    ]
+
+
 def _saving_table(learning: LearningCurves) -> article.Table:
     rows = [
         {
             "mean error": f"{s.threshold_m} m",
             "method": learning.methods[s.method].label,
             "seeds that got there": f"{s.reached} of {s.seeds[1]}",
-            "alone": f"{s.alone_reached} of {s.seeds[0]}",
+            "beside": learning.methods[s.alone].label,
+            "there alone": f"{s.alone_reached} of {s.seeds[0]}",
             "steps saved [%]": interval(s.steps.saving, 100.0),
             "time saved [%]": interval(s.seconds.saving, 100.0),
             "resets saved [%]": interval(s.off_track_resets.saving, 100.0),
@@ -126,11 +142,16 @@ def _saving_table(learning: LearningCurves) -> article.Table:
     return article.Table("What the demonstration saves", rows)
 
 
+def _told(method: str, alone: str) -> bool:
+    """Whether sentences tell of it: DDPG alone has the same action."""
+    return method in _TOLD and METHODS[method].direct == METHODS[alone].direct
+
+
 def _saving_findings(learning: LearningCurves) -> list[article.PageFinding]:
     """The claim: training is accelerated. It holds where the interval lies above zero."""
     out = []
     for s in learning.savings:
-        if s.method not in (_CLAIMED, FULL_METHOD) or s.threshold_m > _ASKED:
+        if not _told(s.method, s.alone) or s.threshold_m > _ASKED:
             continue
         label = learning.methods[s.method].label
         goal = f"On the way to {s.threshold_m} m"
@@ -164,7 +185,7 @@ def _spread_findings(learning: LearningCurves) -> list[article.PageFinding]:
     """The claim: training is stabilised, read as a smaller spread over seeds."""
     out = []
     for s in learning.spread:
-        if s.method in (_CLAIMED, FULL_METHOD):
+        if _told(s.method, s.alone):
             label = learning.methods[s.method].label
             text = (
                 f"Interquartile range over seeds of the best error: {number(s.range_mm, 'mm')} "
@@ -194,10 +215,10 @@ def _collapsed(methods: Mapping[str, MethodResult]) -> list[article.PageFinding]
 
 def _smooth(methods: Mapping[str, MethodResult]) -> list[article.PageFinding]:
     """The claim: with both parts the actor loss falls smoothly."""
-    if not {_ALONE, _CLAIMED} <= methods.keys():
+    if not {ALONE, _CLAIMED} <= methods.keys():
         return []
     shares = []
-    for name in (_ALONE, _CLAIMED):
+    for name in (ALONE, _CLAIMED):
         steps = np.diff(methods[name].curves["actor_loss"].median)
         shares.append(float((steps > 0.0).mean()) if steps.size else None)
     alone, both = shares

@@ -17,6 +17,7 @@ from ddpg_mpc_pid.section_driving import (
     robustness_section,
 )
 from ddpg_mpc_pid.section_learning import learning_section, method_row, over_steps
+from ddpg_mpc_pid.section_length import length_section
 from ddpg_mpc_pid.section_mpc import away_section, timing_section
 from steersman import article
 
@@ -35,6 +36,7 @@ def sections(results: StudyResult) -> list[article.Section]:
     made = [
         setup_section(results),
         learning_section(results),
+        length_section(results.learning.methods),
         coefficient_section(results),
         circle_section(results.circle),
         robustness_section(results.robustness),
@@ -43,7 +45,8 @@ def sections(results: StudyResult) -> list[article.Section]:
         timing_section(results.timing),
         ablation_section(results),
     ]
-    return [section._replace(findings=[]) for section in made] if _smoke(results) else made
+    there = [section for section in made if section is not None]
+    return [section._replace(findings=[]) for section in there] if _smoke(results) else there
 
 
 def _smoke(results: StudyResult) -> bool:

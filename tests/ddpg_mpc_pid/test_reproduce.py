@@ -28,6 +28,7 @@ from ddpg_mpc_pid.results import (
     StudyResult,
     StudyTraining,
 )
+from ddpg_mpc_pid.section_length import effects, length_section
 from ddpg_mpc_pid.study import Stage, done, open_journal, plain, stages
 from ddpg_mpc_pid.tracks import per_corner
 from steersman.cli import app
@@ -325,6 +326,38 @@ def test_nobody_reaches_it_nobody_saves() -> None:
     trained = {f"{m}/seed_{s}": record([900.0]) for m in ("ddpg", "both") for s in (0, 1)}
     out = learning_curves(small(), trained)
     assert all(row.steps.saving is None for row in out.savings)
+
+
+def test_direct_methods_stand_beside_ddpg_with_the_same_action() -> None:
+    names = ("ddpg", "both", "ddpg_direct", "both_direct", "direct")
+    trained = {f"{m}/seed_{s}": record([900.0, 90.0]) for m in names for s in (0, 1)}
+    plan = small()
+    out = learning_curves(plan._replace(methods=names), trained)
+    beside = {"both": "ddpg", "both_direct": "ddpg_direct", "direct": "ddpg_direct"}
+    assert {row.method: row.alone for row in out.savings} == beside
+    assert {row.method: row.alone for row in out.spread} == beside
+    part = learning_curves(plan._replace(methods=("ddpg", "direct")), trained)
+    assert {row.method: row.alone for row in part.savings} == {"direct": "ddpg"}
+
+
+def test_rewards_and_lengths_are_told_apart() -> None:
+    errors = {"adaptive_short": 80.0, "adaptive": 40.0, "precise_short": 8.0, "precise": 2.0}
+    factors = [1.0 / 10, 1.0 / 20, 0.5, 0.25, 0.5]
+    cells = [[e, 1.1 * e, e / 1.1] for e in errors.values()]
+    found = effects(cells)
+    assert [one.value for one in found.values()] == pytest.approx(factors)
+    for one in list(found.values())[:4]:
+        assert (one.low or 0.0) <= (one.value or 0.0) <= (one.high or 0.0) < 1.0
+    trained = {f"{m}/seed_{s}": record([900.0, e]) for m, e in errors.items() for s in (0, 1)}
+    plan = small()._replace(methods=tuple(errors), seeds=2, ablation_seeds=2)
+    section = length_section(learning_curves(plan, trained).methods)
+    assert section is not None
+    assert len(section.findings) == len(factors)
+    assert length_section(learning_curves(small(), trained | alone()).methods) is None
+
+
+def alone() -> dict[str, StudyTraining]:
+    return {f"{m}/seed_{s}": record([900.0]) for m in ("ddpg", "both") for s in (0, 1)}
 
 
 # ---------------------------------------------------------------------------------- drives
