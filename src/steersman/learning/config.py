@@ -47,7 +47,7 @@ class ValidationConfig(Settings):
         "typical",
         "-",
         "The best policy by the geometric mean of the drives' mean errors, by the RMS error, or by "
-        "the mean reward of a step, 0 for those that were not driven.",
+        "the mean reward of a step; one that was not driven has the least of all, at most 0.",
     )
     steer_weight: float = param(
         0.0, "m", "Price of the RMS change of steering per step in the score.", ge=0

@@ -33,12 +33,13 @@ class PathFollowingEnv(gymnasium.Env[Features, Features]):
     """Follow a path; the action is the steering, its rate, or a correction of it.
 
     Observation: (features,) float32, about unit size; named in ``observation_names``.
-    Action: (1,) in [-1, 1], left positive. Leaving the corridor or rolling over terminates;
-    time and the end of a road truncate. ``info`` holds the true lateral error [m], heading error
-    [rad], speed [m/s], arc length ``s`` [m], the steering that the car has (normalised), ``end``,
-    the reason of the episode's end ("" while it goes on), and for the returned observation the
-    base's steering (if there is a base) and the demonstrator's steering and action (if there is
-    one, and the episode goes on).
+    Action: (1,) in [-1, 1], left positive; (2,) where ``problem.joint`` adds the speed; (n,) for n
+    ``problem.parameters``. Leaving the corridor, rolling over, a collision and passing the end at
+    which the car is to stand terminate; time and the end of a road truncate. ``info`` holds the
+    true lateral error [m], heading error [rad], speed [m/s], arc length ``s`` [m], the steering
+    that the car has (normalised), ``end``, the reason of the episode's end ("" while it goes on),
+    and for the returned observation the base's steering (if there is a base) and the
+    demonstrator's steering and action (if there is one, and the episode goes on).
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - Gymnasium's

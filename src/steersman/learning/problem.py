@@ -78,7 +78,8 @@ class Problem(Settings):
     joint: bool = param(
         False,
         "-",
-        "A second action is the speed: 0 and above the wished one, -1 standstill, linear between.",
+        "A second action is the speed: -1 standstill, 0 what the base allows (without a base the "
+        "wished speed), 1 the wished speed, linear between.",
     )
     rate_limit: float = param(PAPER_RATE, "1/s", "Steering rate of action 1.", gt=0)
     base: Annotated[ControllerComponent | None, Of("controller", optional=True)] = param(
