@@ -67,14 +67,16 @@ def _departures(plan: Mapping[str, Any]) -> list[dict[str, str]]:
 
 
 def write_page(results: StudyResult, out: FilePath) -> FilePath:
-    """Write the page of the study, and its figures into the folder ``plots`` beside it.
+    """Write the page of the study, its figures into ``plots`` and its tables into ``tables``.
 
     Raises:
         SteersmanError: the extra ``report`` is not installed.
         DataError: the files cannot be written.
     """
     source = f"Commit {', '.join(results.made_by)}."
-    return article.write_article(sections(results), out, TITLE, source)
+    made = sections(results)
+    article.write_tables(made, out.parent / "tables")
+    return article.write_article(made, out, TITLE, source)
 
 
 def setup_section(results: StudyResult) -> article.Section:

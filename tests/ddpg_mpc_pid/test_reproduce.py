@@ -513,6 +513,13 @@ def test_sections_are_made_of_the_numbers(smoke: tuple[FilePath, StudyResult]) -
     assert "None" not in text
     files = [figure.file for section in made for figure in section.figures]
     assert len(files) == len(set(files))
+    study.write_page(smoke[1], smoke[0] / "report.html")
+    titles = [table.title for section in made for table in section.tables if table.rows]
+    tables = list((smoke[0] / "tables").glob("*.md"))
+    assert len(tables) == len(set(titles)) == len(titles)
+    methods = (smoke[0] / "tables" / "methods.md").read_text(encoding="utf-8").splitlines()
+    assert methods[0].startswith("| method | seeds |")
+    assert len(methods) == 2 + len(smoke[1].learning.methods)
 
 
 def test_a_smoke_run_says_so_and_concludes_nothing() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path as FilePath
 from typing import NamedTuple, TypeAlias
@@ -13,7 +14,16 @@ from steersman.report.runs import Table
 from steersman.report.scene import RoadGroup
 from steersman.report.svg import LinePlot, PlotLine
 
-__all__ = ["Figure", "LinePlot", "PageFinding", "PlotLine", "Section", "Table", "write_article"]
+__all__ = [
+    "Figure",
+    "LinePlot",
+    "PageFinding",
+    "PlotLine",
+    "Section",
+    "Table",
+    "write_article",
+    "write_tables",
+]
 
 _WORDS = {True: "agrees", False: "differs", None: "note"}
 LIMIT = 15_000_000
@@ -67,6 +77,27 @@ def write_article(
             write_text(folder / f"{figure.file}.svg", figure.svg())
     write_text(out, text)
     return out
+
+
+def write_tables(sections: Sequence[Section], folder: FilePath) -> None:
+    """Write the tables as Markdown, a file for each, named after its title.
+
+    Raises:
+        DataError: the files cannot be written.
+    """
+    make_folder(folder)
+    for table in (each for section in sections for each in section.tables if each.rows):
+        name = "_".join(re.findall(r"[a-z0-9]+", table.title.lower()))
+        write_text(folder / f"{name}.md", markdown(table))
+
+
+def markdown(table: Table) -> str:
+    """A table as Markdown."""
+    grid = tables.grid(table)
+    rule = ["---:" if header.number else "---" for header in grid.headers]
+    rows = [[cell.text for cell in row] for row in (grid.headers, *grid.rows)]
+    lines = ["| " + " | ".join(row) + " |" for row in (rows[0], rule, *rows[1:])]
+    return "\n".join(lines) + "\n"
 
 
 def article_page(
