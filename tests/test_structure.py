@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections import defaultdict
 from collections.abc import Iterator
 from functools import cache
@@ -96,3 +97,14 @@ def test_no_file_is_too_long() -> None:
         if len(file.read_text(encoding="utf-8").splitlines()) > MOST_LINES
     }
     assert long == TABLES
+
+
+def test_pages_that_the_source_names_are_there() -> None:
+    """Docstrings and messages send readers to pages."""
+    named = {
+        (page, file.name)
+        for file in SRC.rglob("*.py")
+        for page in re.findall(r"\bdocs/[\w/]+\.md", file.read_text(encoding="utf-8"))
+    }
+    assert named
+    assert [pair for pair in sorted(named) if not (SRC.parent / pair[0]).is_file()] == []

@@ -1,7 +1,7 @@
 """Dead reckoning: the present observation from the last one and the steering since.
 
-The car is the nonlinear single track with linear tyres that ``mpc_delay`` predicts with, at the
-speed that was measured last; the road is that of the last waypoints.
+The car is the nonlinear single track of ``mpc_delay`` with linear tyres, at the speed that was
+measured last; the road is that of the last waypoints.
 """
 
 from __future__ import annotations

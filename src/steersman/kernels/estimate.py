@@ -2,7 +2,7 @@
 
 The road's curvature is a random walk along the road, so that, given the state, what lies behind
 the car says nothing more: the filter is the posterior of all observations so far.
-docs/equations/estimator.md has the equations.
+docs/equations/estimated.md has the equations.
 """
 
 from __future__ import annotations

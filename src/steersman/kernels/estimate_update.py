@@ -1,7 +1,7 @@
 """The estimator's update: an observation corrects car, road and biases.
 
 Independent measurements follow each other, each a scalar (Sarkka, Bayesian Filtering and Smoothing,
-2013, sec. 4.3 and 5.2). docs/equations/estimator.md has the equations.
+2013, sec. 4.3 and 5.2). docs/equations/estimated.md has the equations.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ import math
 from steersman.kernels.compiled import kernel
 from steersman.types import FloatArray
 
-# Columns of the mean and of its covariance; docs/equations/estimator.md has their meaning.
+# Columns of the mean and of its covariance; docs/equations/estimated.md has their meaning.
 D, HEADING, OFFSET, VX, VY, RATE, AX = range(7)
 LACK_Y, LACK_RATE, BIAS_VY, BIAS_RATE, SCALE, POSE_D, POSE_HEADING, NODES = range(7, 15)
 # Number of columns that change by the motion.

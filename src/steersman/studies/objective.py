@@ -2,7 +2,7 @@
 
 The cost of a run is its RMS lateral error [m] plus a price on the RMS steering rate; behind another
 car also prices on the RMS of the gap's error and of the longitudinal jerk. A run that ends early is
-charged the corridor's half width for the part it did not drive. The cost of several runs is their
+charged the corridor's half width, and as much again for the share that it did not drive. The cost of several runs is their
 mean. Beside the cost stand the two figures that it trades for each other, as the benchmark defines
 them: pooled RMS error with failures charged, and pooled steering activity.
 """
