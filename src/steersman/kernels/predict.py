@@ -1,10 +1,10 @@
 """One step of the predictor for one vehicle: what will be observed when the next command acts.
 
-The model is that of ``mpc_delay``, with linear tyres; the accelerations that it lacks are held over
-the delay (Pannocchia and Rawlings, AIChE Journal 49, 2003, call it a disturbance model). Steering by
-the predicted state makes a controller without delay one with it: Smith, Closer control of loops with
-dead time, Chemical Engineering Progress 53, 1957; in state space Manitius and Olbrot, IEEE Trans.
-Automatic Control 24, 1979. docs/equations/estimated.md has the equations.
+The model is that of ``mpc_delay``, with linear tyres; the accelerations that it lacks are held
+over the delay (Pannocchia and Rawlings, AIChE Journal 49, 2003, call it a disturbance model).
+Steering by the predicted state makes a controller without delay one with it: Smith, Closer
+control of loops with dead time, Chemical Engineering Progress 53, 1957; in state space Manitius
+and Olbrot, IEEE Trans. Automatic Control 24, 1979. docs/equations/estimated.md has the equations.
 """
 
 from __future__ import annotations

@@ -12,15 +12,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from steersman.kernels import tyre
 from steersman.kernels.actuator import slew, slew_lagged
 from steersman.kernels.compiled import inlined, kernel
-from steersman.kernels.tyre import (
-    AxleTyres,
-    axle_tyres,
-    split_axle,
-    tyre_stiffness,
-    wheel_force,
-)
 from steersman.types import FloatArray
 
 GRAVITY = 9.81
@@ -190,13 +184,13 @@ def wheel_loads(row: FloatArray, a_x: float, a_y: float) -> tuple[float, float, 
 
 
 @inlined
-def tyres(row: FloatArray) -> tuple[AxleTyres, AxleTyres]:
+def tyres(row: FloatArray) -> tuple[tyre.AxleTyres, tyre.AxleTyres]:
     """Tyres of the front and of the rear axle."""
-    base, weight = row[L_F] + row[L_R], row[MASS] * GRAVITY
-    limit = row[LOAD_LIMIT]
+    base, limit = row[L_F] + row[L_R], row[LOAD_LIMIT]
+    front, rear = row[MASS] * GRAVITY * row[L_R], row[MASS] * GRAVITY * row[L_F]
     return (
-        axle_tyres(row[C_F] * base / (weight * row[L_R]), 0.5 * weight * row[L_R] / base, limit),
-        axle_tyres(row[C_R] * base / (weight * row[L_F]), 0.5 * weight * row[L_F] / base, limit),
+        tyre.axle_tyres(row[C_F] * base / front, 0.5 * front / base, limit),
+        tyre.axle_tyres(row[C_R] * base / rear, 0.5 * rear / base, limit),
     )
 
 
@@ -204,19 +198,15 @@ def tyres(row: FloatArray) -> tuple[AxleTyres, AxleTyres]:
 def derivative(
     table: VehicleTable,
     n: int,
-    axles: tuple[AxleTyres, AxleTyres],
+    axles: tuple[tyre.AxleTyres, tyre.AxleTyres],
     q: FloatArray,
     steer: float,
     throttle: float,
     brake: float,
     out: FloatArray,
 ) -> tuple[float, float]:
-    """Time derivative of the first N_MOTION state columns; returns a_x, a_y [m/s^2].
-
-    ``axles`` are the :func:`tyres` of vehicle ``n``.
-    """
-    row = table.rows[n]
-    v_x, v_y, rate = q[VX], q[VY], q[YAW_RATE]
+    """Time derivative of N_MOTION state columns, with :func:`tyres`; returns a_x, a_y [m/s^2]."""
+    row, v_x, v_y, rate = table.rows[n], q[VX], q[VY], q[YAW_RATE]
     left, right, _ = wheel_tangents(table, n, steer, abs(v_x))
     demand_f, demand_r = wheel_demand(table, n, throttle, brake, v_x)
     # Rotating masses take their share while the speed changes: first that of the lagged
@@ -225,18 +215,18 @@ def derivative(
     demand_f -= turned * row[DRIVE_FRONT]
     demand_r -= turned * (1.0 - row[DRIVE_FRONT])
     fl, fr, rl, rr = wheel_loads(row, q[LOAD_AX], q[LOAD_AY])
-    c1, c2 = tyre_stiffness(axles[0], fl), tyre_stiffness(axles[0], fr)
-    c3, c4 = tyre_stiffness(axles[1], rl), tyre_stiffness(axles[1], rr)
+    c1, c2 = tyre.tyre_stiffness(axles[0], fl), tyre.tyre_stiffness(axles[0], fr)
+    c3, c4 = tyre.tyre_stiffness(axles[1], rl), tyre.tyre_stiffness(axles[1], rr)
     mu, half, soft = row[MU], 0.5 * row[TRACK], row[SLIP_SPEED]
     y_f, y_r = v_y + row[L_F] * rate, v_y - row[L_R] * rate
     x_l, x_r = v_x - half * rate, v_x + half * rate
     mu_l, mu_r = mu * row[GRIP_LEFT], mu * row[GRIP_RIGHT]
-    demand1, demand2 = split_axle(demand_f, mu_l * fl, mu_r * fr)
-    demand3, demand4 = split_axle(demand_r, mu_l * rl, mu_r * rr)
-    fx1, fy1 = wheel_force(c1, mu_l * fl, demand1, left, x_l, y_f, soft)
-    fx2, fy2 = wheel_force(c2, mu_r * fr, demand2, right, x_r, y_f, soft)
-    fx3, fy3 = wheel_force(c3, mu_l * rl, demand3, 0.0, x_l, y_r, soft)
-    fx4, fy4 = wheel_force(c4, mu_r * rr, demand4, 0.0, x_r, y_r, soft)
+    demand1, demand2 = tyre.split_axle(demand_f, mu_l * fl, mu_r * fr)
+    demand3, demand4 = tyre.split_axle(demand_r, mu_l * rl, mu_r * rr)
+    fx1, fy1 = tyre.wheel_force(c1, mu_l * fl, demand1, left, x_l, y_f, soft)
+    fx2, fy2 = tyre.wheel_force(c2, mu_r * fr, demand2, right, x_r, y_f, soft)
+    fx3, fy3 = tyre.wheel_force(c3, mu_l * rl, demand3, 0.0, x_l, y_r, soft)
+    fx4, fy4 = tyre.wheel_force(c4, mu_r * rr, demand4, 0.0, x_r, y_r, soft)
     drag = row[DRAG] * v_x * abs(v_x)
     along, across = fx1 + fx2 + fx3 + fx4, fy1 + fy2 + fy3 + fy4
     if row[ROTATING] > 0.0:
@@ -285,8 +275,7 @@ def advance(
     Explicit midpoint rule (order 2), with the rate-limited actuators moved exactly.
     ``work`` is scratch of shape (3, N_MOTION).
     """
-    row = table.rows[n]
-    axles = tyres(row)
+    row, axles = table.rows[n], tyres(table.rows[n])
     k1, k2, q = work[0], work[1], work[2]
     inputs = state[STEER : BRAKE + 1]
     a_x, a_y = state[AX], state[AY]

@@ -1,10 +1,11 @@
 """What a run costs in a tuning: its tracking error, smoothness and failure.
 
-The cost of a run is its RMS lateral error [m] plus a price on the RMS steering rate; behind another
-car also prices on the RMS of the gap's error and of the longitudinal jerk. A run that ends early is
-charged the corridor's half width, and as much again for the share that it did not drive. The cost of several runs is their
-mean. Beside the cost stand the two figures that it trades for each other, as the benchmark defines
-them: pooled RMS error with failures charged, and pooled steering activity.
+The cost of a run is its RMS lateral error [m] plus a price on the RMS steering rate; behind
+another car also prices on the RMS of the gap's error and of the longitudinal jerk. A run that
+ends early is charged the corridor's half width, and as much again for the share that it did not
+drive. The cost of several runs is their mean. Beside the cost stand the two figures that it
+trades for each other, as the benchmark defines them: pooled RMS error with failures charged, and
+pooled steering activity.
 """
 
 from __future__ import annotations
