@@ -202,9 +202,10 @@ def test_derivative_equals_python_and_stays_within_the_grip(
 ) -> None:
     q, out, other = np.zeros((3, kernel.N_MOTION))
     q[kernel.VX :] = np.array((40.0, 15.0, 3.0, 20.0, 20.0)) * unit[:5]
-    found = kernel.derivative(table, 0, q, unit[5], throttle, brake, out)
+    axles = kernel.tyres(table.rows[0])
+    found = kernel.derivative(table, 0, axles, q, unit[5], throttle, brake, out)
     assert found == pytest.approx(
-        kernel.derivative.py_func(table, 0, q, unit[5], throttle, brake, other), abs=1e-10
+        kernel.derivative.py_func(table, 0, axles, q, unit[5], throttle, brake, other), abs=1e-10
     )
     np.testing.assert_allclose(out, other, rtol=1e-12, atol=1e-10)
     row = table.rows[0]
