@@ -2,7 +2,8 @@
 
     python benchmarks/updates.py --out results/benchmarks/updates.json
 
-Sizes are those of the preset ``demo``: two hidden layers of 128, batches of 256; one thread.
+Sizes are those of the preset ``demo``, two hidden layers of 128, and for DDPG also those of the
+preset ``paper``, layers of 400 and 300; batches of 256, one thread.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ import argparse
 import json
 import sys
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +27,10 @@ from steersman.learning.config import TrainConfig, load_preset, train_config
 from steersman.learning.vec_env import PathFollowingVecEnv
 from steersman.provenance import provenance
 
-KINDS = ("ddpg", "td3", "sac")
+CONFIGS: dict[str, Callable[[], TrainConfig]] = {
+    kind: partial(lambda kind: train_config({**load_preset("demo"), "agent": {"kind": kind}}), kind)
+    for kind in ("ddpg", "td3", "sac")
+} | {"ddpg_paper": lambda: train_config(load_preset("paper"))}
 # Updates in a call, as in the preset; calls that are timed.
 UPDATES, CALLS = 4, 60
 
@@ -48,9 +54,8 @@ def pair(config: TrainConfig) -> dict[str, Any]:
     return {"own": own, "stock": stock}
 
 
-def measure(kind: str) -> dict[str, float]:
+def measure(config: TrainConfig) -> dict[str, float]:
     """Median time of an update [ms], and how many times as long stock's takes."""
-    config = train_config({**load_preset("demo"), "agent": {"kind": kind}})
     agents, batch = pair(config), config.agent.batch
     seconds: dict[str, list[float]] = {name: [] for name in agents}
     for agent in agents.values():
@@ -71,7 +76,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path)
     out = parser.parse_args().out
     with arithmetic(1):
-        figures = {kind: measure(kind) for kind in KINDS}
+        figures = {name: measure(config()) for name, config in CONFIGS.items()}
     for kind, row in figures.items():
         sys.stdout.write(f"{kind} {' '.join(f'{k} {v:.3f}' for k, v in row.items())}\n")
     if out is not None:
