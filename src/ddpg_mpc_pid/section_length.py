@@ -67,9 +67,12 @@ def length_section(methods: Mapping[str, MethodResult]) -> article.Section | Non
         title,
         [
             "Ratios of geometric means over seeds. A short training is one of its own, whose "
-            "learning rate falls by its own length, not the beginning of a whole one. A whole one "
-            "has more validations of which the smallest error is taken; the last error has no "
-            f"such choice. Steps, with one update after each: {short} and {whole}."
+            "learning rate falls by its own length. Until then it is the beginning of the whole "
+            "one of its seed, so that a smallest error from that time is the same, and the "
+            "intervals, which take all trainings for independent, are rather too wide. A whole one "
+            "has more validations of which the smallest error is taken; the last error has no such "
+            "choice. "
+            f"Steps, with one update after each: {short} and {whole}."
         ],
         [article.PageFinding(None, _sentence(what, found)) for what, found in best.items()],
         [
