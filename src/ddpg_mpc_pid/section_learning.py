@@ -83,6 +83,8 @@ def learning_section(results: StudyResult) -> article.Section:
         figures += _curve_figures([methods[k] for k in apart], "_direct", ", direct action")
     for reward, words in _LOSSES:
         same = [m for m in every if m.reward == reward]
+        if not same:
+            continue
         for column, name in (("actor_loss", "Actor loss"), ("critic_loss", "Critic loss")):
             file, title = f"{column}_{reward}", f"{name}: {words}"
             figures.append(over_steps(file, title, name.lower(), same, column, False))

@@ -82,18 +82,19 @@ def write_page(results: StudyResult, out: FilePath) -> FilePath:
 def setup_section(results: StudyResult) -> article.Section:
     """What was run, and in what it differs from the published method."""
     plan = results.plan
-    made = ", ".join(results.made_by)
+    made, departures = ", ".join(results.made_by), _departures(plan)
+    differs = "with the departures below" if departures else "with nothing else set"
     return article.Section(
         "What was run",
         [
             f"{counted(len(plan['trainings']), 'training')}; made by commit {made}.",
             "The trainings are those of the preset 'paper' (where the paper is silent, "
-            "Stable-Baselines3's defaults), with the departures below. Intervals are 95 % "
+            f"Stable-Baselines3's defaults), {differs}. Intervals are 95 % "
             "bootstrap intervals over seeds, each method resampled within itself; with so few "
             "seeds they are rough. IQM: interquartile mean over seeds. 'agrees' and 'differs' "
             "are decided by the rule that the sentence gives.",
         ],
-        tables=[article.Table("Departures from the preset", _departures(plan))],
+        tables=[article.Table("Departures from the preset", departures)],
         warnings=[_SMOKE] if _smoke(results) else [],
     )
 
