@@ -16,7 +16,7 @@ from steersman.controllers.single_track import (
 from steersman.kernels import vehicle as kernel
 from steersman.kernels.actuator import slew_lagged
 from steersman.kernels.steady_turn import steady_turn
-from steersman.kernels.tyre import side_force, tyre_stiffness
+from steersman.kernels.tyre import axle_tyres, side_force, tyre_stiffness
 from steersman.plants.simulator import SimulatorConfig
 from steersman.types import Command, FloatArray, Pose
 from steersman.vehicles import Bmw320i, CarlaModel3, Vehicle
@@ -37,7 +37,8 @@ def tyre_force() -> dict[str, Any]:
         ("static load, 80 % of the grip spent on braking", 1.0, 0.8),
     ):
         limit = car.stiffness_load_limit or 0.0
-        stiffness = tyre_stiffness(car.c_f / 2.0 / static, load * static, static, limit)
+        tyres = axle_tyres(car.c_f / 2.0 / static, static, limit)
+        stiffness = tyre_stiffness(tyres, load * static)
         grip = car.friction * static * load
         left = grip * math.sqrt(1.0 - share**2)
         forces = [-side_force(stiffness, math.tan(math.radians(a)), left) for a in angles]
