@@ -85,6 +85,14 @@ class _Branches(Feature):
         """By what is seen."""
         return seen.steer if seen.v_x > 1.0 else memory[i]
 
+    def begin(self, seen: Observation, i: int) -> float:
+        """By branches within branches."""
+        if i > 0:
+            if i > 1:
+                return seen.v_x
+            return seen.v_y
+        return seen.steer
+
     def remember(self, memory: Sequence[float], i: int) -> float:
         """By an index of its own."""
         i = (i + 1) % 2
@@ -103,6 +111,9 @@ def test_of_a_branch_that_is_known_beforehand_one_side_is_read() -> None:
     assert [hands_on(found["value"], [], i) for i in range(4)] == [True, True, True, False]
     assert reads(found["advance"], [], 2, sizes)[2] == [2]
     assert not hands_on(found["advance"], [], 2)
+    begin = [reads(found["begin"], [], i, sizes)[0] for i in range(3)]
+    assert begin == [[obs.O_STEER], [obs.O_VY], [obs.O_VX]]
+    assert all(hands_on(found["begin"], [], i) for i in (0, 2))
     assert reads(found["remember"], [], 0, sizes)[2] == [0, 1, 2, 3]
     assert not hands_on(found["remember"], [], 0)
 

@@ -103,7 +103,8 @@ class _Settled(ast.NodeTransformer):
         taken = _known(node.test, self.known)
         if taken is None:
             return self.generic_visit(node)
-        return [self.visit(each) for each in (node.body if taken else node.orelse)]
+        found = [self.visit(each) for each in (node.body if taken else node.orelse)]
+        return [one for each in found for one in (each if isinstance(each, list) else [each])]
 
 
 def _settled(
