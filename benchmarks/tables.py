@@ -32,7 +32,13 @@ MARKED = re.compile(rf"(<!-- (?:{RECORD}|{FOREIGN}) -->\n)((?:\|.*\n?)+)(?<!\n)"
 COPIED = re.compile(r"(<!-- (results/\S+\.md) -->\n)((?:\|.*\n?)+)(?<!\n)")
 PROGRAMS = re.compile(r"(<!-- (results/carla/api\.json) -->\n)((?:\|.*\n?)+)(?<!\n)")
 PAGES = ("README.md", "docs/bench.md")
-COPIES = ("docs/carla_standin.md", "docs/export.md", "docs/node.md", "docs/reproduce.md")
+COPIES = (
+    "docs/carla_standin.md",
+    "docs/export.md",
+    "docs/node.md",
+    "docs/precision.md",
+    "docs/reproduce.md",
+)
 FOUR_DIGITS = 1000.0
 
 
