@@ -15,6 +15,8 @@ from steersman.types import Observation, VehicleState
 # Whole steps along a road, and at random.
 DRIVEN, DRAWN = 200, 100
 _FEWEST = 4
+# At full lock: how far off the path [m], at which speed [m/s]; slow, policies ask for more.
+_ASIDE = (3.0, 5.0), (3.0, 1.0), (1.0, 1.0)
 _STRANGE = (math.nan, math.inf, -math.inf, 1e-42, -1e-42, 0.0, 1e6, -1e6, 1e15, -1e15)
 
 
@@ -124,19 +126,20 @@ def _strange(of: Sampled, rng: np.random.Generator) -> Iterator[Row]:
     for side in (-1.0, 1.0):
         yield Row(True, drawn(of, rng)._replace(steer=single(1.05 * side)))
         yield Row(False, drawn(of, rng))
-        yield Row(True, _aside(of, side))
+        for offset, speed in _ASIDE:
+            yield Row(True, _aside(of, side, offset, speed))
     for i, value in enumerate(np.resize(_STRANGE, max(len(_STRANGE) * 2, numbers))):
         seen = with_value(drawn(of, rng), i % numbers, single(value))
         yield Row(i == 0, seen)
     yield Row(False, drawn(of, rng))
 
 
-def _aside(of: Sampled, side: float) -> Observation:
-    """Full lock to ``side`` with the path far off on that side, which asks for still more."""
+def _aside(of: Sampled, side: float, offset: float, speed: float) -> Observation:
+    """Full lock to ``side`` with the path off on that side, which asks for still more."""
     ahead = np.arange(of.waypoints) * of.spacing
-    preview = np.stack([ahead, side * (3.0 + 0.5 * ahead)], axis=1)
-    seen = Observation(0.0, -3.0 * side, -0.5 * side, 5.0, 0.0, 0.0, side, 0.0, preview, of.spacing)
-    return rounded(seen, of.waypoints)
+    preview = np.stack([ahead, side * (offset + 0.5 * ahead)], axis=1)
+    numbers = 0.0, -offset * side, -0.5 * side, speed, 0.0, 0.0, side, 0.0
+    return rounded(Observation(*numbers, preview, of.spacing), of.waypoints)
 
 
 def with_value(seen: Observation, index: int, value: float) -> Observation:
