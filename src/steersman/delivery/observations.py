@@ -15,7 +15,7 @@ from steersman.types import Observation, VehicleState
 # Whole steps along a road, and at random.
 DRIVEN, DRAWN = 200, 100
 _FEWEST = 4
-# At full lock: how far off the path [m], at which speed [m/s]; slow, policies ask for more.
+# At full lock: how far off the path [m], at which speed [m/s]. At 1 m/s policies ask for more.
 _ASIDE = (3.0, 5.0), (3.0, 1.0), (1.0, 1.0)
 _STRANGE = (math.nan, math.inf, -math.inf, 1e-42, -1e-42, 0.0, 1e6, -1e6, 1e15, -1e15)
 
