@@ -38,6 +38,7 @@ COPIES = (
     "docs/node.md",
     "docs/precision.md",
     "docs/reproduce.md",
+    "docs/second_opinion.md",
 )
 FOUR_DIGITS = 1000.0
 

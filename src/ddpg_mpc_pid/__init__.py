@@ -3,6 +3,7 @@
 A package of its own: it uses ``import steersman`` and none of its modules.
 """
 
+from ddpg_mpc_pid.parts import join
 from ddpg_mpc_pid.plan import Plan, full, only, published, quick
 from ddpg_mpc_pid.results import StudyResult
 from ddpg_mpc_pid.sections import sections, write_page
@@ -13,6 +14,7 @@ __all__ = [
     "StudyResult",
     "estimate",
     "full",
+    "join",
     "only",
     "published",
     "quick",

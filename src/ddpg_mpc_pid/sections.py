@@ -94,7 +94,16 @@ def setup_section(results: StudyResult) -> article.Section:
             "seeds they are rough. IQM: interquartile mean over seeds. 'agrees' and 'differs' "
             "are decided by the rule that the sentence gives.",
         ],
-        tables=[article.Table("Departures from the preset", departures)],
+        tables=[
+            article.Table("Departures from the preset", departures),
+            article.Table(
+                "Parts",
+                [
+                    {"methods": ", ".join(one["methods"]), "made by": ", ".join(one["made_by"])}
+                    for one in plan.get("parts", ())
+                ],
+            ),
+        ],
         warnings=[_SMOKE] if _smoke(results) else [],
     )
 

@@ -28,9 +28,10 @@ from ddpg_mpc_pid.timing import timing
 from ddpg_mpc_pid.tracks import CAP, TUNED, WRONG, away, monza
 from ddpg_mpc_pid.trainings import AT_ONCE, Progress, jobs, run_trainings
 
+RESULTS = "results.json"
 _GUARD, _JOURNAL = "plan.json", "stages.jsonl"
 # Curves are many numbers; more digits would only be noise.
-_DIGITS, _CURVE_DIGITS = 6, 4
+_DIGITS, CURVE_DIGITS = 6, 4
 Say = Callable[[str], None]
 
 # Measured on a laptop-class core, two trainings at a time: seconds for each update with the
@@ -234,7 +235,7 @@ def reproduce(
         made_by=sorted({str(record.commit) for record in (*trained, *driven, *timed)}),
         seconds={r.stage: r.seconds for r in (*trained, *driven, *timed)},
         plan=_plan(plan),
-        learning=LearningCurves(**plain(learning_curves(plan, records), _CURVE_DIGITS)),
+        learning=LearningCurves(**plain(learning_curves(plan, records), CURVE_DIGITS)),
         circle=CircleResult(tests=tests),
         robustness=robustness(plan, errors[:ranges], errors[ranges:]),
         monza=MonzaResult(**found["monza"]),
@@ -245,9 +246,14 @@ def reproduce(
         ),
         timing=TimingResult(**timed[0].result),
     )
-    text = json.dumps(results.plain(), allow_nan=False, separators=(",", ":"))
-    sm.files.write_text(root / "results.json", text + "\n")
+    write_results(results, root)
     return results
+
+
+def write_results(results: StudyResult, root: FilePath) -> None:
+    """Write ``results.json`` into a study's folder."""
+    text = json.dumps(results.plain(), allow_nan=False, separators=(",", ":"))
+    sm.files.write_text(root / RESULTS, text + "\n")
 
 
 def _plan(plan: Plan) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path as FilePath
 from typing import Annotated
 
 import typer
@@ -21,14 +22,16 @@ EXAMPLES = (
     "Examples:\n"
     "  steersman reproduce --out runs/paper\n"
     "  steersman reproduce --quick --out runs/quick\n"
-    "  steersman reproduce --published --methods ddpg,adaptive --seeds 3 --out runs/published\n"
+    "  steersman reproduce --published --methods ddpg,adaptive --seeds 3 --out runs/a\n"
+    "  steersman reproduce --published --methods reward,both --seeds 3 --out runs/b\n"
+    "  steersman reproduce --join runs/a,runs/b --out runs/published\n"
     "\n"
     "The same command goes on where an interrupted one stopped."
 )
 _SHARES = 1000
 
 
-def reproduce(
+def reproduce(  # noqa: PLR0913, PLR0917 - a parameter for each option
     out: settings.Out,
     quick: Annotated[
         bool, typer.Option("--quick", help="Smoke run: every stage, nearly nothing in it.")
@@ -55,6 +58,14 @@ def reproduce(
             help="Go on although another version began; results.json names all of them.",
         ),
     ] = False,
+    join: Annotated[
+        str | None,
+        typer.Option(
+            "--join",
+            metavar="DIR,...",
+            help="Train and drive nothing: put finished parts, each of other methods, on one page.",
+        ),
+    ] = None,
     jobs: settings.Jobs = None,
     engine: settings.Engine = None,
 ) -> None:
@@ -68,24 +79,31 @@ def reproduce(
 
     if quick and published:
         raise ConfigError("--quick and --published are two plans; give one of them")
-    plan = study.quick() if quick else study.published() if published else study.full()
-    plan = study.only(plan, tuple(methods.split(",")) if methods else None, seeds)
-    folder = files.out_folder(out)
-    work = study.estimate(plan)
-    note(
-        f"{counted(work.trainings, 'training')} of {work.updates} updates and their tests: about "
-        f"{max(work.minutes, 1.0):.0f} min on 2 cores, if nothing is done yet"
-    )
-    with goes_on(str(folder)), _progress() as progress:
-        results = study.reproduce(
-            plan,
-            folder,
-            progress,
-            note,
-            other_version=other_version,
-            engine=engine,
-            at_once=jobs,
+    if join is not None:
+        decided = {"quick": quick, "published": published, "methods": methods, "seeds": seeds}
+        for name in (name for name, value in decided.items() if value):
+            raise ConfigError(f"--join and --{name}: the parts have their plan; leave out --{name}")
+        folder = files.out_folder(out)
+        results = study.join([FilePath(part) for part in join.split(",") if part], folder)
+    else:
+        plan = study.quick() if quick else study.published() if published else study.full()
+        plan = study.only(plan, tuple(methods.split(",")) if methods else None, seeds)
+        folder = files.out_folder(out)
+        work = study.estimate(plan)
+        note(
+            f"{counted(work.trainings, 'training')} of {work.updates} updates and their tests: "
+            f"about {max(work.minutes, 1.0):.0f} min on 2 cores, if nothing is done yet"
         )
+        with goes_on(str(folder)), _progress() as progress:
+            results = study.reproduce(
+                plan,
+                folder,
+                progress,
+                note,
+                other_version=other_version,
+                engine=engine,
+                at_once=jobs,
+            )
     page = study.write_page(results, folder / "report.html")
     write(f"results: {folder / 'results.json'}\nreport: {page}\n")
 
