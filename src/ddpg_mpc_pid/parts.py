@@ -27,20 +27,43 @@ def join(folders: Sequence[FilePath], root: FilePath) -> StudyResult:
 
     Args:
         folders: of finished parts.
-        root: folder for the study; none of ``folders``.
+        root: folder for the study: empty, or with parts that were joined there before.
 
     Raises:
-        ConfigError: no part, a method in two of them, different tests, or ``root`` is one of them.
-        DataError: a part has no ``results.json`` that can be read, or ``root`` cannot be written.
+        ConfigError: no part, one that is given twice, a method in two of them, or different plans.
+        DataError: a part is no finished study, or ``root`` holds something else.
     """
     if not folders:
         raise sm.ConfigError("--join: give folders with commas between them")
-    if root.resolve() in [folder.resolve() for folder in folders]:
-        raise sm.ConfigError(f"--out {root}: one of the joined parts; give another folder")
-    parts = {str(folder): StudyResult.read(folder / RESULTS) for folder in folders}
-    results = joined(parts)
+    for k, folder in enumerate(folders):
+        if folder.resolve() in [other.resolve() for other in folders[:k]]:
+            raise sm.ConfigError(f"--join: {folder} is given twice")
+    _check_folder(root)
+    results = joined({str(folder): _read(folder) for folder in folders})
     write_results(results, root)
     return results
+
+
+def _read(folder: FilePath) -> StudyResult:
+    """What a part found."""
+    file = folder / RESULTS
+    if not file.is_file():
+        what = f"no {RESULTS} in it" if folder.is_dir() else "no such folder"
+        raise sm.DataError(f"--join: {folder}: {what}; give folders that steersman reproduce wrote")
+    try:
+        return StudyResult.read(file)
+    except sm.DataError as error:
+        raise sm.DataError(
+            f"--join: {folder}: not a study of steersman reproduce ({error})"
+        ) from None
+
+
+def _check_folder(root: FilePath) -> None:
+    """Whether nothing but parts that were joined before would be written over."""
+    if root.is_dir() and any(root.iterdir()):
+        file = root / RESULTS
+        if not file.is_file() or "parts" not in _read(root).plan:
+            raise sm.DataError(f"--out {root}: holds something else; give a new or empty folder")
 
 
 def joined(parts: Mapping[str, StudyResult]) -> StudyResult:
@@ -74,19 +97,25 @@ def joined(parts: Mapping[str, StudyResult]) -> StudyResult:
 
 def _check(parts: Mapping[str, StudyResult]) -> None:
     """Whether the parts are of one plan, and no method is in two of them."""
+    plans = {where: _tests(part) for where, part in parts.items()}
+    first, tests = next(iter(plans.items()))
+    for where, own in plans.items():
+        differ = [name for name in tests | own if tests.get(name) != own.get(name)]
+        if differ:
+            raise sm.ConfigError(
+                f"--join: {where} is of another plan than {first}: {', '.join(differ)} "
+                f"{'differs' if len(differ) == 1 else 'differ'}"
+            )
     owner: dict[str, str] = {}
-    tests: dict[str, Any] = {}
     for where, part in parts.items():
         for method in part.plan["methods"]:
             if owner.setdefault(method, where) != where:
                 raise sm.ConfigError(f"--join: {owner[method]} and {where} both train {method!r}")
-        own = {name: value for name, value in part.plan.items() if name not in _OWN}
-        tests = tests or own
-        for name in [name for name in tests | own if tests.get(name) != own.get(name)]:
-            raise sm.ConfigError(
-                f"--join: {where}: another plan, its {name} is {own.get(name)}, "
-                f"that of {next(iter(parts))} is {tests.get(name)}"
-            )
+
+
+def _tests(part: StudyResult) -> dict[str, Any]:
+    """What parts of one plan have in common."""
+    return {name: value for name, value in part.plan.items() if name not in _OWN}
 
 
 def _versions(found: Sequence[StudyResult]) -> dict[str, str]:

@@ -63,10 +63,10 @@ def _savings(methods: Mapping[str, MethodResult], steps: float, repetitions: int
         for name, beside in _demonstrated(methods, 1):
             reached = methods[beside].reach[k], methods[name].reach[k]
             costs = {
-                cost: _cost([_times(getattr(one, cost)) for one in reached], limit, repetitions)
+                cost: _cost([_numbers(getattr(one, cost)) for one in reached], limit, repetitions)
                 for cost, limit in horizons.items()
             }
-            alone, helped = (np.isfinite(_times(one.steps)) for one in reached)
+            alone, helped = (np.isfinite(_numbers(one.steps)) for one in reached)
             out.append(
                 Saving(
                     threshold_m=threshold,
@@ -81,8 +81,8 @@ def _savings(methods: Mapping[str, MethodResult], steps: float, repetitions: int
     return out
 
 
-def _times(values: Numbers) -> list[float]:
-    """What each seed spent; infinite for one that never got there."""
+def _numbers(values: Numbers) -> list[float]:
+    """A value for each seed; what is unknown, since a seed never got there, is infinite."""
     return [math.inf if value is None else value for value in values]
 
 
@@ -105,7 +105,7 @@ def _spreads(methods: Mapping[str, MethodResult], repetitions: int) -> list[Spre
     """By how much the interquartile range over seeds is smaller than that of DDPG alone [mm]."""
     out = []
     for name, beside in _demonstrated(methods, 2):
-        groups = methods[beside].best_mm, methods[name].best_mm
+        groups = _numbers(methods[beside].best_mm), _numbers(methods[name].best_mm)
         alone, helped = map(st.quartiles, groups)
         out.append(
             SpreadSaving(

@@ -208,9 +208,7 @@ def _collapsed(methods: Mapping[str, MethodResult]) -> list[article.PageFinding]
     return [
         article.PageFinding(
             None,
-            f"Seeds that never drove (best error over {_LOST / 1e3:g} m): {', '.join(seeds)}. "
-            "Their policy soon sits at one limit of the action, where its gradient vanishes; "
-            "neither demonstration nor time frees it.",
+            f"Seeds that never drove (best error over {_LOST / 1e3:g} m): {', '.join(seeds)}.",
         )
     ]
 

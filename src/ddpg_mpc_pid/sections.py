@@ -87,7 +87,7 @@ def setup_section(results: StudyResult) -> article.Section:
     return article.Section(
         "What was run",
         [
-            f"{counted(len(plan['trainings']), 'training')}; made by commit {made}.",
+            f"{counted(len(plan['trainings']), 'training')}; made by commit {made}.{_joined(plan)}",
             "The trainings are those of the preset 'paper' (where the paper is silent, "
             f"Stable-Baselines3's defaults), {differs}. Intervals are 95 % "
             "bootstrap intervals over seeds, each method resampled within itself; with so few "
@@ -105,6 +105,17 @@ def setup_section(results: StudyResult) -> article.Section:
             ),
         ],
         warnings=[_SMOKE] if _smoke(results) else [],
+    )
+
+
+def _joined(plan: Mapping[str, Any]) -> str:
+    """That a study was put together, and where its drives are from."""
+    if "parts" not in plan:
+        return ""
+    return (
+        " Put together from the parts below: methods are compared over all of them, from figures "
+        "that are rounded to four digits; robustness, Monza, MPC-PID away from home and computing "
+        "times are those of one part, that with the full method if there is one."
     )
 
 
@@ -129,7 +140,8 @@ def coefficient_section(results: StudyResult) -> article.Section:
         findings.append(
             article.PageFinding(
                 agrees,
-                f"'{method.label}': c_track {trend} from {number(first)} to {number(last)}, "
+                f"'{method.label}': c_track {trend} from {number(first)} to {number(last)} "
+                "(means of its first and last tenth), "
                 f"between {number(min(track))} and {number(max(track))} (the paper: first the "
                 "larger share, later the smaller).",
             )
@@ -142,7 +154,7 @@ def coefficient_section(results: StudyResult) -> article.Section:
                 "Why: S(r_diff) is 1/2 when agent and demonstrator agree and never less; "
                 "S(r_track) tends to 1 as soon as the car tracks at speed (r_track is in m/s) and "
                 "to 0 when it is lost. To the letter c_track therefore tends to 2/3 = "
-                f"{number(_SETTLED)} for an agent that drives; measured at the end: "
+                f"{number(_SETTLED)} for an agent that drives; measured at the last validation: "
                 f"{number(last)}. It weighs how well the car drives, not how far it has learned.",
             )
         )

@@ -480,7 +480,7 @@ class TestTrain:
         assert result.exit_code == 0
         assert result.stdout == "agent/policy.onnx\n"
         assert result.stderr.startswith(
-            "500/1000 steps: reward 0.51, error 12.3 mm, score 0.01345, off"
+            "500/1000 steps: reward 0.51, error 12.3 mm, score 0.01345 (less is better), off"
         )
         assert (trained[0].steps, trained[0].seed) == (1000, 4)
 

@@ -94,13 +94,38 @@ def test_parts_that_do_not_go_together_are_refused(tmp_path: FilePath) -> None:
     ddpg, both = part(whole, ("ddpg",)), part(whole, ("both",))
     with pytest.raises(ConfigError, match=r"a and b both train 'ddpg'"):
         joined({"a": ddpg, "b": part(whole, ("both", "ddpg"))})
-    with pytest.raises(ConfigError, match=r"b: another plan, its circle_seconds is 2.0"):
-        joined({"a": ddpg, "b": part(whole, ("both",), circle_seconds=2.0)})
+    for methods in (("both",), ("both", "ddpg")):
+        other = part(whole, methods, circle_seconds=2.0)
+        with pytest.raises(ConfigError, match=r"b is of another plan than a: circle_seconds"):
+            joined({"a": ddpg, "b": other})
     write_results(both, tmp_path)
-    with pytest.raises(ConfigError, match="one of the joined parts"):
-        join([tmp_path], tmp_path / "x" / "..")
-    with pytest.raises(DataError, match=r"results\.json"):
-        join([tmp_path / "none"], tmp_path)
+    with pytest.raises(ConfigError, match="is given twice"):
+        join([tmp_path, tmp_path / "x" / ".."], tmp_path / "out")
+
+
+def test_a_folder_that_is_no_part_is_named(tmp_path: FilePath) -> None:
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "results.json").write_text("{}", encoding="utf-8")
+    for name, words in (
+        ("none", "no such folder; give folders that steersman reproduce wrote"),
+        ("empty", "no results.json in it"),
+        ("other/results.json", "no such folder"),
+        ("other", "not a study of steersman reproduce"),
+    ):
+        with pytest.raises(DataError, match=words):
+            join([tmp_path / name], tmp_path / "out")
+
+
+def test_nothing_else_is_written_over(tmp_path: FilePath) -> None:
+    folder, out = tmp_path / "part", tmp_path / "out"
+    for made in (folder, out):
+        made.mkdir()
+    write_results(part(StudyResult.read(RECORD), ("both",)), folder)
+    for root in (folder, tmp_path):
+        with pytest.raises(DataError, match="holds something else"):
+            join([folder], root)
+    assert join([folder], out) == join([folder], out)
 
 
 def test_the_command_joins_and_writes_the_page(tmp_path: FilePath) -> None:

@@ -113,7 +113,7 @@ def show_component(
     show(f"{kind} {name}" if name else f"settings of steersman {kind}")
     show(*(f"\n{text}" for text in about), "")
     if fields:
-        show(_field_table(fields))
+        show(_field_table(fields, "default" if tuned is None else f"in {name or kind}"))
 
 
 def check_component(
@@ -182,8 +182,9 @@ def paragraphs(cls: type) -> list[str]:
     return [one_line(part) for part in text.split("\n\n")]
 
 
-def _field_table(fields: list[Field]) -> Any:
-    rows = table("field", "default", "unit", "allowed", "meaning")
+def _field_table(fields: list[Field], values: str) -> Any:
+    """A row for each field; ``values`` is the title of what it has."""
+    rows = table("field", values, "unit", "allowed", "meaning")
     for field in fields:
         rows.add_row(*field.cells())
     return rows

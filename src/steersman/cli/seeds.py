@@ -75,7 +75,11 @@ def train_seeds(
 
 def progress_text(row: TrainRow) -> str:
     """A row of ``progress.csv`` in a few words."""
-    score = "" if math.isnan(row.validation_score) else f"score {row.validation_score:.4g} (less is better), "
+    score = (
+        ""
+        if math.isnan(row.validation_score)
+        else f"score {row.validation_score:.4g} (less is better), "
+    )
     return (
         f"reward {row.reward_mean:.3g}, error {three_digits(row.validation_error_mm)} mm, {score}"
         f"off track {row.off_track_resets:.0f}"
