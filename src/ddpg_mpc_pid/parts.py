@@ -60,10 +60,14 @@ def _read(folder: FilePath) -> StudyResult:
 
 def _check_folder(root: FilePath) -> None:
     """Whether nothing but parts that were joined before would be written over."""
-    if root.is_dir() and any(root.iterdir()):
-        file = root / RESULTS
-        if not file.is_file() or "parts" not in _read(root).plan:
-            raise sm.DataError(f"--out {root}: holds something else; give a new or empty folder")
+    if not root.is_dir() or not any(root.iterdir()):
+        return
+    try:
+        mine = "parts" in StudyResult.read(root / RESULTS).plan
+    except sm.DataError:
+        mine = False
+    if not mine:
+        raise sm.DataError(f"--out {root}: holds something else; give a new or empty folder")
 
 
 def joined(parts: Mapping[str, StudyResult]) -> StudyResult:

@@ -122,8 +122,11 @@ def test_nothing_else_is_written_over(tmp_path: FilePath) -> None:
     for made in (folder, out):
         made.mkdir()
     write_results(part(StudyResult.read(RECORD), ("both",)), folder)
-    for root in (folder, tmp_path):
-        with pytest.raises(DataError, match="holds something else"):
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "results.json").write_text("{}", encoding="utf-8")
+    for root in (folder, tmp_path, other):
+        with pytest.raises(DataError, match=r"--out .*holds something else"):
             join([folder], root)
     assert join([folder], out) == join([folder], out)
 
